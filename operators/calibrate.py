@@ -25,6 +25,7 @@ from ..core.blender.calibration import keep_offset, put_into_scene
 from ..core.blender.kept import Numbers, Offset, Sentences
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
+from ..core.blender.viewer import seats_of, viewer_of
 from ..core.errors import ImageError, RigError
 from ..core.image.flat_picture import view_of_picture
 from ..core.messages import Message, joined
@@ -91,6 +92,14 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     if found_before.get("digest") == digest and found_before.get("kept") == "OFFSET" and offset:
         # the same file once more, as with other tolerances: in place of the offset of before
         offset.pop()
+
+    first = seats_of(scene)[0].camera
+    if first != viewer_of(scene):
+        raise RigError(
+            "A photograph is taken from the first viewer's place: choose '{viewer}' in the list of"
+            " viewers.",
+            viewer=first.name,
+        )
 
     rig = with_offset(reading.drawn, offset)[0]
     settings = work.settings_of(scene)

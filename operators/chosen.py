@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.blender.elements import tone_of
-from ..core.blender.viewer import frame_of, viewer_of
+from ..core.blender.viewer import frame_of, seats_of
 from . import needed, work
 
 
@@ -12,7 +12,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
     does not tell when a script changes them.
     """
     ours = scene.kiriko
-    camera = viewer_of(scene)
+    seats = seats_of(scene)
     objects = [
         (
             thing.session_uid,
@@ -34,7 +34,11 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
     return (
         work.settings_of(scene),
         *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
-        None if camera is None else frame_of(camera, scene.render),
+        ours.viewer_shown,
+        *(
+            (uid(camera), weight, None if camera is None else frame_of(camera, scene.render))
+            for camera, weight in seats
+        ),
         ours.picture_source,
         tone_of(ours.picture),
         ours.calibration.offset,

@@ -156,6 +156,13 @@ def parser() -> argparse.ArgumentParser:
         help="simulate N rays a pixel through the plate's mirrors, too",
     )
     pictures.add_argument(
+        "--viewers",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="write what these viewers see, too, by their cameras' names, or 'all' of them",
+    )
+    pictures.add_argument(
         "--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)"
     )
     pictures.add_argument(
@@ -285,9 +292,10 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve the scene as it stands, or the frames that are asked for; yields lines of progress."""
     if arguments.frames is None:
         return solve_to_folder.solve(arguments)
-    if arguments.preview or arguments.simulate:
+    if arguments.preview or arguments.simulate or arguments.viewers:
         raise UsageError(
-            "Of frames only source images are written: leave out --preview and --simulate."
+            "Of frames only source images are written: leave out --preview, --simulate and"
+            " --viewers."
         )
     return frames_to_folder.solve(arguments)
 

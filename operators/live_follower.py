@@ -17,6 +17,7 @@ from ..core.blender.result import (
     update_solution,
     update_source,
     write_helps,
+    write_viewers,
 )
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
@@ -26,11 +27,13 @@ from ..core.messages import Message
 from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.solve.coarse import enlarged, ladder
+from ..core.solve.known import keys_of
 from ..core.solve.memory import check_memory
 from . import compared, work
 from .chosen import chosen_settings, uid
 from .remedies import remedies_for
 from .telling import in_words
+from .viewer_reports import reports_of
 from .windows import all_windows, redraw
 
 # s between two looks at the settings, which take a millisecond:
@@ -56,6 +59,7 @@ READING = Message("reading the scene")
 WRITING = Message("writing the source image")
 COMPARING = Message("comparing before and after")
 REMEDIES = Message("looking for remedies")
+VIEWERS = Message("comparing the viewers")
 
 
 class Live:
@@ -85,7 +89,7 @@ class Live:
         """Take everything for changed, as after undo, which may have put back the image, too."""
         self.kept = Kept()
         self._drop()
-        self._key = self._optics = None
+        self._key, self._optics = None, frozenset()
         self.touch()
 
     def touch(self) -> None:
@@ -183,9 +187,10 @@ class Live:
         except KirikoError:
             self._key = None
             raise
-        optics = fingerprint(replace(reading.rig, pictures=()), settings.of_optics)
+        optics = frozenset(keys_of(reading.rig, settings))
         key = (
-            optics,
+            # in their order: numbers are those of the first
+            fingerprint(replace(reading.rig, pictures=())),
             settings,
             fingerprint(reading.rig.picture_place),
             self.kept.fingerprint_of(reading.rig.picture.image),
@@ -200,7 +205,7 @@ class Live:
         self._pending = next(self._work)
 
     def _update(
-        self, scene_uid: int, settings: Settings, optics: str
+        self, scene_uid: int, settings: Settings, optics: frozenset[str]
     ) -> Generator[Step, None, None]:
         """Solve and write, coarse and then finer; yields each single step before it is done."""
         started = perf_counter()
@@ -211,7 +216,7 @@ class Live:
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
         # with the optics of the last solve a new picture costs
         # one product: nothing coarse is faster
-        is_traced = optics == self._optics
+        is_traced = optics <= self._optics
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
@@ -249,6 +254,8 @@ class Live:
         self._optics = optics
         self.seconds = (first, perf_counter() - started)
         self._show_problem("")
+        reports = yield from self._stepped(VIEWERS, reports_of(found))
+        write_viewers(scene_by_uid(scene_uid), reports)
         helps = yield from self._stepped(REMEDIES, remedies_for(rig, settings, found))
         write_helps(scene_by_uid(scene_uid), helps)
         redraw()

@@ -6,15 +6,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.blender.result import write_coarse, write_helps, write_solution
+from ..core.blender.result import write_coarse, write_helps, write_solution, write_viewers
 from ..core.messages import Message
 from ..core.solve.coarse import solve_in_sight
 from ..core.steps import within
 from . import live, long_work, needed, work
 from .remedies import remedies_for
+from .viewer_reports import reports_of
 from .windows import show_image
 
-SOLVED = 0.98  # of the progress: the rest is the search for remedies, where light is lost
+SOLVED = 0.98  # of the progress: the rest is what viewers see, and remedies for light that is lost
 
 
 class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
@@ -47,9 +48,11 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         else:
             steps = work.session().solve(reading.rig, settings)
         solution = yield from within(steps, 0.0, SOLVED)
+        reports = yield from within(reports_of(solution), SOLVED, SOLVED)
         helps = yield from within(remedies_for(reading.rig, settings, solution), SOLVED, 1.0)
 
         text = write_solution(scene, reading, solution)
+        write_viewers(scene, reports)
         write_helps(scene, helps)
         show_image(scene.kiriko.result.source, scene.kiriko.result)
         return text

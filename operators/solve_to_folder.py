@@ -13,12 +13,12 @@ from ..core import disk, image_io
 from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
 from ..core.blender.kept import Numbers
 from ..core.blender.preview import Preview
-from ..core.blender.result import write_solution
+from ..core.blender.result import write_solution, write_viewers
 from ..core.catalogue import DISPLAYS, GLASSES, PLATES
 from ..core.errors import RigError
 from ..core.image.simulation import simulate
 from ..core.messages import Message
-from . import folder, needed, work
+from . import folder, needed, viewer_reports, work
 from .export import gamma_of
 
 Result = TypeVar("Result")
@@ -41,6 +41,7 @@ def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
         names["preview"] = "preview.png"
     if arguments.simulate:
         names["simulated"] = "simulated.png"
+    names |= viewer_reports.file_names(bpy.context.scene, arguments.viewers)
 
     return {image: arguments.out / name for image, name in names.items()}
 
@@ -76,6 +77,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     solution = yield from told_in_tenths(work.session().solve(reading.rig, work.settings_of(scene)))
     text = write_solution(scene, reading, solution)
     yield text
+    write_viewers(scene, (yield from told_in_tenths(viewer_reports.reports_of(solution))))
 
     yield "looking beside the glass"
     yield from told_in_tenths(solution.look_beside())
@@ -90,6 +92,11 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
     numbers = _numbers(scene, text)
+    of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers)
+    for image, shown in (yield from told_in_tenths(of_viewers)).items():
+        is_of_display = image == viewer_reports.CONFLICT
+        form = "EXR_FLOAT" if is_of_display else "PNG8"
+        jobs.append((image, shown, form, size if is_of_display else None))
 
     if arguments.preview:
         yield "rendering the preview in Cycles"
@@ -125,7 +132,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
             )
         disk.write_text(scratch / files["report"].name, json.dumps(numbers, indent=2) + "\n")
 
-    yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
+    yield Message("wrote {n} files to '{folder}'", n=len(jobs) + 1, folder=arguments.out)
 
 
 def products_given(

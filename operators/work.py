@@ -107,4 +107,5 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
         margin=ours.margin,
         suppress_glare=ours.suppress_glare,
         ghosts=ours.ghosts.lower(),
+        disagreement=ours.disagreement.lower(),
     )

@@ -22,6 +22,7 @@ from . import (
     shown_images,
     shown_pixels,
     solve,
+    viewers,
     wipe,
 )
 
@@ -32,6 +33,8 @@ CLASSES = (
     solve.VIEW3D_PT_kiriko_settings,
     solve.VIEW3D_PT_kiriko_preview,
     result.VIEW3D_PT_kiriko_result,
+    viewers.KIRIKO_UL_viewers,
+    viewers.VIEW3D_PT_kiriko_seen_by,
     result.VIEW3D_PT_kiriko_details,
     rigs.VIEW3D_MT_kiriko_rigs,
     object.VIEW3D_MT_kiriko_images,

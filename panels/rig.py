@@ -8,6 +8,7 @@ from ..core.messages import Message, quoted
 from ..operators import needed
 from ..operators.parts import name_part
 from .object import draw_resolution, draw_tone, labelled
+from .viewers import draw_more, draw_viewers
 from .words import OfRig, sentence
 
 
@@ -23,8 +24,9 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
 
         ours = context.scene.kiriko
         column = layout.column()
-        column.prop(ours, "viewer")
+        draw_viewers(column, context)
         self._draw_viewer(column, context)
+        draw_more(column, context)
         column.prop(ours, "picture_source")
         if ours.picture_source == "IMAGE":
             column.template_ID(ours, "picture_image", open="image.open")

@@ -30,7 +30,13 @@ ENGLISH = {
     "operators/command_line.py",
     "operators/solve_to_folder.py",
 }
-MAKERS = {"Workbench", "rectangle", "camera", "material"}  # of a rig's parts, which have names
+MAKERS = {
+    "Workbench",
+    "rectangle",
+    "camera",
+    "material",
+    "data_name",
+}  # of a rig's parts, which have names
 GRAMMAR = {"s"}  # endings of English plurals, which other languages do without
 
 

@@ -99,14 +99,19 @@ class HeadGrid:
         return numbers[has_weight].tolist(), weights[has_weight]
 
 
-def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
-    """Raise RigError where a viewer has no head that could move before a picture."""
+def check_perspective(viewer: Viewer) -> None:
+    """Raise RigError where a viewer has no head that could move."""
     if viewer.projection == "orthographic":
         raise RigError(
             "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
             " Perspective.",
             viewer=viewer.name,
         )
+
+
+def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
+    """Raise RigError where a viewer has no head that could move before a picture."""
+    check_perspective(viewer)
     if place.mesh is None:
         raise RigError(
             "The picture is in the viewer's own pixels and moves with it: choose a picture plane."

@@ -12,6 +12,7 @@ import bpy
 
 from .rigs import active_rig, rig_of, rigs
 
+WITHOUT_TEXT = bpy.types.ID | bpy.types.bpy_prop_collection  # a list of viewers is one of cameras
 OF_SCENE = {"rig", "followed", "followed_uid", "looking"}  # settings that no rig has for itself
 
 
@@ -145,6 +146,11 @@ def copy_settings(source: bpy.types.PropertyGroup, target: bpy.types.PropertyGro
     for name, value in _settings(source):
         if isinstance(value, bpy.types.PropertyGroup):
             copy_settings(value, getattr(target, name))
+        elif isinstance(value, bpy.types.bpy_prop_collection):
+            listed = getattr(target, name)
+            listed.clear()
+            for one in value:
+                copy_settings(one, listed.add())
         elif source.is_property_set(name):
             setattr(target, name, value)
         else:
@@ -156,13 +162,15 @@ def clear_settings(group: bpy.types.PropertyGroup) -> None:
     for name, value in _settings(group):
         if isinstance(value, bpy.types.PropertyGroup):
             clear_settings(value)
+        elif isinstance(value, bpy.types.bpy_prop_collection):
+            value.clear()
         else:
             group.property_unset(name)
 
 
 def settings_text(group: bpy.types.PropertyGroup) -> str:
-    """A group of settings as JSON, those that are set: without its result, and without datablocks,
-    which have no place in a text.
+    """A group of settings as JSON, those that are set: without its result, and without datablocks
+    and lists of them, which have no place in a text.
     """
     return json.dumps(_values(group))
 
@@ -179,7 +187,7 @@ def set_settings(group: bpy.types.PropertyGroup, text: str) -> None:
 def _values(group: bpy.types.PropertyGroup) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in _settings(group):
-        if name == "result" or isinstance(value, bpy.types.ID):
+        if name == "result" or isinstance(value, WITHOUT_TEXT):
             continue
         if isinstance(value, bpy.types.PropertyGroup):
             found[name] = _values(value)

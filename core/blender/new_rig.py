@@ -33,6 +33,7 @@ from .visibility import Shown
 
 BALL = Message("Kiriko Ball")
 BALL_RADIUS = 0.025  # m
+EYES = 0.065  # m, between two
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,6 +285,7 @@ def _make_viewer(
     viewer = made.camera(
         "Kiriko Viewer", frame, proposal.viewer_distance / metres, proposal.field / metres
     )
+    viewer.data.stereo.interocular_distance = EYES / metres
     if resolution is not None:
         viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
 

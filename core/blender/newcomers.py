@@ -67,8 +67,10 @@ def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.C
     make_active(scene, active)  # names it, where a file of before does not
     key, new = first.kiriko.key, token_hex(8)
     own = [thing for thing in held_by(copy) if thing not in set(held_by(first))]
-    viewer = settings_of(scene, first).viewer
-    twin = _twin(viewer, own) if viewer in set(held_by(first)) else viewer
+    settings = settings_of(scene, first)
+    cameras = [settings.viewer, *(one.camera for one in settings.viewers)]
+    own_before = set(held_by(first))
+    twins = [_twin(one, own) if one in own_before else one for one in cameras]
     around = [thing for thing in scene.objects if key in thing.kiriko.rigs.split()]
     around = [thing for thing in around if thing not in {*held_by(first), *own}]
 
@@ -85,14 +87,22 @@ def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.C
     kept.key = new
     copy_settings(settings_of(scene, first), kept.settings)
     clear_settings(kept.settings.result)
-    kept.settings.is_of_rig, kept.settings.viewer = True, twin
+    kept.settings.is_of_rig, kept.settings.viewer = True, twins[0]
+    for one, twin in zip(kept.settings.viewers, twins[1:], strict=True):
+        one.camera = twin
 
 
 def _twin(viewer: bpy.types.Object, things: list[bpy.types.Object]) -> bpy.types.Object | None:
     """The copy of a viewer among copies of a rig's things."""
     cameras = [thing for thing in things if thing.type == "CAMERA"]
     marked = [thing for thing in cameras if mark_of(thing) == mark_of(viewer)]
-    return (marked or cameras or [viewer])[0]
+    # an artist's own cameras have no mark, but the copy's name
+    called = [thing for thing in marked if _stem(thing) == _stem(viewer)]
+    return (called or marked or cameras or [viewer])[0]
+
+
+def _stem(thing: bpy.types.Object) -> str:
+    return thing.name.rpartition(".")[0] or thing.name
 
 
 def _data_of(things: list[bpy.types.Object]) -> list[bpy.types.ID]:

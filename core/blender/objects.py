@@ -63,7 +63,7 @@ class Workbench:
 
     def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
         """A perspective camera that sees a square `field` wide
-        at a distance, and is drawn half as large.
+        at a distance, where its eyes converge, and is drawn half as large.
         """
         camera = self.keep(bpy.data.cameras.new(data_name(name)))
         camera.sensor_fit = "AUTO"
@@ -71,6 +71,7 @@ class Workbench:
         camera.clip_start = 1e-3 * distance
         camera.clip_end = 1e3 * distance
         camera.display_size = 0.5 * field
+        camera.stereo.convergence_distance = distance
         return self._object(name, camera, frame)
 
     def material(

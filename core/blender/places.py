@@ -2,6 +2,7 @@
 that are missing, hidden or faulty are left out, and no pixel of the picture is read.
 """
 
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -15,7 +16,7 @@ from .roles import in_blender
 from .scene import calibrated_rig
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import read_viewer, viewer_of
+from .viewer import read_viewer, seats_of, shown_first
 
 
 class KeptPlaces(Kept):
@@ -36,9 +37,8 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Ke
     """
     metres = length_of_unit(scene)
     parts, _ = read_parts(depsgraph, scene, metres, kept)
-    viewer = _viewer(depsgraph, scene, metres)
     by_role = parts_by_role(parts)
-    found: dict[str, tuple[Any, ...]] = {"viewers": () if viewer is None else (viewer,)}
+    found: dict[str, tuple[Any, ...]] = {"viewers": tuple(_viewers(depsgraph, scene, metres))}
 
     for role in ROLES:
         if role.number is None:
@@ -55,17 +55,17 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Ke
         found[role.field] = tuple(members)
 
     rig, _ = calibrated_rig(Rig(**found), scene)
-    return rig
+    return shown_first(rig, scene)
 
 
-def _viewer(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float) -> Viewer | None:
-    """The viewer, where Blender keeps its place up to date and it can be one."""
-    camera = viewer_of(scene)
-    if camera is None or not is_placed(camera, depsgraph):
-        return None
-    with suppress(KirikoError):
-        return read_viewer(camera, depsgraph, scene.render, metres)
-    return None
+def _viewers(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float
+) -> Iterator[Viewer]:
+    """The viewers whose places Blender keeps up to date, and that can be some."""
+    for seat in seats_of(scene):
+        if seat.camera is not None and is_placed(seat.camera, depsgraph):
+            with suppress(KirikoError):
+                yield read_viewer(seat.camera, depsgraph, scene.render, metres)
 
 
 def _read(part: Part, kept: KeptPlaces) -> Any:

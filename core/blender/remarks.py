@@ -1,5 +1,7 @@
 """Remarks on the scene as it was read."""
 
+from collections.abc import Iterable
+
 import bpy
 
 from ..messages import Message
@@ -70,7 +72,7 @@ def scene_notes(
     depsgraph: bpy.types.Depsgraph,
     scene: bpy.types.Scene,
     parts: list[Part],
-    camera: bpy.types.Object | None,
+    cameras: Iterable[bpy.types.Object],
 ) -> list[str]:
     """Notes on settings of the scene as a whole that Kiriko does not follow."""
     notes = []
@@ -85,12 +87,13 @@ def scene_notes(
             if renders_differ(o, scene)
         ]
 
-    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        notes.append(
-            Message(
-                "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
-            )
+    notes += [
+        Message(
+            "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
         )
+        for camera in cameras
+        if camera.type == "CAMERA" and camera.data.dof.use_dof
+    ]
 
     space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
     if space != "Linear Rec.709":

@@ -185,6 +185,8 @@ def _write_numbers(
     result.details = Numbers(details).text()
     display = Message("The display") if reading.rig.plates else NO_PLATE
     text = summary(details["picture_coverage"], solution.misses, display)
+    if len(solution.channels) > 1:
+        text = Message("'{viewer}': {summary}", viewer=solution.first.viewer.name, summary=text)
     result.summary = text
     result.notes = "\n".join(map(one_line, dict.fromkeys([*notes, *remarks])))
     result.sentences = Sentences.of(text, notes, remarks, details).text()
@@ -205,4 +207,14 @@ def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
     result = scene.kiriko.result
     details = Numbers.read(result.details).by_name
     details["helps"] = [asdict(help) for help in helps.helps]
+    result.details = Numbers(details).text()
+
+
+def write_viewers(scene: bpy.types.Scene, reports: list[dict[str, Any]]) -> None:
+    """Keep what each of several viewers sees of a result; nothing where there is one."""
+    if not reports:
+        return
+    result = scene.kiriko.result
+    details = Numbers.read(result.details).by_name
+    details["viewers"] = reports
     result.details = Numbers(details).text()

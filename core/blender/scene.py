@@ -23,7 +23,7 @@ from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import read_viewer, viewer_of
+from .viewer import Seat, read_viewer, seats_of, shown_first
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,14 @@ def read(
     ImageError : the picture has no pixels
     """
     drawn = read_drawn(source, scene, kept)
-    rig, remarks = calibrated_rig(drawn.rig, source.scene if scene is None else scene)
-    return replace(drawn, rig=rig, notes=tuple(dict.fromkeys([*drawn.notes, *remarks])))
+    scene = source.scene if scene is None else scene
+    rig, remarks = calibrated_rig(drawn.rig, scene)
+    return replace(
+        drawn,
+        rig=shown_first(rig, scene),
+        drawn=shown_first(drawn.rig, scene),
+        notes=tuple(dict.fromkeys([*drawn.notes, *remarks])),
+    )
 
 
 def read_drawn(
@@ -78,7 +84,9 @@ def read_drawn(
     scene: bpy.types.Scene | None = None,
     kept: Kept | None = None,
 ) -> Reading:
-    """The same, as the scene shows it: without a calibration's result."""
+    """The same, as the scene shows it: without a calibration's result, whose amounts are along the
+    axes of the first viewer, and so with the viewers in their order.
+    """
     depsgraph = (
         source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     )
@@ -94,8 +102,7 @@ def read_drawn(
     )
     metres = length_of_unit(scene)
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
-    camera = viewer_of(scene)
-    viewer = _read_viewer(camera, depsgraph, metres, scene)
+    viewers = read_viewers(depsgraph, scene)
 
     # each part as its role reads it
     by_role = parts_by_role(parts)
@@ -105,7 +112,7 @@ def read_drawn(
     for role in (role for role in ROLES if role.number is not None):
         found[role.field] = []
         if role.name == "PICTURE" and is_image:
-            found[role.field], remarks = _read_image(scene, viewer, by_role[role.name], kept)
+            found[role.field], remarks = _read_image(scene, viewers, by_role[role.name], kept)
             notes += remarks
             continue
 
@@ -115,9 +122,10 @@ def read_drawn(
             notes += as_read.notes
             materials += as_read.materials
 
-    notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, camera)
+    cameras = [seat.camera for seat in seats_of(scene)]
+    notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, cameras)
     rig = Rig(
-        viewers=() if viewer is None else (viewer,),
+        viewers=viewers,
         **{field: tuple(members) for field, members in found.items()},
     )
     displays = by_role["DISPLAY"]
@@ -135,15 +143,24 @@ def _place_in_file(thing: bpy.types.Object) -> tuple[str, str | None]:
     return thing.name, None if thing.library is None else thing.library.filepath
 
 
-def _read_viewer(
-    camera: bpy.types.Object | None,
-    depsgraph: bpy.types.Depsgraph,
-    metres: float,
-    scene: bpy.types.Scene,
-) -> Viewer | None:
-    """The viewer; RigError where Blender does not keep its place up to date."""
+def read_viewers(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> tuple[Viewer, ...]:
+    """The viewers that are on, in their order; RigError where one of them is none, or all are off.
+
+    Blender keeps the place of a camera up to date that is enabled in the view layer.
+    """
+    seats = seats_of(scene)
+    if not seats and len(scene.kiriko.viewers):
+        raise RigError("All viewers in the list are off: turn one on.")
+    return tuple(read_seat(seat, depsgraph, scene) for seat in seats)
+
+
+def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Viewer:
+    """A viewer; RigError where its place is unknown."""
+    camera = seat.camera
     if camera is None:
-        return None
+        raise RigError(
+            "The list of viewers has an entry without a camera: choose one, or remove the entry."
+        )
 
     if not is_placed(camera, depsgraph):
         raise RigError(
@@ -152,16 +169,18 @@ def _read_viewer(
             viewer=camera.name,
         )
 
-    return read_viewer(camera, depsgraph, scene.render, metres)
+    viewer = read_viewer(camera, depsgraph, scene.render, length_of_unit(scene))
+    return viewer if seat.weight == 1 else replace(viewer, weight=seat.weight)
 
 
 def _read_image(
-    scene: bpy.types.Scene, viewer: Viewer | None, planes: list[Part], kept: Kept
+    scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[Part], kept: Kept
 ) -> tuple[list[Picture], list[str]]:
-    """The picture in the viewer's own pixels, with notes, also on planes that are not used."""
+    """The picture in the viewers' own pixels, with notes, also on planes that are not used."""
     ours = scene.kiriko
+    first = next(iter(viewers), None)
     pictures, notes = read_picture_image(
-        ours.picture_image, viewer, kept, tone_of(ours.picture), scene.frame_current
+        ours.picture_image, first, kept, tone_of(ours.picture), scene.frame_current
     )
     unused = [
         Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)

@@ -9,11 +9,14 @@ import numpy as np
 
 from ..arrays import Floats
 from ..fingerprint import counts
-from ..rig import Mesh, Picture
+from ..rig import Mesh, Picture, Rig, Viewer
 from ..settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
 from .scene import read_drawn
 from .shapes import Kept, Shape
+
+# a direction along which no two places are alike by chance
+SLANTED = np.sqrt([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37])
 
 
 class _Unplaced:
@@ -62,8 +65,22 @@ def scene_now(
     kept = kept or Kept()
     notes = _Unplaced(kept)
     drawn = read_drawn(depsgraph, scene, notes)
-    things = [_thing(part, notes, kept) for _, part in drawn.rig.parts()]
-    return solved_for(things, (settings, scene.kiriko.calibration.offset))
+    offset = scene.kiriko.calibration.offset
+    rig = drawn.rig if offset else _in_any_order(drawn.rig)
+    things = [_thing(part, notes, kept) for _, part in rig.parts()]
+    return solved_for(things, (settings, offset))
+
+
+def _in_any_order(rig: Rig) -> Rig:
+    """The rig with its viewers, which may be alike but for their places, in an order that is not
+    the list's.
+    """
+    viewers = sorted(rig.viewers, key=lambda one: float(_place_of(one).ravel() @ SLANTED))
+    return replace(rig, viewers=tuple(viewers))
+
+
+def _place_of(viewer: Viewer) -> Floats:
+    return np.column_stack([viewer.axes.T, viewer.position])
 
 
 def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
@@ -72,7 +89,7 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
     """
     if hasattr(part, "axes"):  # a viewer
         content = fields_of(part, {"name", "axes", "position"})
-        return content, np.column_stack([part.axes.T, part.position])
+        return content, _place_of(part)
 
     if isinstance(part, Picture):
         part = replace(part, image=kept.fingerprint_of(part.image))

@@ -1,5 +1,6 @@
 """Reads a camera into a Viewer: the same pixel grid as a render from it, in float64."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import bpy
@@ -7,7 +8,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from ..rig import Viewer
+from ..rig import Rig, Viewer
 
 MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise
 SAME_SHAPE = 1e-3  # of width to height: nobody sees less
@@ -110,9 +111,50 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
     return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
 
 
+class Seat(NamedTuple):
+    """A viewer as the scene has it: its camera, None where that is gone, and its weight."""
+
+    camera: bpy.types.Object | None
+    weight: float = 1.0
+
+
+def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
+    """The camera of an entry of the scene's viewers.
+
+    The first entry is the viewer that was chosen, else the scene's own camera.
+    """
+    ours = scene.kiriko
+    own = ours.viewers[number].camera if number < len(ours.viewers) else None
+    return own or (ours.viewer or scene.camera if number == 0 else None)
+
+
+def seats_of(scene: bpy.types.Scene) -> list[Seat]:
+    """The scene's viewers that are on, in their order."""
+    listed = scene.kiriko.viewers
+    if not len(listed):
+        camera = camera_at(scene, 0)
+        return [] if camera is None else [Seat(camera)]
+    return [Seat(camera_at(scene, n), one.weight) for n, one in enumerate(listed) if one.is_on]
+
+
 def viewer_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The camera that is the scene's viewer: the one that was chosen, else the scene's own."""
-    return scene.kiriko.viewer or scene.camera
+    """The camera of the scene's viewer that is shown: the chosen one of the list, or the first
+    that is on where it is off.
+    """
+    listed, number = scene.kiriko.viewers, scene.kiriko.viewer_shown
+    if not len(listed):
+        return camera_at(scene, 0)
+    number = min(number, len(listed) - 1)
+    is_on = [n for n, one in enumerate(listed) if one.is_on]
+    return camera_at(scene, number if number in is_on else (is_on or [number])[0])
+
+
+def shown_first(rig: Rig, scene: bpy.types.Scene) -> Rig:
+    """The rig with the viewer that is shown before the others: core tells of the first one."""
+    camera = viewer_of(scene)
+    if camera is None or len(rig.viewers) < 2:
+        return rig
+    return replace(rig, viewers=tuple(sorted(rig.viewers, key=lambda v: v.name != camera.name)))
 
 
 def read_viewer(

@@ -91,6 +91,32 @@ RIG = Section(
             "役割は「オブジェクト」パネルにあります。面を持つものだけが部品になります。",
         ),
         Advice(
+            "All viewers in the list are off: turn one on.",
+            "The list of viewers is in the panel Rig. Each line begins with its checkbox.",
+            "視点のリストは「リグ」パネルにあります。各行の先頭にチェックボックスがあります。",
+        ),
+        Advice(
+            "The list of viewers has an entry without a camera: choose one, or remove the entry.",
+            "Its camera was deleted. Minus, beside the list, removes the entry that is chosen.",
+            "カメラが削除されています。リストの横のマイナスで、選択した項目を削除できます。",
+        ),
+        Advice(
+            "A grid of {n} heads: set 2 to {most} in all.",
+            "Three by three are enough to begin with: each takes the time of one viewer.",
+            "まずは3 x 3で十分です。1つごとに視点1つ分の時間がかかります。",
+        ),
+        Advice(
+            "A photograph is taken from the first viewer's place: choose '{viewer}' in the list of"
+            " viewers.",
+            "What is off is kept along the first viewer's axes.",
+            "ずれは最初の視点の軸に沿って記録されます。",
+        ),
+        Advice(
+            "The rig has no viewer '{name}': there are {names}.",
+            "Viewers have the names of their cameras. One that is off is not there.",
+            "視点の名前はカメラの名前です。オフの視点は含まれません。",
+        ),
+        Advice(
             "The viewer '{viewer}' is disabled or left out of the view layer, so that its place is"
             " unknown: enable it, or make it the scene's camera.",
             "Look for the checkbox of its collection in the outliner.",
@@ -919,7 +945,8 @@ FILES = Section(
             "リグの名前は、アウトライナーのコレクションの名前です。",
         ),
         Advice(
-            "Of frames only source images are written: leave out --preview and --simulate.",
+            "Of frames only source images are written: leave out --preview, --simulate and"
+            " --viewers.",
             "Without --frames the frame that the file shows is solved, with all images.",
             "--frames がなければ、現在のフレームのすべての画像が書き出されます。",
         ),

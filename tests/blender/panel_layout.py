@@ -34,6 +34,15 @@ class Layout:
     def template_ID(self, data: bpy.types.bpy_struct, name: str, **options: object) -> None:  # noqa: N802, Blender's
         self.prop(data, name)
 
+    def template_list(
+        self, kind: str, name: str, data: object, prop: str, active: object, index: str, rows: int
+    ) -> None:
+        shown = getattr(bpy.types, kind)
+        self.prop(data, prop)
+        self.prop(active, index)
+        for n, item in enumerate(getattr(data, prop)):
+            shown.draw_item(None, bpy.context, self, data, item, 0, active, index, n)
+
     def operator(self, name: str, icon: str = "NONE", **options: object) -> SimpleNamespace:
         group, verb = name.split(".")
         getattr(getattr(bpy.ops, group), verb).get_rna_type()  # KeyError where there is none

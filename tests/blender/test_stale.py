@@ -77,6 +77,14 @@ def turn_smooth(rig: dict[str, bpy.types.Object]) -> None:
     rig["GLASS"].kiriko.surface = "FACETS"
 
 
+def add_viewer(rig: dict[str, bpy.types.Object]) -> None:
+    new = ours().viewer.copy()
+    new.location.x += 0.001
+    bpy.context.scene.collection.objects.link(new)
+    bpy.context.view_layer.objects.active = new
+    bpy.ops.kiriko.add_viewer()
+
+
 def ours() -> bpy.types.PropertyGroup:
     return bpy.context.scene.kiriko
 
@@ -97,6 +105,8 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
     "pixels of the picture": paint,
     "resolution of the display": lambda rig: setattr(rig["DISPLAY"].kiriko, "resolution", (64, 65)),
     "resolution of the viewer": lambda rig: setattr(ours().viewer.kiriko, "resolution", (65, 64)),
+    "another viewer": add_viewer,
+    "disagreement": lambda rig: setattr(ours(), "disagreement", "BLENDED"),
     "lens": lambda rig: setattr(ours().viewer.data, "lens", ours().viewer.data.lens * 1.001),
     "tolerance": lambda rig: setattr(ours(), "tolerance", 0.2),
     "max events": lambda rig: setattr(ours(), "max_events", 31),

@@ -15,6 +15,7 @@ from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
 from .scene import KirikoOther, KirikoScene, is_camera
 from .view import KirikoView
+from .viewers import KirikoViewer
 
 classes = (
     KirikoPlate,
@@ -25,6 +26,7 @@ classes = (
     KirikoRig,
     KirikoResult,
     KirikoCalibration,
+    KirikoViewer,
     KirikoScene,
     KirikoOther,
     KirikoView,
@@ -49,6 +51,14 @@ def register() -> None:
         translation_context=CONTEXT,
         description="Camera from which the picture shall look undistorted; the scene's camera when"
         " empty",
+        type=bpy.types.Object,
+        poll=is_camera,
+    )
+    KirikoViewer.camera = PointerProperty(
+        name="Camera",
+        translation_context=CONTEXT,
+        description="Camera that looks at the display, too; the first entry is the rig's viewer"
+        " when empty",
         type=bpy.types.Object,
         poll=is_camera,
     )
@@ -86,6 +96,7 @@ def unregister() -> None:
     del bpy.types.Material.kiriko
     del bpy.types.Object.kiriko
     view.take_away()
+    del KirikoViewer.camera
     del KirikoScene.viewer
     del KirikoObject.image
     for cls in reversed(classes):

@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
@@ -14,6 +15,7 @@ from ..paths import RELATIVE_PATH
 from .calibration import KirikoCalibration
 from .light import KirikoPicture
 from .result import KirikoResult
+from .viewers import KirikoViewer
 
 PICTURE_SOURCES = (
     ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
@@ -34,6 +36,20 @@ GHOSTS = (
         "STRONGEST",
         "Strongest Path",
         "The colour for the place that sees most of the pixel: sharp there, wrong in the others",
+    ),
+)
+DISAGREEMENTS = (
+    (
+        "SHARP",
+        "Sharp",
+        "The picture at the weighted mean of the places that the viewers ask for: each sees it"
+        " sharp and a little displaced",
+    ),
+    (
+        "BLENDED",
+        "Blended",
+        "The weighted mean of the colours that the viewers ask for: nothing is displaced, and each"
+        " sees ghosts of the others' picture",
     ),
 )
 CODECS = (
@@ -61,6 +77,19 @@ class KirikoScene(bpy.types.PropertyGroup):
     """How the scene's rig is solved and exported."""
 
     # viewer: see `register`
+    viewers: CollectionProperty(
+        name="Viewers",
+        description="All that look at the display; the first entry is the rig's viewer. Empty:"
+        " there is no other",
+        type=KirikoViewer,
+    )
+    viewer_shown: IntProperty(
+        name="Viewer Shown",
+        description="Entry of the list of viewers whose view is shown, simulated and told of",
+        default=0,
+        min=0,
+        options={"HIDDEN"},
+    )
     rig: StringProperty(
         name="Rig",
         description="Key of the rig that these settings are of; empty: the scene's only one",
@@ -161,6 +190,13 @@ class KirikoScene(bpy.types.PropertyGroup):
         description="The colour of a display pixel that the viewer sees in several places",
         items=GHOSTS,
         default="MEAN",
+    )
+    disagreement: EnumProperty(
+        name="Disagreement",
+        description="What a display pixel shows for which viewers ask for different places of the"
+        " picture",
+        items=DISAGREEMENTS,
+        default="SHARP",
     )
     brightness: BoolProperty(
         name="Brightness",

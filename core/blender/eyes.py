@@ -1,0 +1,136 @@
+"""Makes cameras for further viewers: two eyes, or heads in a box. They go along with the viewer
+that they stand around, and belong to the active rig.
+"""
+
+import json
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..arrays import Floats
+from ..viewer import Viewer
+from .own_words import data_name
+from .rigs import RIG_MARK, active_rig
+from .scene import object_matrix
+from .viewer_list import add, take_out
+
+EYE_MARK = "kiriko_eye"  # on cameras that were made here, and that others may take the place of
+
+
+class Place(NamedTuple):
+    """Where a camera is to be in the world, its name, and how it looks."""
+
+    name: str
+    matrix: Matrix
+    length: float
+    shift_x: float
+
+
+def two_eyes(viewer: bpy.types.Object) -> Iterator[Place]:
+    """The eyes of a camera by its own stereo settings, half of their distance to either side.
+
+    The eyes look parallel; at the convergence distance with their images shifted (off-axis); or
+    turned to it (toe-in).
+    """
+    lens, stereo = viewer.data, viewer.data.stereo
+    half = stereo.interocular_distance / 2
+    slope = half / stereo.convergence_distance
+    sensor = lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
+
+    for name, side in ((data_name("Kiriko Left Eye"), -1), (data_name("Kiriko Right Eye"), 1)):
+        shift, turn = 0.0, Matrix()
+        if stereo.convergence_mode == "OFFAXIS":
+            shift = -side * slope * lens.lens / sensor
+        elif stereo.convergence_mode == "TOE":
+            turn = Matrix.Rotation(side * np.arctan(slope), 4, "Y")
+        place = _unscaled(viewer.matrix_world) @ Matrix.Translation((side * half, 0, 0)) @ turn
+        yield Place(name, place, lens.lens, lens.shift_x + shift)
+
+
+def heads(
+    viewer: bpy.types.Object, own: Viewer, others: list[Viewer], metres: float
+) -> Iterator[Place]:
+    """Cameras like a viewer's that look as other viewers do.
+
+    own : as the camera looks itself
+    """
+    lens = viewer.data
+    for other in others:
+        axes = (other.axes * [[1.0], [1.0], [-1.0]]).T
+        zoom = np.ptp(own.window[:2]) / np.ptp(other.window[:2])
+        place = Matrix(object_matrix(axes, other.position, metres))
+        yield Place(data_name("Kiriko Head"), place, lens.lens * zoom, lens.shift_x)
+
+
+def make_viewers(
+    scene: bpy.types.Scene, viewer: bpy.types.Object, places: list[Place]
+) -> list[bpy.types.Object]:
+    """Make cameras like a viewer's, and put them into the list in place of it and of those that
+    were made before.
+    """
+    remove_made(scene)
+    made = [_like(scene, viewer, place) for place in places]
+    add(scene, made)
+    scene.kiriko.viewers[0].is_on = False
+    return made
+
+
+def remove_made(scene: bpy.types.Scene) -> None:
+    """Take those that were made here out of the list, and remove them unless they are used."""
+    made = [one.camera for one in scene.kiriko.viewers if one.camera and EYE_MARK in one.camera]
+    take_out(scene, made)
+    users = bpy.data.user_map(subset=made)
+    going = [
+        thing
+        for thing in made
+        if all(isinstance(user, bpy.types.Scene | bpy.types.Collection) for user in users[thing])
+    ]
+    data = [thing.data for thing in going]
+    bpy.data.batch_remove(going)
+    bpy.data.batch_remove([lens for lens in dict.fromkeys(data) if lens.users == 0])
+
+
+def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: Place) -> bpy.types.Object:
+    """A camera like a viewer's at another place, which goes along with it."""
+    lens = viewer.data.copy()
+    lens.animation_data_clear()
+    lens.name = place.name
+    lens.lens, lens.shift_x = place.length, place.shift_x
+    thing = bpy.data.objects.new(place.name, lens)
+    ours, its = thing.kiriko, viewer.kiriko
+    ours.use_resolution, ours.resolution = its.use_resolution, its.resolution
+
+    thing.parent = viewer
+    thing.matrix_parent_inverse = viewer.matrix_world.inverted()
+    thing.matrix_basis = place.matrix
+    thing[EYE_MARK] = True
+    _take_in(scene, viewer, thing)
+    return thing
+
+
+def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.Object) -> None:
+    """Have a new camera belong to the active rig, or else lie where the viewer does."""
+    rig = active_rig(scene)
+    if rig is None or not rig.is_editable:
+        (next(iter(viewer.users_collection), None) or scene.collection).objects.link(thing)
+        return
+    rig.objects.link(thing)
+    for block in (thing, thing.data):
+        block[RIG_MARK] = json.dumps([rig.kiriko.key, block.name])
+
+
+def _unscaled(matrix: Matrix) -> Matrix:
+    """The place without its scale, which a camera does not follow."""
+    place, turn, _ = matrix.decompose()
+    return Matrix.LocRotScale(place, turn, None)
+
+
+def distances(counts: tuple[int, int, int], sizes: tuple[float, float, float]) -> list[Floats]:
+    """Offsets (n,) along each axis of so many heads, evenly spaced over a size; 0 for one."""
+    return [
+        np.linspace(-size / 2, size / 2, n) if n > 1 else np.zeros(1)
+        for n, size in zip(counts, sizes, strict=True)
+    ]

@@ -1,0 +1,24 @@
+"""One of several viewers that look at the display of a rig."""
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty
+
+
+class KirikoViewer(bpy.types.PropertyGroup):
+    """An entry of the list of viewers."""
+
+    # camera: see `register`
+    weight: FloatProperty(
+        name="Weight",
+        description="How much the viewer counts beside others where they disagree",
+        default=1.0,
+        soft_min=0.01,
+        soft_max=10.0,
+        precision=2,
+        step=10,
+    )
+    is_on: BoolProperty(
+        name="Use",
+        description="The source image is made for this viewer, too",
+        default=True,
+    )

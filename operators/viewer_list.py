@@ -1,0 +1,176 @@
+"""The list of viewers: add, remove and move an entry; two eyes, and heads over a box."""
+
+from collections.abc import Iterator
+from itertools import product
+
+import bpy
+import numpy as np
+
+from ..core.atlas.heads import check_perspective, check_viewer, viewer_at
+from ..core.blender.eyes import Place, distances, heads, make_viewers, two_eyes
+from ..core.blender.places import KeptPlaces, read_places
+from ..core.blender.scene import read_seat
+from ..core.blender.units import length_of_unit
+from ..core.blender.viewer import Seat, camera_at
+from ..core.blender.viewer_list import add, changing
+from ..core.errors import RigError
+from ..core.messages import Message
+from ..core.rig import Viewer
+from . import needed, telling
+
+NO_LIST = Message("There is one viewer: add another")
+MOST = 1000  # heads of a grid
+
+
+class _OfList:
+    """Mix-in for an operator on the scene's list of viewers."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_there = camera_at(context.scene, 0) is not None
+        return needed.can_run(cls, [] if is_there else [needed.NEEDED["VIEWER"]])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            self.change(context)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+class KIRIKO_OT_add_viewer(_OfList, bpy.types.Operator):
+    """Have another camera look at the display, too: the active one, where it is none yet"""
+
+    bl_idname = "kiriko.add_viewer"
+    bl_label = "Add Viewer"
+
+    def change(self, context: bpy.types.Context) -> None:
+        scene, active = context.scene, context.active_object
+        known = [camera_at(scene, n) for n in range(max(len(scene.kiriko.viewers), 1))]
+        is_new = active is not None and active.type == "CAMERA" and active not in known
+        add(scene, [active if is_new else None])
+
+
+class KIRIKO_OT_remove_viewer(_OfList, bpy.types.Operator):
+    """Take the chosen viewer out of the list; its camera stays in the scene"""
+
+    bl_idname = "kiriko.remove_viewer"
+    bl_label = "Remove Viewer"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if len(context.scene.kiriko.viewers) else [NO_LIST])
+
+    def change(self, context: bpy.types.Context) -> None:
+        with changing(context.scene) as listed:
+            listed.remove(min(context.scene.kiriko.viewer_shown, len(listed) - 1))
+
+
+class KIRIKO_OT_move_viewer(_OfList, bpy.types.Operator):
+    """Move the chosen viewer up or down in the list. The first one is the rig's viewer"""
+
+    bl_idname = "kiriko.move_viewer"
+    bl_label = "Move Viewer"
+
+    step: bpy.props.IntProperty(
+        name="Step", description="Entries downwards", default=1, options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if len(context.scene.kiriko.viewers) else [NO_LIST])
+
+    def change(self, context: bpy.types.Context) -> None:
+        ours = context.scene.kiriko
+        with changing(context.scene) as listed:
+            last = len(listed) - 1
+            here = min(ours.viewer_shown, last)
+            there = min(max(here + self.step, 0), last)
+            listed.move(here, there)
+            ours.viewer_shown = there
+
+
+class _InPlace(_OfList):
+    """Mix-in for an operator that puts made cameras in the place of the first viewer."""
+
+    def change(self, context: bpy.types.Context) -> None:
+        camera = camera_at(context.scene, 0)
+        context.view_layer.update()
+        depsgraph = context.evaluated_depsgraph_get()
+        viewer = read_seat(Seat(camera), depsgraph, context.scene)
+        check_perspective(viewer)
+
+        places = list(self.places(context.scene, depsgraph, camera, viewer))
+        made = make_viewers(context.scene, camera, places)
+        context.view_layer.update()
+        text = Message(
+            "{n} cameras go along with '{viewer}', which is off itself.",
+            n=len(made),
+            viewer=camera.name,
+        )
+        telling.report(self, "INFO", text)
+
+
+class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
+    """Have two eyes look at the display, to both sides of the viewer, by its stereo settings"""
+
+    bl_idname = "kiriko.two_eyes"
+    bl_label = "Two Eyes"
+
+    def places(
+        self,
+        scene: bpy.types.Scene,
+        depsgraph: bpy.types.Depsgraph,
+        camera: bpy.types.Object,
+        viewer: Viewer,
+    ) -> Iterator[Place]:
+        """Where the eyes are, and how they look."""
+        return two_eyes(camera)
+
+
+class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
+    """Have heads all over a box around the viewer look at the display, each aimed at the picture"""
+
+    bl_idname = "kiriko.viewer_grid"
+    bl_label = "Grid"
+
+    heads: bpy.props.IntVectorProperty(
+        name="Heads",
+        description="How many there are to the right, upwards and forward",
+        size=3,
+        default=(3, 1, 1),
+        min=1,
+        soft_max=9,
+        max=100,
+    )
+    box: bpy.props.FloatVectorProperty(
+        name="Box",
+        description="From the first of them to the last: to the right, upwards, forward",
+        size=3,
+        default=(0.12, 0.06, 0.06),
+        min=0.0,
+        subtype="XYZ",
+        unit="LENGTH",
+    )
+
+    def places(
+        self,
+        scene: bpy.types.Scene,
+        depsgraph: bpy.types.Depsgraph,
+        camera: bpy.types.Object,
+        viewer: Viewer,
+    ) -> Iterator[Place]:
+        """Where the heads are, and how they look; RigError where one is at the picture."""
+        n = int(np.prod(self.heads))
+        if not 1 < n <= MOST:
+            raise RigError("A grid of {n} heads: set 2 to {most} in all.", n=n, most=MOST)
+        pictures = read_places(depsgraph, scene, KeptPlaces()).pictures
+        if not pictures:
+            raise RigError("{reason}.", reason=needed.NEEDED["PICTURE"])
+
+        check_viewer(viewer, pictures[0])
+        metres = length_of_unit(scene)
+        offsets = product(*distances(self.heads, metres * np.array(self.box)))
+        others = [viewer_at(viewer, pictures[0], offset) for offset in offsets]
+        return heads(camera, viewer, others, metres)

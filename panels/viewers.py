@@ -1,0 +1,120 @@
+"""The viewers of the rig: the list of them, and what each sees of the last result."""
+
+import bpy
+
+from ..core.blender.kept import Numbers
+from ..core.blender.viewer import camera_at
+from ..core.messages import Message, joined
+from ..core.numbers import number
+from ..core.words import percent
+from ..operators.telling import in_words
+from .words import OfRig, sentence
+
+ROWS = 4
+
+
+class KIRIKO_UL_viewers(bpy.types.UIList):
+    """Viewers, each with its weight, and whether it is on."""
+
+    def draw_item(  # noqa: PLR0913, Blender's
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: bpy.types.PropertyGroup,
+        item: bpy.types.PropertyGroup,
+        icon: int,
+        active_data: bpy.types.PropertyGroup,
+        active_property: str,
+        index: int = 0,
+        flt_flag: int = 0,
+    ) -> None:
+        """One line of the list; Blender's own arguments."""
+        camera = camera_at(context.scene, index)
+        row = layout.row(align=True)
+        row.prop(item, "is_on", text="")
+        name = row.row(align=True)
+        name.active = item.is_on
+        text = in_words(Message("No camera")) if camera is None else camera.name
+        shown = "ERROR" if camera is None else "OUTLINER_OB_CAMERA"
+        name.label(text=text, icon=shown, translate=False)
+        weight = name.row(align=True)
+        weight.ui_units_x = 3
+        weight.prop(item, "weight", text="", emboss=False)
+
+
+def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The viewer; the list and the chosen one's camera where there are several."""
+    ours = context.scene.kiriko
+    listed = ours.viewers
+    if len(listed):
+        row = layout.row()
+        row.template_list(
+            KIRIKO_UL_viewers.__name__, "", ours, "viewers", ours, "viewer_shown", rows=ROWS
+        )
+        side = row.column(align=True)
+        side.operator("kiriko.add_viewer", text="", icon="ADD")
+        side.operator("kiriko.remove_viewer", text="", icon="REMOVE")
+        side.operator("kiriko.move_viewer", text="", icon="TRIA_UP").step = -1
+        side.operator("kiriko.move_viewer", text="", icon="TRIA_DOWN").step = 1
+
+        chosen = min(ours.viewer_shown, len(listed) - 1)
+        is_own = chosen == 0 and listed[0].camera is None
+        layout.prop(*((ours, "viewer") if is_own else (listed[chosen], "camera")))
+    else:
+        layout.prop(ours, "viewer")
+
+
+def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Buttons that make several viewers of one, and how their disagreement is settled."""
+    ours = context.scene.kiriko
+    row = layout.row(align=True)
+    if len(ours.viewers):
+        layout.prop(ours, "disagreement")
+    else:
+        row.operator("kiriko.add_viewer", icon="ADD")
+    row.operator("kiriko.two_eyes", icon="CAMERA_STEREO")
+    row.operator("kiriko.viewer_grid", icon="LIGHTPROBE_VOLUME")
+
+
+class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
+    """What each of several viewers sees of the last result, the worst first."""
+
+    bl_label = "Viewers"
+    bl_parent_id = "VIEW3D_PT_kiriko_result"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(told_of(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for one in told_of(context):
+            sentence(self.layout, context, words_on(one), icon="OUTLINER_OB_CAMERA")
+
+
+def told_of(context: bpy.types.Context) -> list[dict]:
+    """What the last result tells of each of several viewers."""
+    return Numbers.read(context.scene.kiriko.result.details).by_name.get("viewers", [])
+
+
+def words_on(one: dict) -> Message:
+    """One line on a viewer: what it sees of the picture, and how far off."""
+    share = percent(one["coverage"])
+    parts = [Message("'{viewer}' sees {share} of the picture", viewer=one["viewer"], share=share)]
+    if one.get("largest_px") is not None:
+        text = Message(
+            "displaced {mean} px, at most {largest}",
+            mean=number(one["mean_px"]),
+            largest=number(one["largest_px"]),
+        )
+        angle = one["largest_arcmin"]
+        parts.append(
+            text
+            if angle is None
+            else Message("{text} ({angle} arcmin)", text=text, angle=number(angle))
+        )
+    if one.get("psnr") is not None:
+        parts.append(Message("{psnr:.1f} dB", psnr=one["psnr"]))
+    if "unremovable" in one:
+        text = Message("{error} of white stay off", error=percent(one["unremovable"]))
+        parts.append(text)
+    return joined(parts, ", ")
