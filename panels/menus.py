@@ -42,6 +42,12 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         for preset in ("plate_preset", "display_preset", "glass_preset"):
             layout.operator_menu_enum(f"kiriko.{preset}", "preset", icon="PRESET")
         layout.separator()
+        layout.operator("kiriko.add_viewer", icon="OUTLINER_OB_CAMERA")
+        layout.operator("kiriko.two_eyes", icon="CAMERA_STEREO")
+        layout.operator("kiriko.viewer_grid", text="Grid of Viewers", icon="LIGHTPROBE_VOLUME")
+        layout.operator("kiriko.move_viewer")
+        layout.operator("kiriko.remove_viewer", icon="X")
+        layout.separator()
         layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME")
         layout.operator("kiriko.calibrate", icon="TRACKER")
         layout.operator("kiriko.apply_calibration")
