@@ -86,7 +86,6 @@ class KirikoScene(bpy.types.PropertyGroup):
     viewer_shown: IntProperty(
         name="Viewer Shown",
         description="Entry of the list of viewers whose view is shown, simulated and told of",
-        default=0,
         min=0,
         options={"HIDDEN"},
     )
