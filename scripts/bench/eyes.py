@@ -12,6 +12,8 @@ settled : sharp and blended, two eyes of 64 mm and a 3 x 3 grid of 60 mm: for ea
     displacement of 7 x 7 points (viewer px, arcmin), PSNR against the ideal, and the error that no
     source image removes (rms, linear). Mark: where the seen image of a lattice of dots can be
     measured, its dots are displaced as predicted, to 0.05 px on the mean.
+
+`--cycles` compares predictions with renders instead: see eyes_in_cycles.py.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from environments import run_in_newest_blender
 from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
@@ -179,7 +182,13 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="+", choices=("growth", "agree", "conflict", "settled"), metavar="TABLE"
     )
-    arguments = parser.parse_args()
+    parser.add_argument("--cycles", action="store_true", help="beside renders, instead")
+    arguments, rest = parser.parse_known_args()
+    if arguments.cycles:
+        sys.exit(run_in_newest_blender("bench.eyes_in_cycles", *rest))
+    if rest:
+        parser.error(f"unknown: {' '.join(rest)}")
+
     tables = {
         "growth": lambda: growth(arguments.runs, arguments.pixels),
         "agree": agree,
