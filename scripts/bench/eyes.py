@@ -12,6 +12,9 @@ settled : sharp and blended, two eyes of 64 mm and a 3 x 3 grid of 60 mm: for ea
     displacement of 7 x 7 points (viewer px, arcmin), PSNR against the ideal, and the error that no
     source image removes (rms, linear). Mark: where the seen image of a lattice of dots can be
     measured, its dots are displaced as predicted, to 0.05 px on the mean.
+pair : at which depth two eyes of 64 mm see 7 x 7 points of the picture, mm before its plane, and
+    their vertical disparity, arcmin: uncompensated, solved for one eye, for both. Mark: with index
+    1 the depth is the plane's, to 1e-9 m.
 
 `--cycles` compares predictions with renders instead: see eyes_in_cycles.py.
 """
@@ -29,6 +32,7 @@ import numpy as np
 from environments import run_in_newest_blender
 from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.image.seen_image import dot_centroids
+from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
 from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
 from kiriko.core.rig import Rig, Viewer
 from kiriko.core.settings import Settings
@@ -45,6 +49,8 @@ MOST_RAYS = 0.05  # by which the slope of rays may differ from 1
 MOST_TIME = 1.15  # slope
 MOST_CONFLICT = 1e-9  # picture px
 MOST_OFF = 0.05  # viewer px, mean over the dots, of the prediction from the seen image
+MOST_DEPTH = 1e-9  # m, with index 1
+PICTURES = (0.01, 0.02, 0.03)  # m, sides
 
 
 def grid(a_rig: Rig, n: int, m: int, side: float = BOX) -> Rig:
@@ -144,6 +150,36 @@ def settled(pixels: int) -> bool:
     return is_right
 
 
+def pair(pixels: int) -> bool:
+    """At which depth two eyes see the picture, and what of their lines of sight does not meet."""
+    plain = ball_rig(5, ior=1.0, pixels=pixels, display_pixels=pixels)
+    bare = seen_by_two(plain)
+    off = max(float(np.nanmax(np.abs(bare.for_both.depth))), abs(bare.for_left.farthest_depth))
+    print(f"\nindex 1: depth {off:.1e} m at most")
+    for side in PICTURES:
+        a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, picture=side)
+        found = seen_by_two(a_rig)
+        print(f"\n{f'picture {1e3 * side:.0f} mm':<15} {'points':>6} {'depth':>7}", end="")
+        print(f" {'nearest':>8} {'farthest':>9} {'vertical':>9} {'largest':>8}", end="")
+        print(f" {'horizontal':>11} {'largest':>8}")
+        for name in ("uncompensated", "for_left", "for_right", "for_both"):
+            sights = getattr(found, name)
+            depths = sights.mean_depth, sights.nearest_depth, sights.farthest_depth
+            mean, nearest, farthest = (1e3 * depth for depth in depths)
+            print(
+                f"{name:<15} {sights.is_seen.sum():6d} {mean:7.2f} {nearest:8.2f} {farthest:9.2f}"
+                f" {sights.mean_vertical:9.2f} {sights.largest_vertical:8.2f}"
+                f" {sights.mean_horizontal:11.2f} {sights.largest_horizontal:8.2f}",
+                flush=True,
+            )
+    return mark("depth", off < MOST_DEPTH)
+
+
+def seen_by_two(a_rig: Rig) -> TwoEyes:
+    """How two eyes in place of the viewer of a rig see it."""
+    return finish(two_eyes(grid(a_rig, 2, 1, EYES), Settings()))
+
+
 def lines(reports: tuple[ViewerReport, ...]) -> Iterator[str]:
     """A table of reports."""
     yield (
@@ -180,7 +216,10 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1, help="of each solve that is timed")
     parser.add_argument("--pixels", type=int, default=256, help="of viewers and display, each way")
     parser.add_argument(
-        "--only", nargs="+", choices=("growth", "agree", "conflict", "settled"), metavar="TABLE"
+        "--only",
+        nargs="+",
+        choices=("growth", "agree", "conflict", "settled", "pair"),
+        metavar="TABLE",
     )
     parser.add_argument("--cycles", action="store_true", help="beside renders, instead")
     arguments, rest = parser.parse_known_args()
@@ -194,6 +233,7 @@ def main() -> None:
         "agree": agree,
         "conflict": lambda: conflict(arguments.pixels),
         "settled": lambda: settled(arguments.pixels),
+        "pair": lambda: pair(arguments.pixels),
     }
     are_met = [table() for name, table in tables.items() if name in (arguments.only or tables)]
     sys.exit(0 if all(are_met) else 1)

@@ -54,6 +54,28 @@ RIG = Section(
             "より重視するには、重みを上げます。",
         ),
         Advice(
+            "Two eyes are two viewers, and the rig has {n}: choose a left and a right one.",
+            "Add a second camera beside the first, 64 mm to its right, and make it a viewer.",
+            "1台目のカメラの右64 mmに2台目を追加し、視点にします。",
+        ),
+        Advice(
+            "The viewer '{viewer}' is orthographic and is no eye: set it to Perspective.",
+            "An orthographic camera sees from nowhere: it has no place for an eye.",
+            "平行投影のカメラには、目の位置がありません。",
+        ),
+        Advice(
+            "The viewers '{one}' and '{other}' look in different directions and are no pair of"
+            " eyes: turn both to the picture.",
+            "Give both cameras a Track To constraint with the picture as its target.",
+            "両方のカメラに「トラック」コンストレイントを付け、絵をターゲットにします。",
+        ),
+        Advice(
+            "The viewers '{one}' and '{other}' do not stand side by side and are no pair of eyes:"
+            " move one to the right of the other.",
+            "Eyes are about 64 mm apart, along the cameras' own X axis.",
+            "両目の間隔は約64 mmで、カメラ自身のX軸に沿います。",
+        ),
+        Advice(
             "The plate '{plate}' stands between the viewers '{one}' and '{other}': move one of"
             " them to the other's side.",
             "One display shows its picture to one side of a plate.",
