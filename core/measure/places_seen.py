@@ -101,6 +101,7 @@ def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:
         look.weight * (one.branch != 0) for look, one in zip(looks, found, strict=True)
     ])  # fmt: skip
 
+    before = np.inf
     for _ in range(MOST_ROUNDS):
         for look, one in zip(looks, found, strict=True):
             by_view = yield from derivative(look.plan, one.view, one.display, one.branch)
@@ -108,8 +109,11 @@ def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:
         shown = _shown_at(found, ways, weights, wanted)
         for look, one in zip(looks, found, strict=True):
             yield from _go_on(look.plan, one, shown)
-        if not any((np.abs(one.step) > SETTLED_PX).any() for one in found):
+        # rounding is reached where known places come no nearer
+        largest = max(float(np.abs(one.step).max()) for one in found)
+        if largest <= SETTLED_PX or before / 2 < largest < IS_KNOWN:
             break
+        before = largest
 
     is_shown = weights.sum(axis=0) > 0
     for one, weight in zip(found, weights, strict=True):

@@ -1,0 +1,177 @@
+"""How far may a head move from where the picture was solved for?
+
+A head that moves looks at the picture's middle. It sees a point of the picture where the display
+shows it for the solved viewers, through the glass, off by an angle from where it would see it
+straight. To first order that angle grows with the way of the head: the derivative, by a small
+first step, tells about how far it may go. How far it may is then settled by tracing at places of
+the head, nearer and nearer to where the limit is passed.
+"""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from ..atlas.heads import Offset, check_viewer, viewer_at
+from ..bench.picture_room import plane_of
+from ..image.flat_picture import view_of_picture
+from ..light.kept import Kept
+from ..light.plan import Plan
+from ..light.planning import planning
+from ..rig import Rig, Viewer
+from ..settings import Settings
+from ..steps import Pauses, at
+from ..vectors import dot
+from .places_seen import Look, grid_of, places_seen
+from .viewers import ARCMIN
+
+LIMIT = 5.0  # arcmin
+LEAST = 0.98  # of the points
+N_POINTS = 11  # each way, of the picture
+
+# the ways, by the axis of the viewer, its sign, and how far at the most, of the picture's distance
+WAYS = ((0, -1, 2.0), (0, 1, 2.0), (1, 1, 2.0), (1, -1, 2.0), (2, 1, 0.95), (2, -1, 8.0))
+FIRST_STEP = 1e-3  # of the picture's distance
+OVER = 1.25  # times the guess: there the limit should be passed
+N_BETWEEN = 8  # places on the way at which nothing may be passed before
+SETTLED = 2e-3  # of the way
+
+
+@dataclass(frozen=True)
+class EyeBox:
+    """How far the head may go, m, along the axes of the solved viewer.
+
+    left, right, up, down, nearer, farther : to where the picture is off by the limit, or less of it
+        is seen; 0 where it is from the beginning
+    limit : arcmin, by which a point may be off
+    least : share of the points that have to be seen, of those that are seen from the viewer's place
+    is_open : in the same order, where the head was not followed any further
+    """
+
+    left: float
+    right: float
+    up: float
+    down: float
+    nearer: float
+    farther: float
+    limit: float
+    least: float
+    is_open: tuple[bool, ...]
+
+
+def eye_box(
+    rig: Rig,
+    settings: Settings,
+    limit: float = LIMIT,
+    least: float = LEAST,
+    kept: Kept | None = None,
+) -> Generator[float, None, EyeBox]:
+    """Find how far the head of a rig's first viewer may go, before a display that is solved for all
+    of the rig's viewers; yields progress 0..1.
+
+    Raises
+    ------
+    RigError, MeshError : the viewer has no head, the picture is no flat rectangle, or the rig
+        cannot be traced; one sentence
+    """
+    rig.check()
+    settings.check()
+    check_viewer(rig.viewer, rig.picture_place)
+    middle = plane_of(rig).middle
+    plan = yield from at(0.0, planning(rig, settings, kept))
+    walk = Walk(plan, limit, least)
+    yield from at(0.05, walk.begin())
+
+    distance = float(np.linalg.norm(middle - rig.viewer.position))
+    found = []
+    for k, (axis, sign, most) in enumerate(WAYS):
+        told = 0.1 + 0.15 * k
+        way = np.zeros(3)
+        way[axis] = sign
+        found.append((yield from at(told, walk.farthest(way, distance, most * distance))))
+    yield 1.0
+    ends, are_open = zip(*found, strict=True)
+    return EyeBox(*ends, limit=limit, least=least, is_open=are_open)
+
+
+class Walk:
+    """Ways of a head before a solved display.
+
+    plan : of the rig whose viewers it is solved for, the first of whom moves
+    """
+
+    def __init__(self, plan: Plan, limit: float = LIMIT, least: float = LEAST) -> None:
+        place = plan.rig.picture_place
+        low, high = (bound(place.mesh.uv, (0, 1)) for bound in (np.min, np.max))
+        self.uv = low + grid_of(N_POINTS) * (high - low)
+        self.plan, self.limit, self.least = plan, limit, least
+        self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
+        self.n_seen = 0
+
+    def begin(self) -> Pauses[None]:
+        """Count the points that are seen from the viewer's own place."""
+        off = yield from self.off((0.0, 0.0, 0.0))
+        self.n_seen = int(np.isfinite(off).sum())
+
+    def off(self, offset: Offset) -> Pauses[Floats]:
+        """By how much points (n,) are off, arcmin, as seen from a place of the head; NaN where not
+        seen.
+        """
+        head = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
+        return (yield from off_by(self.solved, self.plan, head, self.uv))
+
+    def part(self, offset: Offset) -> Pauses[float]:
+        """The largest of the angles by which points are off, as part of the limit; inf where too
+        few are seen.
+        """
+        off = yield from self.off(offset)
+        is_seen = np.isfinite(off)
+        if not self.n_seen or is_seen.sum() < self.least * self.n_seen:
+            return np.inf
+        return float(off[is_seen].max()) / self.limit
+
+    def farthest(self, way: Floats, distance: float, most: float) -> Pauses[tuple[float, bool]]:
+        """How far, m, the head may go along a way, and is that as far as it was followed?"""
+        first = FIRST_STEP * distance
+        begun = yield from self.part(0 * way)
+        if begun > 1:
+            return 0.0, False
+        slope = ((yield from self.part(first * way)) - begun) / first
+        guess = OVER * (1 - begun) / slope if 0 < slope < np.inf else first
+
+        # on from the guess until it is passed
+        outer = min(guess, most)
+        while outer < most and (yield from self.part(outer * way)) <= 1:
+            outer = min(2 * outer, most)
+
+        # it may be passed before, for a while
+        inner = 0.0
+        for s in np.linspace(0.0, outer, N_BETWEEN + 1)[1:]:
+            if (yield from self.part(s * way)) > 1:
+                outer = s
+                break
+            inner = s
+        if inner == outer:
+            return float(most), True
+
+        while outer - inner > SETTLED * outer:
+            middle = (inner + outer) / 2
+            if (yield from self.part(middle * way)) <= 1:
+                inner = middle
+            else:
+                outer = middle
+        return float(inner), False
+
+
+def off_by(solved: Sequence[Look], plan: Plan, head: Viewer, uv: Floats) -> Pauses[Floats]:
+    """The angles (n,), arcmin, between where a viewer sees places uv (n, 2) of the picture, and
+    where it would see them straight; NaN where it does not see one.
+
+    solved : those whom the display shows the picture for
+    """
+    view = yield from places_seen([*solved, Look(plan.seen_by(head))], uv)
+    straight = view_of_picture(plan.rig.picture_place, head, uv)
+    one, other = (head.rays(xy)[1] for xy in (view[-1], straight))
+    across = np.linalg.norm(np.cross(one, other), axis=1)
+    return ARCMIN * np.arctan2(across, dot(one, other))

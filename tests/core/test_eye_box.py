@@ -1,0 +1,125 @@
+"""How far a head may move: held to a walk by closed form, and to a walk by traced steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kiriko.core.atlas.heads import viewer_at
+from kiriko.core.errors import RigError
+from kiriko.core.light.planning import make_plan
+from kiriko.core.measure.eye_box import N_POINTS, WAYS, Walk, eye_box
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig, box, rig
+from known.work import drain
+
+THICKNESS, INDEX, DISTANCE, SIDE = 0.02, 1.49, 0.6, 0.03
+SMALL = {"pixels": 64, "display_pixels": 64}
+NAMES = ("left", "right", "up", "down", "nearer", "farther")
+
+
+def slab_rig():
+    """A slab so large that nothing is seen beside it; the display is larger than what is shown."""
+    slab = box([2.0, THICKNESS, 2.0])
+    return rig(slab, viewer_distance=DISTANCE, field=0.06, plate=3.0, display=0.2, **SMALL)
+
+
+def points_of():
+    along = SIDE * ((np.arange(N_POINTS) + 0.5) / N_POINTS - 0.5)
+    x, z = (grid.ravel() for grid in np.meshgrid(along, -along))
+    return np.stack([x, 0 * x, z], axis=1)
+
+
+def shift(tangent):
+    """t (tan a - tan a'), by which a slab shifts a ray along its face."""
+    sine = tangent / np.sqrt(1 + tangent**2) / INDEX
+    return THICKNESS * (tangent - sine / np.sqrt(1 - sine**2))
+
+
+def off_by_closed_form(solved, head):
+    """Arcmin (n,) between where a head sees points straight, and where it sees the places of the
+    plane that an eye at `solved` would see there.
+    """
+    points = points_of()
+    shown = points - shifted(solved, points)
+    # the ray's tangent is that of the place which the eye sees straight: found by repetition
+    straight = shown
+    for _ in range(60):
+        straight = shown + shifted(head, straight)
+    one, other = (to - head for to in (points, straight))
+    across = np.linalg.norm(np.cross(one, other), axis=1)
+    return np.degrees(np.arctan2(across, (one * other).sum(axis=1))) * 60
+
+
+def shifted(eye, points):
+    """By how much (n, 3) the slab shifts the rays of an eye that would meet points straight."""
+    along = (points - eye) * [1, 0, 1]
+    r = np.linalg.norm(along, axis=1, keepdims=True)
+    tangent = r / -eye[1]
+    return shift(tangent) * along / np.where(r > 0, r, 1)
+
+
+def test_behind_a_slab_it_is_that_of_a_walk_by_closed_form():
+    """Six ways, each within 2 % of where a walk in steps of 0.2 % passes the limit."""
+    a_rig = slab_rig()
+    found = drain(eye_box(a_rig, Settings(), limit=0.5))
+    eye = a_rig.viewer.position
+    for name, (axis, sign, _) in zip(NAMES, WAYS, strict=True):
+        way = sign * a_rig.viewer.axes[axis]
+        extent = getattr(found, name)
+        steps = extent * np.arange(0.0, 1.5, 2e-3)
+        is_within = [off_by_closed_form(eye, eye + s * way).max() <= 0.5 for s in steps]
+        walked = steps[np.logical_and.accumulate(is_within).sum() - 1]
+        if name == "farther":  # nothing is off by so much, however far it is
+            assert found.is_open == (False,) * 5 + (True,)
+            assert is_within[-1]
+            continue
+        assert extent == pytest.approx(walked, rel=0.02), name
+    # rig and slab are alike to the left and right, up and down
+    assert found.left == pytest.approx(found.right, rel=0.01)
+    assert found.up == pytest.approx(found.down, rel=0.01)
+
+
+def test_on_the_ball_it_is_that_of_a_walk_by_steps():
+    """Six ways, each within 2 % of a walk in steps, by the angles and by what is seen."""
+    a_rig = ball_rig(4, display=0.075, **SMALL)
+    found = drain(eye_box(a_rig, Settings(), limit=1.0, least=0.9))
+    walk = Walk(make_plan(a_rig, Settings()), 1.0, 0.9)
+    finish(walk.begin())
+    for name, (axis, sign, _) in zip(NAMES, WAYS, strict=True):
+        extent = getattr(found, name)
+        way = sign * np.eye(3)[axis]
+        for s in extent * np.arange(0.15, 0.99, 0.2):
+            assert finish(walk.part(s * way)) <= 1, name
+        assert finish(walk.part(0.98 * extent * way)) <= 1, name
+        if not found.is_open[NAMES.index(name)]:
+            assert finish(walk.part(1.02 * extent * way)) > 1, name
+
+
+def test_more_may_be_off_so_it_goes_farther():
+    a_rig = ball_rig(4, display=0.075, **SMALL)
+    narrow, wide = (drain(eye_box(a_rig, Settings(), limit=limit)) for limit in (0.25, 0.5))
+    for name in ("left", "right", "up", "down"):
+        assert 0 < getattr(narrow, name) < getattr(wide, name)
+
+
+def test_viewers_that_disagree_leave_no_box():
+    """Solved for two far apart, the first is off by more than a little from the beginning."""
+    a_rig = ball_rig(4, display=0.075, **SMALL)
+    place = a_rig.picture_place
+    viewers = tuple(
+        replace(viewer_at(a_rig.viewer, place, (x, 0.0, 0.0)), name=f"{x}") for x in (-0.05, 0.05)
+    )
+    found = drain(eye_box(replace(a_rig, viewers=viewers), Settings(), limit=0.01))
+    assert found.left == found.right == found.up == found.nearer == 0
+
+
+def test_what_has_no_head_is_refused():
+    a_rig = slab_rig()
+    flat = replace(a_rig.viewer, projection="orthographic")
+    with pytest.raises(RigError, match="is orthographic and has no head that moves"):
+        drain(eye_box(replace(a_rig, viewers=(flat,)), Settings()))
+    own = replace(a_rig.picture, mesh=None)
+    with pytest.raises(RigError, match="in the viewer's own pixels"):
+        drain(eye_box(replace(a_rig, pictures=(own,)), Settings()))
