@@ -15,6 +15,10 @@ settled : sharp and blended, two eyes of 64 mm and a 3 x 3 grid of 60 mm: for ea
 pair : at which depth two eyes of 64 mm see 7 x 7 points of the picture, mm before its plane, and
     their vertical disparity, arcmin: uncompensated, solved for one eye, for both. Mark: with index
     1 the depth is the plane's, to 1e-9 m.
+beside : the paper's question: by how many arcmin 7 x 7 points are off (mean, largest), as seen from
+    some degrees beside the viewer, by the picture's size: uncompensated, solved for the middle, and
+    for all of these places. *Gain* is the mean uncompensated over that of the middle, of all.
+box : the same over a box of 60 mm, solved for its middle and for 3 x 3 viewers in it.
 
 `--cycles` compares predictions with renders instead: see eyes_in_cycles.py.
 """
@@ -32,12 +36,15 @@ import numpy as np
 from environments import run_in_newest_blender
 from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.image.seen_image import dot_centroids
+from kiriko.core.light.planning import make_plan
+from kiriko.core.measure.eye_box import off_by
+from kiriko.core.measure.places_seen import Look, grid_of
 from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
 from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
 from kiriko.core.rig import Rig, Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.solve.solution import Solution
+from kiriko.core.solve.solution import Solution, without_glass
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, lattice_image
 
@@ -51,6 +58,7 @@ MOST_CONFLICT = 1e-9  # picture px
 MOST_OFF = 0.05  # viewer px, mean over the dots, of the prediction from the seen image
 MOST_DEPTH = 1e-9  # m, with index 1
 PICTURES = (0.01, 0.02, 0.03)  # m, sides
+DEGREES = (0.0, 2.0, 5.0, 10.0)  # beside the viewer that is solved for
 
 
 def grid(a_rig: Rig, n: int, m: int, side: float = BOX) -> Rig:
@@ -180,6 +188,61 @@ def seen_by_two(a_rig: Rig) -> TwoEyes:
     return finish(two_eyes(grid(a_rig, 2, 1, EYES), Settings()))
 
 
+def beside(pixels: int) -> bool:
+    """What compensation gains beside the viewer that it is made for."""
+    for side in PICTURES:
+        a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, picture=side, display=0.1)
+        ways = ways_to_show(a_rig, [turned(a_rig.viewer, np.radians(a)) for a in DEGREES])
+        print(
+            f"\n{f'picture {1e3 * side:.0f} mm':<15}", *(f"{name:>22}" for name in ways), "  gain"
+        )
+        for angle in DEGREES:
+            head = turned(a_rig.viewer, np.radians(angle))
+            plain, *means = print_off(f"{angle:.0f} degrees", ways, head)
+            gains = [plain / mean if mean > 1e-9 else float("inf") for mean in means]
+            print(*(f"{gain:7.2f}" for gain in gains), flush=True)
+    return True
+
+
+def box(pixels: int) -> bool:
+    """What solving for a box of places gives beside solving for its middle."""
+    a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, display=0.1)
+    ways = ways_to_show(a_rig, grid(a_rig, 3, 3).viewers)
+    print(f"\n{'box 60 mm':<15}", *(f"{name:>22}" for name in ways))
+    for x in np.linspace(-BOX / 2, BOX / 2, 7):
+        for y in (0.0, BOX / 2):
+            head = viewer_at(a_rig.viewer, a_rig.picture_place, (x, y, 0.0))
+            print_off(f"{1e3 * x:+.0f} {1e3 * y:+.0f}", ways, head)
+            print(flush=True)
+    return True
+
+
+def ways_to_show(a_rig: Rig, viewers: list[Viewer]) -> dict[str, list[Look]]:
+    """For whom the display shows the picture: with no glass in the way, the viewer, all of them."""
+    settings = Settings()
+    plan = make_plan(a_rig, settings)
+    bare = make_plan(without_glass(a_rig), replace(settings, only_through_glass=False))
+    return {
+        "uncompensated": [Look(bare, 1.0)],
+        "for the middle": [Look(plan, 1.0)],
+        "for all": [Look(plan.seen_by(viewer), 1.0) for viewer in viewers],
+    }
+
+
+def print_off(name: str, ways: dict[str, list[Look]], head: Viewer) -> list[float]:
+    """A line of a table, without its end; the means, arcmin."""
+    print(f"{name:<15}", end=" ")
+    means = []
+    for solved in ways.values():
+        plan = ways["for the middle"][0].plan
+        off = finish(off_by(solved, plan, head, grid_of(7)))
+        off = off[np.isfinite(off)]
+        mean, largest = (off.mean(), off.max()) if len(off) else (np.nan, np.nan)
+        means.append(float(mean))
+        print(f"{len(off):4d} {mean:8.3f} {largest:8.3f}", end=" ")
+    return means
+
+
 def lines(reports: tuple[ViewerReport, ...]) -> Iterator[str]:
     """A table of reports."""
     yield (
@@ -218,7 +281,7 @@ def main() -> None:
     parser.add_argument(
         "--only",
         nargs="+",
-        choices=("growth", "agree", "conflict", "settled", "pair"),
+        choices=("growth", "agree", "conflict", "settled", "pair", "beside", "box"),
         metavar="TABLE",
     )
     parser.add_argument("--cycles", action="store_true", help="beside renders, instead")
@@ -234,6 +297,8 @@ def main() -> None:
         "conflict": lambda: conflict(arguments.pixels),
         "settled": lambda: settled(arguments.pixels),
         "pair": lambda: pair(arguments.pixels),
+        "beside": lambda: beside(arguments.pixels),
+        "box": lambda: box(arguments.pixels),
     }
     are_met = [table() for name, table in tables.items() if name in (arguments.only or tables)]
     sys.exit(0 if all(are_met) else 1)
