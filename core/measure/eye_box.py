@@ -77,13 +77,14 @@ def eye_box(
     """
     rig.check()
     settings.check()
-    check_viewer(rig.viewer, rig.picture_place)
+    viewer = rig.viewers[0]
+    check_viewer(viewer, rig.picture_place)
     middle = plane_of(rig).middle
     plan = yield from at(0.0, planning(rig, settings, kept))
     walk = Walk(plan, limit, least)
     yield from at(0.05, walk.begin())
 
-    distance = float(np.linalg.norm(middle - rig.viewer.position))
+    distance = float(np.linalg.norm(middle - viewer.position))
     found = []
     for k, (axis, sign, most) in enumerate(WAYS):
         told = 0.1 + 0.15 * k
