@@ -106,14 +106,24 @@ def missing(scene: bpy.types.Scene) -> list[str]:
     return list(missing_by_role(scene).values())
 
 
+def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
+    """Is a viewer one of a scene's objects? A camera that was deleted stays chosen; the scene's own
+    may lie outside of it.
+    """
+    if viewer is None or viewer == scene.camera:
+        return viewer is not None
+    found = scene.objects.get(viewer.name)
+    # one of another file may have the same name: the name finds either
+    return found is not None and (found == viewer or bool(found.library or viewer.library))
+
+
 def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     """Parts that the rig lacks, by role, and a phrase on each."""
     found = parts(scene)
     ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
-    viewer = viewer_of(scene)
-    # a camera that was deleted stays chosen; the scene's own may lie outside of it
-    if viewer is not None and (viewer == scene.camera or scene.objects.get(viewer.name) == viewer):
+    # of several viewers the reading tells which one is not there
+    if len(ours.viewers) or _is_there(viewer_of(scene), scene):
         there.add("VIEWER")
 
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}

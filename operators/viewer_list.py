@@ -20,6 +20,7 @@ from . import needed, telling
 
 NO_LIST = Message("There is one viewer: add another")
 MOST = 1000  # heads of a grid
+BOX = (0.12, 0.06, 0.06)  # m
 
 
 class _OfList:
@@ -148,7 +149,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
         name="Box",
         description="From the first of them to the last: to the right, upwards, forward",
         size=3,
-        default=(0.12, 0.06, 0.06),
+        default=BOX,
         min=0.0,
         subtype="XYZ",
         unit="LENGTH",
@@ -171,6 +172,8 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
 
         check_viewer(viewer, pictures[0])
         metres = length_of_unit(scene)
+        if not self.properties.is_property_set("box"):
+            self.box = [length / metres for length in BOX]
         offsets = product(*distances(self.heads, metres * np.array(self.box)))
         others = [viewer_at(viewer, pictures[0], offset) for offset in offsets]
         return heads(camera, viewer, others, metres)

@@ -15,6 +15,7 @@ from ..viewer import Viewer
 from .own_words import data_name
 from .rigs import RIG_MARK, active_rig
 from .scene import object_matrix
+from .viewer import orthonormal_axes
 from .viewer_list import add, take_out
 
 EYE_MARK = "kiriko_eye"  # on cameras that were made here, and that others may take the place of
@@ -46,7 +47,7 @@ def two_eyes(viewer: bpy.types.Object) -> Iterator[Place]:
             shift = -side * slope * lens.lens / sensor
         elif stereo.convergence_mode == "TOE":
             turn = Matrix.Rotation(side * np.arctan(slope), 4, "Y")
-        place = _unscaled(viewer.matrix_world) @ Matrix.Translation((side * half, 0, 0)) @ turn
+        place = _unscaled(viewer) @ Matrix.Translation((side * half, 0, 0)) @ turn
         yield Place(name, place, lens.lens, lens.shift_x + shift)
 
 
@@ -87,10 +88,33 @@ def remove_made(scene: bpy.types.Scene) -> None:
         thing
         for thing in made
         if all(isinstance(user, bpy.types.Scene | bpy.types.Collection) for user in users[thing])
+        and not _is_used(thing)
     ]
     data = [thing.data for thing in going]
     bpy.data.batch_remove(going)
     bpy.data.batch_remove([lens for lens in dict.fromkeys(data) if lens.users == 0])
+
+
+def _is_used(thing: bpy.types.Object) -> bool:
+    """Does an artist use a camera that was made here: a copy of it, or as the camera of a scene, of
+    a marker, of a view or of another rig?
+    """
+    if thing[EYE_MARK] != thing.name or len(thing.users_scene) > 1:
+        return True
+    for scene in bpy.data.scenes:
+        settings = [scene.kiriko, *(one.settings for one in scene.kiriko_others)]
+        listed = [entry.camera for one in settings for entry in one.viewers]
+        viewers = [one.viewer for one in settings]
+        markers = [marker.camera for marker in scene.timeline_markers]
+        if thing in (scene.camera, *listed, *viewers, *markers):
+            return True
+    views = (
+        area.spaces.active
+        for screen in bpy.data.screens
+        for area in screen.areas
+        if area.type == "VIEW_3D"
+    )
+    return any(view.camera == thing for view in views)
 
 
 def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: Place) -> bpy.types.Object:
@@ -106,7 +130,7 @@ def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: Place) -> bpy
     thing.parent = viewer
     thing.matrix_parent_inverse = viewer.matrix_world.inverted()
     thing.matrix_basis = place.matrix
-    thing[EYE_MARK] = True
+    thing[EYE_MARK] = thing.name  # which a copy of it does not have
     _take_in(scene, viewer, thing)
     return thing
 
@@ -122,10 +146,11 @@ def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.
         block[RIG_MARK] = json.dumps([rig.kiriko.key, block.name])
 
 
-def _unscaled(matrix: Matrix) -> Matrix:
-    """The place without its scale, which a camera does not follow."""
-    place, turn, _ = matrix.decompose()
-    return Matrix.LocRotScale(place, turn, None)
+def _unscaled(viewer: bpy.types.Object) -> Matrix:
+    """The place in the world without scale and mirrors, which a camera does not follow."""
+    matrix = np.array(viewer.matrix_world, dtype=float)
+    axes = orthonormal_axes(matrix, viewer.name) * [[1.0], [1.0], [-1.0]]
+    return Matrix(object_matrix(axes.T, matrix[:3, 3], 1.0))
 
 
 def distances(counts: tuple[int, int, int], sizes: tuple[float, float, float]) -> list[Floats]:

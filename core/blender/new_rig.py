@@ -277,9 +277,7 @@ def _make_parts(
 def _make_viewer(
     scene: bpy.types.Scene, made: Workbench, proposal: Proposal, resolution: tuple[int, int] | None
 ) -> None:
-    """The viewer's camera. It becomes the scene's only where there
-    is none: an artist's own goes on being rendered.
-    """
+    """The viewer's camera, which is the scene's only where an artist has none."""
     metres = length_of_unit(scene)
     frame = _in_units(proposal.placement.viewer, metres)
     viewer = made.camera(
@@ -289,6 +287,7 @@ def _make_viewer(
     if resolution is not None:
         viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
 
+    scene.kiriko.viewers.clear()  # whoever is in it may not see the new rig
     scene.kiriko.viewer = viewer
     scene.camera = scene.camera or viewer
 

@@ -28,6 +28,8 @@ def changing(scene: bpy.types.Scene) -> Iterator[bpy.types.bpy_prop_collection]:
 def _settle(ours: bpy.types.PropertyGroup) -> None:
     """Have the first entry be the scene's viewer again, and no list be there for it alone."""
     if len(ours.viewers):
+        there = (n for n, one in enumerate(ours.viewers) if one.camera)
+        ours.viewers.move(next(there, 0), 0)  # an empty entry is no rig's viewer
         first = ours.viewers[0]
         ours.viewer, first.camera = first.camera, None
     if len(ours.viewers) == 1:
@@ -44,10 +46,13 @@ def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:
 
 
 def take_out(scene: bpy.types.Scene, cameras: Container[bpy.types.Object | None]) -> None:
-    """Take the entries of cameras out of the list, but for the first."""
+    """Take the entries of cameras out of the list, but for the first, which is on again: some of
+    them may have been in its place.
+    """
     if not len(scene.kiriko.viewers):
         return
     with changing(scene) as listed:
         for n in reversed(range(1, len(listed))):
             if listed[n].camera in cameras:
                 listed.remove(n)
+                listed[0].is_on = True

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 N_STRIPES = 16  # of display pixels, as in paint.c
 MOST_PIXELS = 1 << 31  # of a display whose taps are kept
-FREE = 1 << 30  # bytes that stay free: taps are kept to save time alone
+STAYS_FREE = 1 << 30  # bytes that stay free: taps are kept to save time alone
 
 
 class FlatStrokes:
@@ -98,7 +98,7 @@ def _keep_taps(strokes: FlatStrokes, structures: ctypes.Array, n_pixels: int) ->
     strokes.first[1:] = np.cumsum(n)
     n[:] = 0
     free = available()
-    if free is not None and TAP.itemsize * strokes.first[-1] > free - FREE:
+    if free is not None and TAP.itemsize * strokes.first[-1] > free - STAYS_FREE:
         return
     strokes.taps = np.empty(strokes.first[-1], TAP)
     find(strokes.taps.ctypes.data)

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -317,6 +318,7 @@ def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.Monke
     monkeypatch.setattr(part("operators.work"), "bpy", shown)
     monkeypatch.setattr(part("operators.long_work"), "bpy", shown)
     monkeypatch.setattr(part("operators.long_work"), "TURN", 0.0)
+    monkeypatch.setattr(part("operators.remedies"), "SECONDS", inf)  # as many steps at any pace
     return window
 
 

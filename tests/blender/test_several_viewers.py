@@ -597,3 +597,82 @@ def test_a_photograph_is_of_the_first_viewer(rig: dict, tmp_path: Path) -> None:
     add(camera(0.02))
     with pytest.raises(RuntimeError, match="choose 'Kiriko Viewer' in the list of viewers"):
         bpy.ops.kiriko.calibrate(filepath=str(path))
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -1, 1)])
+def test_eyes_of_a_mirrored_viewer_look_where_it_looks(
+    kiriko: ModuleType, rig: dict, scale: tuple[float, float, float]
+) -> None:
+    ours().viewer.scale = scale
+    bpy.context.view_layer.update()
+    expected = read(kiriko).viewers[0].axes
+    ours().viewer.data.stereo.convergence_mode = "PARALLEL"
+    bpy.ops.kiriko.two_eyes()
+    for eye in read(kiriko).viewers:
+        np.testing.assert_allclose(eye.axes, expected, atol=1e-6)
+
+
+def of_another_scene(left: bpy.types.Object) -> Callable[[], bool]:
+    bpy.ops.scene.new(type="LINK_COPY")
+    copy = bpy.context.scene
+    return lambda: all(one.camera for one in copy.kiriko.viewers if one.is_on)
+
+
+def of_a_marker(left: bpy.types.Object) -> Callable[[], bool]:
+    marker = bpy.context.scene.timeline_markers.new("eye", frame=3)
+    marker.camera = left
+    return lambda: marker.camera is not None
+
+
+def of_the_scene(left: bpy.types.Object) -> Callable[[], bool]:
+    bpy.context.scene.camera = left
+    return lambda: bpy.context.scene.camera is not None
+
+
+def a_copy(left: bpy.types.Object) -> Callable[[], bool]:
+    copy = left.copy()
+    copy.name = "My own"
+    bpy.context.scene.collection.objects.link(copy)
+    add(copy)
+    return lambda: "My own" in bpy.data.objects
+
+
+@pytest.mark.parametrize("use", [of_another_scene, of_a_marker, of_the_scene, a_copy])
+def test_eyes_that_are_used_elsewhere_stay(
+    kiriko: ModuleType, rig: dict, use: Callable[[bpy.types.Object], Callable[[], bool]]
+) -> None:
+    """Other eyes take their place in the list alone."""
+    bpy.ops.kiriko.two_eyes()
+    first = bpy.context.scene
+    is_there = use(bpy.data.objects[LEFT])
+    if bpy.context.scene != first:
+        bpy.context.window.scene = first
+    assert bpy.ops.kiriko.two_eyes() == {"FINISHED"}
+    assert is_there()
+    assert sum(one.is_on for one in first.kiriko.viewers) == 2
+
+
+def test_a_box_in_millimetres_is_as_large(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    scene.unit_settings.scale_length = 0.001
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
+    bpy.ops.kiriko.viewer_grid()
+    places = [viewer.position for viewer in read(kiriko).viewers]
+    assert np.linalg.norm(places[-1] - places[0]) == pytest.approx(0.12, rel=1e-4)
+
+
+def test_an_empty_entry_is_told_in_its_own_words(kiriko: ModuleType, rig: dict) -> None:
+    """And is never the rig's viewer."""
+    viewer = ours().viewer
+    bpy.context.view_layer.objects.active = rig["GLASS"]
+    bpy.ops.kiriko.add_viewer()
+    with pytest.raises(RuntimeError, match="list of viewers has an entry without a camera"):
+        bpy.ops.kiriko.solve()
+    bpy.ops.kiriko.move_viewer(step=-1)
+    assert ours().viewer == viewer
+
+
+def test_fitting_says_for_whom(kiriko: ModuleType, rig: dict, capfd: pytest.CaptureFixture) -> None:
+    add(camera(0.01))
+    ours().viewer_shown = 0
+    assert bpy.ops.kiriko.fit_plate() == {"FINISHED"}
+    assert "Only the light of 'Kiriko Viewer' was counted" in capfd.readouterr().out
