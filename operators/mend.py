@@ -7,6 +7,7 @@ from mathutils import Vector
 
 from ..core.arrays import Ints
 from ..core.blender.cuts import cut_polygons
+from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.faults import faults_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
@@ -250,7 +251,9 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         units = context.scene.unit_settings
-        unit = self.factor * length_of_unit(context.scene)
+        before = length_of_unit(context.scene)
+        unit = self.factor * before
+        keep_eyes_apart(context.scene, before, unit)
         if units.system == "NONE":
             units.system = "METRIC"
         units.scale_length = unit

@@ -30,6 +30,7 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
     ) -> None:
         """One line of the list; Blender's own arguments."""
         camera = camera_at(context.scene, index)
+        layout.use_property_split = False  # or half of each line stays empty
         row = layout.row(align=True)
         row.prop(item, "is_on", text="")
         name = row.row(align=True)
@@ -67,11 +68,11 @@ def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Buttons that make several viewers of one, and how their disagreement is settled."""
     ours = context.scene.kiriko
-    row = layout.row(align=True)
     if len(ours.viewers):
         layout.prop(ours, "disagreement")
     else:
-        row.operator("kiriko.add_viewer", icon="ADD")
+        layout.operator("kiriko.add_viewer", icon="ADD")
+    row = layout.row(align=True)
     row.operator("kiriko.two_eyes", icon="CAMERA_STEREO")
     row.operator("kiriko.viewer_grid", icon="LIGHTPROBE_VOLUME")
 

@@ -4,6 +4,7 @@ that they stand around, and belong to the active rig.
 
 import json
 from collections.abc import Iterator
+from math import isclose
 from typing import NamedTuple
 
 import bpy
@@ -18,6 +19,7 @@ from .scene import object_matrix
 from .viewer import orthonormal_axes
 from .viewer_list import add, take_out
 
+EYES = 0.065  # m, between people's two
 EYE_MARK = "kiriko_eye"  # on cameras that were made here, and that others may take the place of
 
 
@@ -49,6 +51,17 @@ def two_eyes(viewer: bpy.types.Object) -> Iterator[Place]:
             turn = Matrix.Rotation(side * np.arctan(slope), 4, "Y")
         place = _unscaled(viewer) @ Matrix.Translation((side * half, 0, 0)) @ turn
         yield Place(name, place, lens.lens, lens.shift_x + shift)
+
+
+def keep_eyes_apart(scene: bpy.types.Scene, before: float, after: float) -> None:
+    """Have the eyes of a rig's own viewer stay as far apart as people's are, where the length of
+    the scene's unit, m, becomes another one.
+    """
+    viewer = scene.kiriko.viewer
+    if viewer is not None and viewer.type == "CAMERA" and viewer.data.is_editable:
+        stereo = viewer.data.stereo
+        if isclose(stereo.interocular_distance * before, EYES, rel_tol=1e-5):
+            stereo.interocular_distance = EYES / after
 
 
 def heads(

@@ -17,6 +17,7 @@ from ..rig import ROLES, ConstantIndex, Glass, Rig
 from . import shaders
 from .bodies import bodiless
 from .elements import DEFAULT_IOR
+from .eyes import EYES
 from .image import encoded_image
 from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
@@ -33,7 +34,6 @@ from .visibility import Shown
 
 BALL = Message("Kiriko Ball")
 BALL_RADIUS = 0.025  # m
-EYES = 0.065  # m, between two
 
 
 @dataclass(frozen=True, eq=False)

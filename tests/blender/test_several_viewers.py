@@ -676,3 +676,15 @@ def test_fitting_says_for_whom(kiriko: ModuleType, rig: dict, capfd: pytest.Capt
     ours().viewer_shown = 0
     assert bpy.ops.kiriko.fit_plate() == {"FINISHED"}
     assert "Only the light of 'Kiriko Viewer' was counted" in capfd.readouterr().out
+
+
+def test_eyes_of_a_rescaled_scene_are_as_far_apart_as_before(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Those of people, who do not become smaller."""
+    bpy.ops.mesh.primitive_cube_add(size=2)
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
+    bpy.ops.kiriko.rescale_scene(factor=0.01)
+    bpy.ops.kiriko.two_eyes()
+    left, right = (viewer.position for viewer in read(kiriko).viewers)
+    assert np.linalg.norm(right - left) == pytest.approx(0.065, rel=1e-4)
