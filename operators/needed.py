@@ -110,11 +110,13 @@ def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
     """Is a viewer one of a scene's objects? A camera that was deleted stays chosen; the scene's own
     may lie outside of it.
     """
-    if viewer is None or viewer == scene.camera:
-        return viewer is not None
+    if viewer is None:
+        return False
     found = scene.objects.get(viewer.name)
+    if viewer in (scene.camera, found):
+        return True
     # one of another file may have the same name: the name finds either
-    return found is not None and (found == viewer or bool(found.library or viewer.library))
+    return found is not None and bool(found.library or viewer.library)
 
 
 def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:

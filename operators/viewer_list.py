@@ -1,17 +1,16 @@
 """The list of viewers: add, remove and move an entry; two eyes, and heads over a box."""
 
 from collections.abc import Iterator
-from itertools import product
 
 import bpy
 import numpy as np
 
-from ..core.atlas.heads import check_perspective, check_viewer, viewer_at
-from ..core.blender.eyes import Place, distances, heads, make_viewers, two_eyes
+from ..core.atlas.heads import check_perspective, check_viewer, evenly, viewer_at
+from ..core.blender.eyes import Place, heads, make_viewers, two_eyes
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.scene import read_seat
 from ..core.blender.units import length_of_unit
-from ..core.blender.viewer import Seat, camera_at
+from ..core.blender.viewer import Seat, camera_at, number_shown
 from ..core.blender.viewer_list import add, changing
 from ..core.errors import RigError
 from ..core.messages import Message
@@ -53,22 +52,26 @@ class KIRIKO_OT_add_viewer(_OfList, bpy.types.Operator):
         add(scene, [active if is_new else None])
 
 
-class KIRIKO_OT_remove_viewer(_OfList, bpy.types.Operator):
-    """Take the chosen viewer out of the list; its camera stays in the scene"""
-
-    bl_idname = "kiriko.remove_viewer"
-    bl_label = "Remove Viewer"
+class _OfSeveral(_OfList):
+    """Mix-in for an operator on the chosen entry of a list that is there."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, [] if len(context.scene.kiriko.viewers) else [NO_LIST])
 
+
+class KIRIKO_OT_remove_viewer(_OfSeveral, bpy.types.Operator):
+    """Take the chosen viewer out of the list; its camera stays in the scene"""
+
+    bl_idname = "kiriko.remove_viewer"
+    bl_label = "Remove Viewer"
+
     def change(self, context: bpy.types.Context) -> None:
         with changing(context.scene) as listed:
-            listed.remove(min(context.scene.kiriko.viewer_shown, len(listed) - 1))
+            listed.remove(number_shown(context.scene))
 
 
-class KIRIKO_OT_move_viewer(_OfList, bpy.types.Operator):
+class KIRIKO_OT_move_viewer(_OfSeveral, bpy.types.Operator):
     """Move the chosen viewer up or down in the list. The first one is the rig's viewer"""
 
     bl_idname = "kiriko.move_viewer"
@@ -78,18 +81,12 @@ class KIRIKO_OT_move_viewer(_OfList, bpy.types.Operator):
         name="Step", description="Entries downwards", default=1, options={"SKIP_SAVE"}
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, [] if len(context.scene.kiriko.viewers) else [NO_LIST])
-
     def change(self, context: bpy.types.Context) -> None:
-        ours = context.scene.kiriko
         with changing(context.scene) as listed:
-            last = len(listed) - 1
-            here = min(ours.viewer_shown, last)
-            there = min(max(here + self.step, 0), last)
+            here = number_shown(context.scene)
+            there = min(max(here + self.step, 0), len(listed) - 1)
             listed.move(here, there)
-            ours.viewer_shown = there
+            context.scene.kiriko.viewer_shown = there
 
 
 class _InPlace(_OfList):
@@ -98,11 +95,10 @@ class _InPlace(_OfList):
     def change(self, context: bpy.types.Context) -> None:
         camera = camera_at(context.scene, 0)
         context.view_layer.update()
-        depsgraph = context.evaluated_depsgraph_get()
-        viewer = read_seat(Seat(camera), depsgraph, context.scene)
+        viewer = read_seat(Seat(camera), context.evaluated_depsgraph_get(), context.scene)
         check_perspective(viewer)
 
-        places = list(self.places(context.scene, depsgraph, camera, viewer))
+        places = list(self.places(context, camera, viewer))
         made = make_viewers(context.scene, camera, places)
         context.view_layer.update()
         text = Message(
@@ -120,11 +116,7 @@ class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
     bl_label = "Two Eyes"
 
     def places(
-        self,
-        scene: bpy.types.Scene,
-        depsgraph: bpy.types.Depsgraph,
-        camera: bpy.types.Object,
-        viewer: Viewer,
+        self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
     ) -> Iterator[Place]:
         """Where the eyes are, and how they look."""
         return two_eyes(camera)
@@ -156,24 +148,21 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
     )
 
     def places(
-        self,
-        scene: bpy.types.Scene,
-        depsgraph: bpy.types.Depsgraph,
-        camera: bpy.types.Object,
-        viewer: Viewer,
+        self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
     ) -> Iterator[Place]:
         """Where the heads are, and how they look; RigError where one is at the picture."""
         n = int(np.prod(self.heads))
         if not 1 < n <= MOST:
             raise RigError("A grid of {n} heads: set 2 to {most} in all.", n=n, most=MOST)
-        pictures = read_places(depsgraph, scene, KeptPlaces()).pictures
+        depsgraph = context.evaluated_depsgraph_get()
+        pictures = read_places(depsgraph, context.scene, KeptPlaces()).pictures
         if not pictures:
             raise RigError("{reason}.", reason=needed.NEEDED["PICTURE"])
 
         check_viewer(viewer, pictures[0])
-        metres = length_of_unit(scene)
+        metres = length_of_unit(context.scene)
         if not self.properties.is_property_set("box"):
             self.box = [length / metres for length in BOX]
-        offsets = product(*distances(self.heads, metres * np.array(self.box)))
+        offsets = evenly(self.heads, metres * np.array(self.box))
         others = [viewer_at(viewer, pictures[0], offset) for offset in offsets]
         return heads(camera, viewer, others, metres)

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.blender.kept import Numbers
-from ..core.blender.viewer import camera_at
+from ..core.blender.viewer import camera_at, number_shown
 from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.words import percent
@@ -58,7 +58,7 @@ def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         side.operator("kiriko.move_viewer", text="", icon="TRIA_UP").step = -1
         side.operator("kiriko.move_viewer", text="", icon="TRIA_DOWN").step = 1
 
-        chosen = min(ours.viewer_shown, len(listed) - 1)
+        chosen = number_shown(context.scene)
         is_own = chosen == 0 and listed[0].camera is None
         layout.prop(*((ours, "viewer") if is_own else (listed[chosen], "camera")))
     else:

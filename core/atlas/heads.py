@@ -1,6 +1,8 @@
 """Places of a head: a box of them, a grid over the box, and the viewer at each."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -97,6 +99,17 @@ class HeadGrid:
 
         has_weight = weights > 0
         return numbers[has_weight].tolist(), weights[has_weight]
+
+
+def evenly(counts: Sequence[int], sizes: Sequence[float]) -> list[Offset]:
+    """So many heads along each axis, evenly spaced over a size, m, about the viewer's own place;
+    forward fastest. One alone is in the middle.
+    """
+    along = [
+        np.linspace(-size / 2, size / 2, n) if n > 1 else np.zeros(1)
+        for n, size in zip(counts, sizes, strict=True)
+    ]
+    return list(product(*along))
 
 
 def check_perspective(viewer: Viewer) -> None:

@@ -14,6 +14,7 @@ from mathutils import Matrix
 from ..arrays import Floats
 from ..viewer import Viewer
 from .own_words import data_name
+from .remove_rig import spaces
 from .rigs import RIG_MARK, active_rig
 from .scene import object_matrix
 from .viewer import orthonormal_axes
@@ -73,9 +74,8 @@ def heads(
     """
     lens = viewer.data
     for other in others:
-        axes = (other.axes * [[1.0], [1.0], [-1.0]]).T
         zoom = np.ptp(own.window[:2]) / np.ptp(other.window[:2])
-        place = Matrix(object_matrix(axes, other.position, metres))
+        place = _looking(other.axes, other.position / metres)
         yield Place(data_name("Kiriko Head"), place, lens.lens * zoom, lens.shift_x)
 
 
@@ -121,12 +121,7 @@ def _is_used(thing: bpy.types.Object) -> bool:
         markers = [marker.camera for marker in scene.timeline_markers]
         if thing in (scene.camera, *listed, *viewers, *markers):
             return True
-    views = (
-        area.spaces.active
-        for screen in bpy.data.screens
-        for area in screen.areas
-        if area.type == "VIEW_3D"
-    )
+    views = (view for screen in bpy.data.screens for view in spaces(screen.name))
     return any(view.camera == thing for view in views)
 
 
@@ -162,13 +157,10 @@ def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.
 def _unscaled(viewer: bpy.types.Object) -> Matrix:
     """The place in the world without scale and mirrors, which a camera does not follow."""
     matrix = np.array(viewer.matrix_world, dtype=float)
-    axes = orthonormal_axes(matrix, viewer.name) * [[1.0], [1.0], [-1.0]]
-    return Matrix(object_matrix(axes.T, matrix[:3, 3], 1.0))
+    return _looking(orthonormal_axes(matrix, viewer.name), matrix[:3, 3])
 
 
-def distances(counts: tuple[int, int, int], sizes: tuple[float, float, float]) -> list[Floats]:
-    """Offsets (n,) along each axis of so many heads, evenly spaced over a size; 0 for one."""
-    return [
-        np.linspace(-size / 2, size / 2, n) if n > 1 else np.zeros(1)
-        for n, size in zip(counts, sizes, strict=True)
-    ]
+def _looking(axes: Floats, position: Floats) -> Matrix:
+    """The world matrix of a camera with rows right, up, forward, at a place in Blender units."""
+    linear = (axes * [[1.0], [1.0], [-1.0]]).T
+    return Matrix(object_matrix(linear, position, 1.0))

@@ -66,13 +66,13 @@ def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.C
     active = active_rig(scene)
     make_active(scene, active)  # names it, where a file of before does not
     key, new = first.kiriko.key, token_hex(8)
-    own = [thing for thing in held_by(copy) if thing not in set(held_by(first))]
+    before = set(held_by(first))
+    own = [thing for thing in held_by(copy) if thing not in before]
     settings = settings_of(scene, first)
     cameras = [settings.viewer, *(one.camera for one in settings.viewers)]
-    own_before = set(held_by(first))
-    twins = [_twin(one, own) if one in own_before else one for one in cameras]
+    twins = [_twin(one, own) if one in before else one for one in cameras]
     around = [thing for thing in scene.objects if key in thing.kiriko.rigs.split()]
-    around = [thing for thing in around if thing not in {*held_by(first), *own}]
+    around = [thing for thing in around if thing not in {*before, *own}]
 
     copy.kiriko.key = new
     copy.kiriko.property_unset("views")  # nothing was changed for it

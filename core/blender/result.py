@@ -204,17 +204,18 @@ def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
     """
     if helps is None or not (helps.helps or helps.is_whole):
         return
-    result = scene.kiriko.result
-    details = Numbers.read(result.details).by_name
-    details["helps"] = [asdict(help) for help in helps.helps]
-    result.details = Numbers(details).text()
+    _add_numbers(scene, "helps", [asdict(help) for help in helps.helps])
 
 
 def write_viewers(scene: bpy.types.Scene, reports: list[dict[str, Any]]) -> None:
     """Keep what each of several viewers sees of a result; nothing where there is one."""
-    if not reports:
-        return
+    if reports:
+        _add_numbers(scene, "viewers", reports)
+
+
+def _add_numbers(scene: bpy.types.Scene, name: str, found: list[dict[str, Any]]) -> None:
+    """Keep beside the numbers of a result those that were found after it."""
     result = scene.kiriko.result
     details = Numbers.read(result.details).by_name
-    details["viewers"] = reports
+    details[name] = found
     result.details = Numbers(details).text()

@@ -137,15 +137,17 @@ def seats_of(scene: bpy.types.Scene) -> list[Seat]:
     return [Seat(camera_at(scene, n), one.weight) for n, one in enumerate(listed) if one.is_on]
 
 
+def number_shown(scene: bpy.types.Scene) -> int:
+    """The chosen entry of the list of viewers, which a script may have set beyond its end."""
+    return min(scene.kiriko.viewer_shown, max(len(scene.kiriko.viewers) - 1, 0))
+
+
 def viewer_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """The camera of the scene's viewer that is shown: the chosen one of the list, or the first
     that is on where it is off.
     """
-    listed, number = scene.kiriko.viewers, scene.kiriko.viewer_shown
-    if not len(listed):
-        return camera_at(scene, 0)
-    number = min(number, len(listed) - 1)
-    is_on = [n for n, one in enumerate(listed) if one.is_on]
+    number = number_shown(scene)
+    is_on = [n for n, one in enumerate(scene.kiriko.viewers) if one.is_on]
     return camera_at(scene, number if number in is_on else (is_on or [number])[0])
 
 

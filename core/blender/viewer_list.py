@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from .viewer import camera_at
+from .viewer import camera_at, number_shown
 
 
 @contextmanager
@@ -22,11 +22,12 @@ def changing(scene: bpy.types.Scene) -> Iterator[bpy.types.bpy_prop_collection]:
     try:
         yield ours.viewers
     finally:
-        _settle(ours)
+        _settle(scene)
 
 
-def _settle(ours: bpy.types.PropertyGroup) -> None:
+def _settle(scene: bpy.types.Scene) -> None:
     """Have the first entry be the scene's viewer again, and no list be there for it alone."""
+    ours = scene.kiriko
     if len(ours.viewers):
         there = (n for n, one in enumerate(ours.viewers) if one.camera)
         ours.viewers.move(next(there, 0), 0)  # an empty entry is no rig's viewer
@@ -34,7 +35,7 @@ def _settle(ours: bpy.types.PropertyGroup) -> None:
         ours.viewer, first.camera = first.camera, None
     if len(ours.viewers) == 1:
         ours.viewers.clear()
-    ours.viewer_shown = min(ours.viewer_shown, max(len(ours.viewers) - 1, 0))
+    ours.viewer_shown = number_shown(scene)
 
 
 def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:

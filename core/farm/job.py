@@ -72,7 +72,11 @@ class Job:
     @property
     def template(self) -> dict[str, Any]:
         """Its template."""
-        return template(self)
+        solve = step("Solve", self.version, _solve(self), space=_space(self))
+        join = step("Join", self.version, _join(self), after="Solve")
+        extensions = (CHUNKING,) if self.frames else ()
+        parameters = [*files(self.blend), *_frames(self)]
+        return whole(self.name, parameters, [solve, join], extensions)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -91,14 +95,6 @@ def refuse_braces(*texts: str) -> None:
                 "The name '{text}' has two braces, which a job reads as a parameter: rename it.",
                 text=text,
             )
-
-
-def template(job: Job) -> dict[str, Any]:
-    """The template of a job of solves."""
-    solve = step("Solve", job.version, _solve(job), space=_space(job))
-    join = step("Join", job.version, _join(job), after="Solve")
-    extensions = (CHUNKING,) if job.frames else ()
-    return whole(job.name, [*files(job.blend), *_frames(job)], [solve, join], extensions)
 
 
 def whole(

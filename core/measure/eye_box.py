@@ -22,9 +22,8 @@ from ..light.planning import planning
 from ..rig import Rig, Viewer
 from ..settings import Settings
 from ..steps import Pauses, at
-from ..vectors import dot
-from .places_seen import Look, grid_of, places_seen
-from .viewers import ARCMIN
+from .places_seen import Look, grid_on, places_seen
+from .viewers import arcmin_between
 
 LIMIT = 5.0  # arcmin
 LEAST = 0.98  # of the points
@@ -103,9 +102,7 @@ class Walk:
     """
 
     def __init__(self, plan: Plan, limit: float = LIMIT, least: float = LEAST) -> None:
-        place = plan.rig.picture_place
-        low, high = (bound(place.mesh.uv, (0, 1)) for bound in (np.min, np.max))
-        self.uv = low + grid_of(N_POINTS) * (high - low)
+        self.uv = grid_on(plan.rig.picture_place, N_POINTS)
         self.plan, self.limit, self.least = plan, limit, least
         self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
         self.n_seen = 0
@@ -172,7 +169,4 @@ def off_by(solved: Sequence[Look], plan: Plan, head: Viewer, uv: Floats) -> Paus
     solved : those whom the display shows the picture for
     """
     view = yield from places_seen([*solved, Look(plan.seen_by(head))], uv)
-    straight = view_of_picture(plan.rig.picture_place, head, uv)
-    one, other = (head.rays(xy)[1] for xy in (view[-1], straight))
-    across = np.linalg.norm(np.cross(one, other), axis=1)
-    return ARCMIN * np.arctan2(across, dot(one, other))
+    return arcmin_between(head, view[-1], view_of_picture(plan.rig.picture_place, head, uv))

@@ -27,6 +27,7 @@ from ..image.flat_picture import view_of_picture
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..map.points import trace_points
+from ..rig import PicturePlace
 from ..steps import Pauses
 from ..warp.settling import derivative, inverse_of
 
@@ -74,6 +75,12 @@ def grid_of(n: int) -> Floats:
     """
     along = (np.arange(n) + 0.5) / n
     return np.stack([grid.ravel() for grid in np.meshgrid(along, 1 - along)], axis=1)
+
+
+def grid_on(place: PicturePlace, n: int) -> Floats:
+    """The same of the part of a picture that lies on its plane, by the plane's UV map."""
+    low, high = (bound(place.mesh.uv, (0, 1)) for bound in (np.min, np.max))
+    return low + grid_of(n) * (high - low)
 
 
 def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:

@@ -16,7 +16,7 @@ looks at pairs of images, and found that nearly all asymmetries, vertical shifts
 comfort where they are large enough.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from ..settings import Settings
 from ..solve.solution import without_glass
 from ..steps import at
 from ..vectors import dot, normalise
-from .places_seen import Look, grid_of, places_seen
+from .places_seen import Look, grid_of, grid_on, places_seen
 from .viewers import ARCMIN, N_POINTS
 
 MOST_APART = np.cos(np.radians(45.0))  # between where two eyes look, or their sides point
@@ -94,7 +94,7 @@ class Sights:
         """Of the point that is seen farthest, m; None where none is seen."""
         return self._told(self.depth, np.min)
 
-    def _told(self, values: Floats, number: object) -> float | None:
+    def _told(self, values: Floats, number: Callable[[Floats], np.floating]) -> float | None:
         return float(number(values[self.is_seen])) if self.is_seen.any() else None
 
 
@@ -140,8 +140,7 @@ def two_eyes(
     yield 0.2
 
     plain = [Look(bare.seen_by(eye), eye.weight) for eye in rig.viewers]
-    low, high = (bound(rig.picture_place.mesh.uv, (0, 1)) for bound in (np.min, np.max))
-    uv = low + grid_of(n) * (high - low)
+    uv = grid_on(rig.picture_place, n)
     found = []
     for k, (before, counted) in enumerate(((plain, NEITHER), ([], LEFT), ([], RIGHT), ([], BOTH))):
         eyes = [

@@ -21,7 +21,10 @@ from ..light.landings import main_landings
 from ..light.trace import trace_all
 from ..solve.channel import Channel
 from ..solve.solution import Solution
+from ..vectors import dot
+from ..viewer import Viewer
 from .errors import psnr
+from .places_seen import grid_of
 
 N_POINTS = 7  # each way, of the picture
 MOST_ROUNDS = 20
@@ -89,11 +92,8 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
     length = np.linalg.norm(seen - straight, axis=1)
     is_seen = np.isfinite(length)
 
-    angle = np.full(len(length), np.nan)
-    if viewer.projection == "perspective":
-        one, other = (viewer.rays(xy[is_seen])[1] for xy in (seen, straight))
-        across = np.linalg.norm(np.cross(one, other), axis=1)
-        angle[is_seen] = ARCMIN * np.arcsin(np.minimum(across, 1.0))
+    is_eye = viewer.projection == "perspective"
+    angle = arcmin_between(viewer, seen, straight) if is_eye else np.full(len(length), np.nan)
 
     whole = (cover_in_view(solution.rig.picture_place, viewer) >= WHOLE) & (
         channel.view_coverage >= WHOLE
@@ -113,6 +113,13 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
         psnr=psnr(difference),
         unremovable=unremovable,
     )
+
+
+def arcmin_between(viewer: Viewer, one: Floats, other: Floats) -> Floats:
+    """The angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
+    along, beside = (viewer.rays(xy)[1] for xy in (one, other))
+    across = np.linalg.norm(np.cross(along, beside), axis=1)
+    return ARCMIN * np.arctan2(across, dot(along, beside))
 
 
 def _mean_and_largest(values: Floats) -> tuple[float | None, float | None]:
@@ -135,9 +142,7 @@ def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Float
     """
     channel = solution.channels[number]
     place, viewer = solution.rig.picture_place, channel.viewer
-    along = (np.arange(n) + 0.5) / n
-    u, v = (grid.ravel() for grid in np.meshgrid(along, 1 - along))
-    straight = view_of_picture(place, viewer, np.stack([u, v], axis=1))
+    straight = view_of_picture(place, viewer, grid_of(n))
     if solution.settled is None:
         return _on_display(channel, straight), straight
 

@@ -150,10 +150,10 @@ def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -
     rig = replace(rig, viewers=new or rig.viewers[:1])
     parts = estimated(rig, settings)
     display = rig.display
-    if n_known:
+    if new and n_known:
         # a viewer that was alone has not been asked; one alone is not counted above
         n_asked = (n_known == 1) + (len(new) == 1)
-        parts["display"] += BYTES.asked * _n_pixels(display) * (n_asked if new else 0)
+        parts["display"] += BYTES.asked * _n_pixels(display) * n_asked
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
 

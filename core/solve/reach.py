@@ -24,8 +24,8 @@ from .progress import PACE, times_slower
 UNTRACED = Message("tracing (the optics have not changed)")
 
 MOST_STARTS = 3  # the last of them with everything
-KNOWN = 0.15  # of a view map: until so much is done it may be of any glass, and little is told
-LITTLE = 0.09
+KNOWN = 0.15  # of a view map: before, nothing tells simple glass from hard glass
+LITTLE = 0.09  # of a solve: no more is told until then
 
 
 def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:

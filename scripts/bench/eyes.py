@@ -34,7 +34,7 @@ from dataclasses import replace
 import numpy as np
 
 from environments import run_in_newest_blender
-from kiriko.core.atlas.heads import viewer_at
+from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.eye_box import off_by
@@ -63,14 +63,12 @@ DEGREES = (0.0, 2.0, 5.0, 10.0)  # beside the viewer that is solved for
 
 def grid(a_rig: Rig, n: int, m: int, side: float = BOX) -> Rig:
     """The rig with n x m viewers, right and up, in a square around its own."""
-    right, up = (np.linspace(-side / 2, side / 2, k) if k > 1 else np.zeros(1) for k in (n, m))
     viewers = tuple(
         replace(
-            viewer_at(a_rig.viewer, a_rig.picture_place, (x, y, 0.0)),
-            name=f"{1e3 * x:+.0f} {1e3 * y:+.0f}",
+            viewer_at(a_rig.viewer, a_rig.picture_place, offset),
+            name=f"{1e3 * offset[0]:+.0f} {1e3 * offset[1]:+.0f}",
         )
-        for y in up
-        for x in right
+        for offset in evenly((n, m, 1), (side, side, side))
     )
     return replace(a_rig, viewers=viewers)
 

@@ -12,7 +12,7 @@ from kiriko.core import image_io
 from kiriko.core.errors import ImageError, RigError
 from kiriko.core.farm import extension, join
 from kiriko.core.farm.atlas_job import AtlasJob
-from kiriko.core.farm.job import Choice, Job, asset_references, parameter_values, template
+from kiriko.core.farm.job import Choice, Job, asset_references, parameter_values
 from kiriko.core.steps import finish
 
 FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)
@@ -28,7 +28,7 @@ def test_tasks_are_chunks_of_frames_and_all_is_relative() -> None:
     """Frames are one chunked parameter, the join waits for them, and every path is relative to the
     bundle; names with spaces and Japanese are parameters' values, which no shell reads.
     """
-    made = template(FRAMES)
+    made = FRAMES.template
     assert made["extensions"] == ["TASK_CHUNKING"]
     solve, joined = made["steps"]
     (frame,) = solve["parameterSpace"]["taskParameterDefinitions"]
@@ -49,10 +49,10 @@ def test_tasks_are_chunks_of_frames_and_all_is_relative() -> None:
 def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
     """Each value goes with its folder, all are combined, and the join looks into every folder."""
     job = Job("job", "a.blend", "0.1.0", rigs=RIGS, path="kiriko.tolerance", values=VALUES)
-    solve, joined = template(job)["steps"]
+    solve, joined = job.template["steps"]
     space = solve["parameterSpace"]
     assert space["combination"] == "(Rig,RigFolder)*(Value,ValueFolder)"
-    assert "extensions" not in template(job)
+    assert "extensions" not in job.template
     assert (
         words(solve)[-1] == "{{Param.OutDir}}/{{Task.Param.RigFolder}}/{{Task.Param.ValueFolder}}"
     )
