@@ -104,6 +104,17 @@ def test_more_may_be_off_so_it_goes_farther():
         assert 0 < getattr(narrow, name) < getattr(wide, name)
 
 
+def test_points_on_edges_of_the_ball_are_seen():
+    """The picture's middle row is shown along edges of its triangles, where curved faces jump."""
+    walk = Walk(make_plan(ball_rig(4, display=0.075, **SMALL), Settings()))
+    for x in (0.001, 0.003, 0.013):
+        off = finish(walk.off((-x, 0.0, 0.0)))
+        assert np.isfinite(off).all()
+        # each row is off as the one is that mirrors it
+        rows = off.reshape(N_POINTS, N_POINTS)
+        assert rows == pytest.approx(rows[::-1], rel=1e-4)
+
+
 def test_viewers_that_disagree_leave_no_box():
     """Solved for two far apart, the first is off by more than a little from the beginning."""
     a_rig = ball_rig(4, display=0.075, **SMALL)
