@@ -14,6 +14,7 @@ from ..core.atlas import making as atlases
 from ..core.atlas.atlas import Atlas
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
+from ..core.atlas.refine import check
 from ..core.blender.image import save_png
 from ..core.blender.paths import absolute
 from ..core.blender.units import length_of_unit
@@ -188,9 +189,9 @@ def options_of(box: HeadBox, tolerance: float, most: int, has_images: bool) -> t
 
 def run(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Make an atlas, a part of one, or a job for one; yields lines of progress."""
-    if arguments.job is not None:
-        return _write_job(arguments)
     making = making_of(bpy.context, arguments.out, arguments.images)
+    if arguments.job is not None:
+        return _write_job(arguments, making)
     if arguments.places is None and arguments.share is None:
         if arguments.check is None and not arguments.halve:
             return _make(arguments, making)
@@ -250,10 +251,10 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
     yield told(atlas, arguments.out)
 
 
-def _write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Write a job whose tasks make an atlas."""
+def _write_job(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
+    """Write a job whose tasks make an atlas, unless the first of them would refuse it."""
     box = _box(arguments)
-    box.check()
+    check(making.rig, making.viewer, box, arguments.tolerance, arguments.most)
     options = options_of(box, arguments.tolerance, arguments.most, arguments.images)
     names = export_job.write(
         arguments.out,
@@ -358,14 +359,14 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         overwrite = self.overwrite or context.scene.kiriko.export_overwrite
         remedy = Message("set Overwrite")
         with folder.made(target):
+            making = making_of(context, target, self.images)
             if self.job:
-                box.check()
+                check(making.rig, making.viewer, box, self.tolerance, self.most)
                 options = options_of(box, self.tolerance, self.most, self.images)
                 job = export_job.atlas_job(options, self.shares)
                 names = export_job.write(target, job, [], overwrite, remedy)
                 return export_job.told(names, target)
 
-            making = making_of(context, target, self.images)
             planning = atlases.planned(making, box, self.tolerance, self.most, overwrite, remedy)
             atlas = yield from within(planning, 0.0, PLANNED)
             atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)

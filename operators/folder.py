@@ -11,6 +11,8 @@ import bpy
 from ..core import disk
 from ..core.errors import ImageError
 
+LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
+
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
@@ -39,9 +41,13 @@ def names_for(things: Iterable[str]) -> list[str]:
     names: list[str] = []
     taken: set[str] = set()  # disks may not tell capitals from small letters
     for thing in things:
-        name = bpy.path.clean_name(thing)
+        whole = bpy.path.clean_name(thing)
+        # half a letter at the cut goes, too
+        name = short = whole.encode(errors="ignore")[:LONGEST].decode(errors="ignore")
+        number = 1
         while name.casefold() in taken:
-            name += "_"
+            number += 1
+            name = f"{short}_{number}"
         taken.add(name.casefold())
         names.append(name)
     return names

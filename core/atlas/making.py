@@ -24,8 +24,8 @@ from ..viewer import Viewer
 from . import head_map
 from .atlas import INDEX, Atlas, map_name, new, random_heads, read, write
 from .head_map import HeadMap
-from .heads import AXES, HeadBox, Offset, check_viewer
-from .refine import map_at, refine, solved_at
+from .heads import AXES, HeadBox, Offset
+from .refine import check, map_at, refine, solved_at
 
 SaveImage = Callable[[Path, NDArray[np.float32]], None]
 CHECKED = 8  # heads
@@ -75,14 +75,7 @@ def planned(
     ImageError : another atlas is there, and `overwrite` is not set; `remedy` ends the sentence
     """
     rig = making.rig
-    rig.check()
-    check_viewer(making.viewer, rig.picture_place)
-    if not tolerance > 0:
-        raise RigError(
-            "The tolerance of the atlas is {tolerance:g} px: set one above 0.", tolerance=tolerance
-        )
-
-    box.check()
+    check(rig, making.viewer, box, tolerance, most)
     before = read(making.folder)
     if before is not None and _is_for(before, making, box, tolerance):
         return before

@@ -14,7 +14,7 @@ from ..solve.session import Session
 from ..steps import within
 from ..viewer import Viewer
 from .head_map import HeadMap, Off, as_bytes, between, head_map, off
-from .heads import AXES, IN_WORDS, HeadBox, HeadGrid, Offset, viewer_at
+from .heads import AXES, IN_WORDS, HeadBox, HeadGrid, Offset, check_viewer, viewer_at
 
 MapAt = Callable[[Offset], Generator[float, None, HeadMap]]
 SOLVED = 0.5  # of a map's work, about; then it is looked up for each display pixel
@@ -61,6 +61,20 @@ class Refined:
     maps: dict[Offset, HeadMap]
 
 
+def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -> None:
+    """Raise RigError or MeshError where it is known before any light is traced that no atlas of a
+    viewer's head can be made.
+    """
+    rig.check()
+    check_viewer(viewer, rig.picture_place)
+    if not tolerance > 0:
+        raise RigError(
+            "The tolerance of the atlas is {tolerance:g} px: set one above 0.", tolerance=tolerance
+        )
+    for offset in _corners(box, most):
+        viewer_at(viewer, rig.picture_place, offset)
+
+
 def refine(
     at: MapAt, box: HeadBox, place: PicturePlace, tolerance: float, most: int
 ) -> Generator[float, None, Refined]:
@@ -74,15 +88,9 @@ def refine(
     ------
     RigError : more than `most` places are needed
     """
-    box.check()
+    _corners(box, most)
     line = _Line(at, box)
     grid = HeadGrid(box)
-    if len(grid) > most:
-        raise RigError(
-            "{n} places of the head are too few: the corners of its box are {corners}.",
-            n=most,
-            corners=len(grid),
-        )
     found = {}
     n_axes = len(box.axes)
 
@@ -114,6 +122,19 @@ def refine(
         n_bytes=float(np.median(line.n_bytes)),
         maps=line.maps,
     )
+
+
+def _corners(box: HeadBox, most: int) -> list[Offset]:
+    """Places of the coarsest grid; RigError where the box is none or they are more than `most`."""
+    box.check()
+    grid = HeadGrid(box)
+    if len(grid) > most:
+        raise RigError(
+            "{n} places of the head are too few: the corners of its box are {corners}.",
+            n=most,
+            corners=len(grid),
+        )
+    return grid.offsets()
 
 
 class _Line:

@@ -3,6 +3,7 @@ another file. Each is made a rig of its own, with settings of its own, and no re
 """
 
 import json
+import re
 from collections.abc import Iterable
 from secrets import token_hex
 
@@ -66,11 +67,10 @@ def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.C
     active = active_rig(scene)
     make_active(scene, active)  # names it, where a file of before does not
     key, new = first.kiriko.key, token_hex(8)
-    before = set(held_by(first))
+    held = list(held_by(first))
+    before = set(held)
     own = [thing for thing in held_by(copy) if thing not in before]
-    settings = settings_of(scene, first)
-    cameras = [settings.viewer, *(one.camera for one in settings.viewers)]
-    twins = [_twin(one, own) if one in before else one for one in cameras]
+    twins = _twins(held, own)
     around = [thing for thing in scene.objects if key in thing.kiriko.rigs.split()]
     around = [thing for thing in around if thing not in {*before, *own}]
 
@@ -87,22 +87,31 @@ def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.C
     kept.key = new
     copy_settings(settings_of(scene, first), kept.settings)
     clear_settings(kept.settings.result)
-    kept.settings.is_of_rig, kept.settings.viewer = True, twins[0]
-    for one, twin in zip(kept.settings.viewers, twins[1:], strict=True):
-        one.camera = twin
+    ours = kept.settings
+    ours.is_of_rig, ours.viewer = True, twins.get(ours.viewer, ours.viewer)
+    for one in ours.viewers:
+        one.camera = twins.get(one.camera, one.camera)
 
 
-def _twin(viewer: bpy.types.Object, things: list[bpy.types.Object]) -> bpy.types.Object | None:
-    """The copy of a viewer among copies of a rig's things."""
-    cameras = [thing for thing in things if thing.type == "CAMERA"]
-    marked = [thing for thing in cameras if mark_of(thing) == mark_of(viewer)]
-    # an artist's own cameras have no mark, but the copy's name
-    called = [thing for thing in marked if _stem(thing) == _stem(viewer)]
-    return (called or marked or cameras or [viewer])[0]
+def _twins(things: list[bpy.types.Object], copies: list[bpy.types.Object]) -> dict:
+    """The copy of each camera of a rig among copies of its things, by the camera.
+
+    The mark of Add Rig tells it, which copies keep; an artist's own cameras have none, but a name
+    of which Blender changes the number alone. Several that are alike were copied in their order.
+    """
+    twins: dict[bpy.types.Object, bpy.types.Object] = {}
+    free = [thing for thing in copies if thing.type == "CAMERA"]
+    for told_by in ((mark_of, _stem), (mark_of,), ()):
+        for camera in (thing for thing in things if thing.type == "CAMERA"):
+            same = [one for one in free if all(by(one) == by(camera) for by in told_by)]
+            if same and camera not in twins:
+                twins[camera] = same[0]
+                free.remove(same[0])
+    return twins
 
 
 def _stem(thing: bpy.types.Object) -> str:
-    return thing.name.rpartition(".")[0] or thing.name
+    return re.sub(r"\.\d+$", "", thing.name)
 
 
 def _data_of(things: list[bpy.types.Object]) -> list[bpy.types.ID]:

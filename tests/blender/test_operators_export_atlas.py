@@ -198,6 +198,9 @@ def test_mistakes_are_one_sentence(
         (("--halve",), 1, "has no index.json: plan the atlas first"),
         (("--job", 2), 1, "The head does not move"),
         (("--job", 0), 2, "--job"),
+        (("--forward", 0, 1e6, "--job", 2), 1, "or behind it"),
+        (("--right", 0, 20, "--tolerance", 0, "--job", 2), 1, "set one above 0"),
+        (("--right", 0, 20, "--most", 1, "--job", 2), 1, "the corners of its box are 2."),
         (("--right", 0, 20, "--job", 2000), 1, "2000 tasks cannot share the places"),
     ):
         assert run(*out, *given) == code, given
@@ -208,3 +211,33 @@ def test_mistakes_are_one_sentence(
 
     with pytest.raises(RuntimeError, match="has no folder"):
         bpy.ops.kiriko.export_atlas(**BOX)
+
+
+@pytest.mark.parametrize("name", ["orthographic", "own pixels", "two pictures"])
+def test_a_job_is_refused_as_its_first_task_would_be(
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    run: Callable[..., int],
+    capsys: pytest.CaptureFixture,
+    name: str,
+) -> None:
+    """In the same sentence, by the command and by the button, and nothing is written."""
+    parts = small_rig()
+    ours = scene.kiriko
+    if name == "orthographic":
+        ours.viewer.data.type = "ORTHO"
+    elif name == "own pixels":
+        ours.picture_source, ours.picture_image = "IMAGE", bpy.data.images.new("own", 64, 64)
+    else:
+        scene.collection.objects.link(parts["PICTURE"].copy())
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = "atlas", "--out", tmp_path / "out", "--right", -20, 20
+    told = []
+    for way in (("--plan",), ("--job", 2)):
+        assert run(*out, *way) == 1
+        told.append(capsys.readouterr().err)
+    assert told[0] == told[1]
+    sentence = re.escape(told[0].partition(": ")[2].strip())
+    with pytest.raises(RuntimeError, match=sentence):
+        bpy.ops.kiriko.export_atlas(directory=str(tmp_path / "out"), job=True, **BOX)
+    assert not (tmp_path / "out").exists()
