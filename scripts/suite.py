@@ -51,11 +51,26 @@ BOTH_WAYS = tuple(
         "source_image",
     )
 )
+# Tests in Blender over many cases: the oldest and the newest
+# Blender run them, those between do not.
+AT_BOTH_ENDS = tuple(
+    f"test_{name}.py"
+    for name in (
+        "against_cycles",
+        "brought_glass",
+        "faults",
+        "operators_calibrate",
+        "operators_export_atlas",
+        "shapes",
+        "stale",
+    )
+)
 SLOWEST_OF_ALL = 8  # tests named at the end
 # Processes into which the tests in Blender are dealt. Where one process runs them all, Blender
 # 4.2.23 ends with a signal now and then: it frees copies of node trees that it evaluated, after
 # another scene was shown. Runs of few files never did.
 PARTS = 4
+WITHOUT_KERNEL = 1  # the part that the oldest Blender runs with numpy alone
 
 
 @dataclass(frozen=True)
@@ -100,6 +115,7 @@ def steps(tools: str, newest: str) -> list[Step]:
     pytest = ("-m", "pytest", "-q", "--color=no", *told)
     older = (*pytest, "-m", "not newest_only")
     blenders = {name: name.removeprefix("bpy-") for name in BLENDERS}
+    ends = next(iter(blenders)), list(blenders)[-1]
     by_name = {name: pytest if name == newest else older for name in BLENDERS}
     return [
         Step("lint", tools, ("-m", "ruff", "check", "--output-format=concise", ".")),
@@ -112,8 +128,8 @@ def steps(tools: str, newest: str) -> list[Step]:
             Step(
                 f"blender-{short}-{part + 1}",
                 name,
-                (*by_name[name], *dealt(part)),
-                without_kernel=short.startswith("4.2"),
+                (*by_name[name], *dealt(part, () if name in ends else AT_BOTH_ENDS)),
+                without_kernel=name == ends[1] and part == WITHOUT_KERNEL,
             )
             for name, short in blenders.items()
             for part in range(PARTS)
@@ -132,9 +148,10 @@ def steps(tools: str, newest: str) -> list[Step]:
     ]
 
 
-def dealt(part: int) -> tuple[str, ...]:
-    """The files of one part of the tests in Blender."""
+def dealt(part: int, without: Sequence[str] = ()) -> tuple[str, ...]:
+    """The files of one part of the tests in Blender, without those of some names."""
     files = sorted((ROOT / "tests" / "blender").glob("test_*.py"))
+    files = [file for file in files if file.name not in without]
     return tuple(file.relative_to(ROOT).as_posix() for file in files[part::PARTS])
 
 

@@ -11,11 +11,10 @@ glass are traced anew each.
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Ints
 from ..glass.motion import Motion
 from ..rig import Rig
 from ..steps import at, within
@@ -111,26 +110,36 @@ class _Field:
     log_blur: Floats
     half: Floats
 
-    def scores(self, places: Floats, moves: Floats) -> Floats:
-        """Shares (m,) of the picture that arrive, less its blur.
+    def scores(self, points: Floats, ways: list[Floats], limits: Floats) -> Floats:
+        """Shares (a, b, t) of a picture with points (k, 2) that arrive, less its blur.
 
-        places : (m, k, 2) m from the middle; moves : (m,) of the limits
+        ways : shifts, m, along its sides (a,) and (b,), and turns, rad, (t,)
+        limits : (3,) of these
         """
-        good, blur = self._at(places)
-        cost = PLACE_SEARCH.blur_weight * (good * blur).sum(axis=1)
-        cost /= np.maximum(good.sum(axis=1), 1)
-        return good.mean(axis=1) - cost - PLACE_SEARCH.motion_weight * moves
+        moves = np.linalg.norm(
+            np.stack(np.meshgrid(*ways, indexing="ij"), axis=-1) / limits, axis=-1
+        )
+        scores = -PLACE_SEARCH.motion_weight * moves
+        blur = self.is_good * self.log_blur
+        for n, turn in enumerate(ways[2]):
+            rotated = _rotated(points, turn)
+            along = (self._nearest(rotated[:, k] + ways[k][:, None], k) for k in range(2))
+            column, row = next(along)[:, None], next(along)[None]
+            at = row * len(self.is_good) + column
+            share = self.is_good.take(at).mean(axis=-1)
+            cost = blur.take(at).sum(axis=-1) / np.maximum(share * len(points), 1)
+            scores[..., n] += share - PLACE_SEARCH.blur_weight * cost
+        return scores
 
-    def _at(self, places: Floats) -> tuple[Floats, Floats]:
-        """What is known of the nearest rays to places (..., 2), m: is_good and log_blur (...)."""
+    def _nearest(self, places: Floats, axis: int) -> Ints:
+        """Columns (axis 0) or rows (1) of the rays nearest to places, m, along it."""
         n = len(self.is_good)
-        at = np.rint((places / self.half + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
-        return self.is_good[at[..., 1], at[..., 0]], self.log_blur[at[..., 1], at[..., 0]]
+        return np.rint((places / self.half[axis] + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
 
     def blur(self, places: Floats) -> float:
-        """The mean blur of a picture whose points are at places (k, 2)."""
-        good, blur = self._at(places)
-        values = blur[good > 0]
+        """The mean blur of a picture whose points are at places (k, 2), m."""
+        at = self._nearest(places[:, 1], 1), self._nearest(places[:, 0], 0)
+        values = self.log_blur[at][self.is_good[at] > 0]
         return float(2.0 ** values.mean()) if len(values) else PLACE_SEARCH.most_blur
 
 
@@ -206,7 +215,7 @@ def _candidates(
         field = yield from within(_field(rig, plan_of, plane, shift), *done)
         for turn in sorted({0.0, limits.turn}):
             place = _best(field, points, replace(limits, shift=shift, turn=turn))
-            found.append((place, field.blur(_placed_points(points, place[None])[0])))
+            found.append((place, field.blur(_rotated(points, place[2]) + place[:2])))
 
     found = [one for one in found if one[0].any()]
     found.sort(key=lambda one: (one[0][2] != 0, np.linalg.norm(one[0][:2])))
@@ -245,34 +254,28 @@ def _log_blur(light: Light, n: int, step: float) -> Floats:
     return np.nan_to_num(blur, nan=0.0, posinf=worst).clip(-worst, worst)
 
 
-def _placed_points(points: Floats, candidates: Floats) -> Floats:
-    """Points (m, k, 2) of a picture in places (m, 3): shifts, m, and turn, rad."""
-    sine, cosine = np.sin(candidates[:, 2:]), np.cos(candidates[:, 2:])
-    x, y = points.T
-    rotated = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
-    return rotated + candidates[:, None, :2]
+def _rotated(points: Floats, turn: float) -> Floats:
+    """Points (k, 2) of a picture that is turned by rad."""
+    sine, cosine = np.sin(turn), np.cos(turn)
+    return points @ np.array([[cosine, sine], [-sine, cosine]])
 
 
 def _best(field: _Field, points: Floats, limits: Limits) -> Floats:
     """The best shifts, m, and turn, rad, (3,) of a picture with points (k, 2)."""
     reach = np.array([limits.shift, limits.shift, limits.turn])
-    scale = np.where(reach > 0, reach, 1.0)
     counts = PLACE_SEARCH.n_first
-    ways = [np.linspace(-r, r, n) for r, n in zip(reach, counts, strict=True)]
-    candidates = np.array(list(product(*ways)))
+    ways = [np.linspace(-r, r, n) if r else np.zeros(1) for r, n in zip(reach, counts, strict=True)]
     step = 2 * reach / (np.array(counts) - 1)
 
-    best = np.zeros(3)
     for _ in range(1 + PLACE_SEARCH.n_rounds):
-        candidates = np.concatenate([best[None], candidates.clip(-reach, reach)])
-        moves = np.linalg.norm(candidates / scale, axis=1)
-        parts = np.array_split(np.arange(len(candidates)), 1 + len(candidates) // 100)
-        scores = np.concatenate(
-            [field.scores(_placed_points(points, candidates[some]), moves[some]) for some in parts]
-        )
-        best = candidates[scores.argmax()]
+        scores = field.scores(points, ways, np.where(reach > 0, reach, 1.0))
+        at = np.unravel_index(scores.argmax(), scores.shape)
+        best = np.array([way[n] for way, n in zip(ways, at, strict=True)])
         step = step / 2
-        candidates = best + step * np.array(list(product((-1, 0, 1), repeat=3)))
+        ways = [
+            np.unique((b + s * np.arange(-1, 2)).clip(-r, r))
+            for b, s, r in zip(best, step, reach, strict=True)
+        ]
     return best
 
 
