@@ -109,6 +109,42 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
+@pytest.mark.newest_only(
+    reason="drivers and scripts are followed by what other tests of Live follow"
+)
+def test_a_head_is_followed_along_a_path(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A viewer that a driver and a script move, as a head tracker's add-on does: each of 100
+    positions has an image of its own, and the last of each ten is that of a plain solve.
+    """
+    remedies = importlib.import_module(f"{EXTENSION}.operators.remedies")
+    monkeypatch.setattr(remedies, "SECONDS", 0.0)
+    follow(live, viewer_resolution=32, display_resolution=(32, 32), picture_size=0.015)
+    scene = bpy.context.scene
+    camera = scene.camera
+    start = camera.matrix_world.translation.copy()
+    scene["head"] = 0.0
+    driver = camera.driver_add("delta_location", 0).driver
+    variable = driver.variables.new()
+    variable.targets[0].id_type, variable.targets[0].id = "SCENE", scene
+    variable.targets[0].data_path = '["head"]'
+    driver.expression = f"{variable.name} * 1"
+
+    before = shown()
+    for n in range(1, 101):
+        along = 2 * np.pi * n / 100
+        scene["head"] = 0.02 * np.sin(3 * along)
+        scene.update_tag()
+        camera.delta_location.z = 0.01 * np.sin(2 * along + 1)
+        bpy.context.view_layer.update()
+        assert camera.matrix_world.translation.x - start.x == pytest.approx(scene["head"], abs=1e-6)
+        settle(live)
+        after = shown()
+        assert not np.array_equal(after, before), n
+        if n % 10 == 0:
+            assert is_rounding(after - plain(live)), n
+        before = after
+
+
 def test_remedies_follow_the_final_image(live: ModuleType) -> None:
     """As after Solve, where light is lost: a plate of 3 cm is too small."""
     rig = follow(live)
