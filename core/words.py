@@ -26,6 +26,11 @@ def pixels(error: float) -> Message:
     return Message("about {number} px", number=number(error))
 
 
+def arcmin(angle: float) -> Message:
+    """An angle in minutes of arc as people read it."""
+    return Message("{angle} arcmin", angle=number(angle))
+
+
 def shares_in_words(misses: dict[str, float]) -> list[Message]:
     """Shares with their reasons, the largest first."""
     by_size = sorted(misses.items(), key=lambda miss: -miss[1])

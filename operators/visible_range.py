@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ..core.bench.visible_range import SURVEY, visible_range
-from ..core.blender.objects import grid_object, grid_of
+from ..core.blender.objects import made_surface, shown_quads, surface_object
 from ..core.blender.scene import length_of_unit
 from ..core.errors import RigError
 from ..core.messages import Message
@@ -16,25 +16,36 @@ from . import long_work, needed, work
 NAME = "Kiriko Visible Range"
 
 
-class KIRIKO_OT_remove_visible_range(bpy.types.Operator):
-    """Remove the surface of the visible range"""
+class Remove:
+    """Mix-in for an operator that removes a surface.
 
-    bl_idname = "kiriko.remove_visible_range"
-    bl_label = "Remove Visible Range"
+    surface : its name, as `made_surface` knows it
+    lacking : the reason why nothing can be removed, where there is none
+    """
+
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_there = grid_of(context.scene, NAME) is not None
-        return needed.can_run(cls, [] if is_there else [Message("There is no visible range")])
+        is_there = made_surface(context.scene, cls.surface) is not None
+        return needed.can_run(cls, [] if is_there else [cls.lacking])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        thing = grid_of(context.scene, NAME)
+        thing = made_surface(context.scene, self.surface)
         mesh = thing.data
         bpy.data.objects.remove(thing)
         if mesh is not None and mesh.users == 0:
             bpy.data.meshes.remove(mesh)
         return {"FINISHED"}
+
+
+class KIRIKO_OT_remove_visible_range(Remove, bpy.types.Operator):
+    """Remove the surface of the visible range"""
+
+    bl_idname = "kiriko.remove_visible_range"
+    bl_label = "Remove Visible Range"
+    surface = NAME
+    lacking = Message("There is no visible range")
 
 
 class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
@@ -74,8 +85,9 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
                 plate=Message(" or the plate") if rig.plates else "",
             )
 
-        positions = found.positions / length_of_unit(scene)
-        thing = grid_object(scene, NAME, positions, is_seen, found.brightness)
+        positions = found.positions.reshape(-1, 3) / length_of_unit(scene)
+        brightness = {"brightness": found.brightness.ravel()}
+        thing = surface_object(scene, NAME, positions, shown_quads(is_seen), brightness)
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(

@@ -31,6 +31,8 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")
         layout.operator("kiriko.remove_visible_range", icon="X")
+        layout.operator("kiriko.eye_box", icon="MOD_LATTICE")
+        layout.operator("kiriko.remove_eye_box", icon="X")
         layout.separator()
         layout.operator("kiriko.make_glass", icon="MATSPHERE")
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")

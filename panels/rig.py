@@ -5,9 +5,13 @@ import bpy
 from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
 from ..core.messages import Message, quoted
+from ..core.numbers import number
 from ..operators import needed
+from ..operators.eye_box import NAME as EYE_BOX
+from ..operators.eye_box import box_of, ways_in_words
 from ..operators.parts import name_part
 from .object import draw_resolution, draw_tone, labelled
+from .range_view import looked_up
 from .viewers import draw_more, draw_viewers
 from .words import OfRig, sentence
 
@@ -36,6 +40,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("kiriko.visible_range", icon="HIDE_OFF")
         row.operator("kiriko.remove_visible_range", text="", icon="X")
+        draw_eye_box(layout, context)
         layout.operator("kiriko.remove_rig", icon="TRASH")
 
     def _draw_viewer(self, column: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -83,6 +88,26 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
                 continue  # the plane is not used, and the image stands above
             for thing, by in found.get(role, {}).items():
                 draw_part(column, context, name, thing, icon, by)
+
+
+def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The button, and below it how far the head may go, as last found."""
+    row = layout.row(align=True)
+    row.operator("kiriko.eye_box", icon="MOD_LATTICE")
+    row.operator("kiriko.remove_eye_box", text="", icon="X")
+    box = box_of(looked_up(context.scene, EYE_BOX))
+    if box is None:
+        return
+
+    column = layout.column(align=True)
+    text = Message(
+        "Within {limit} arcmin the head of '{viewer}' may go:",
+        limit=number(box["limit"]),
+        viewer=box["viewer"],
+    )
+    sentence(column, context, text, icon="INFO")
+    for way in ways_in_words(context.scene, box):
+        sentence(column, context, way, icon="BLANK1")
 
 
 def draw_part(

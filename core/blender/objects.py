@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..arrays import Bools, Floats
+from ..arrays import Bools, Floats, Ints
 from .own_words import data_name
 from .rig_names import name_for
 from .rigs import active_rig, elsewhere
@@ -95,55 +95,62 @@ def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
     return mesh
 
 
-def grid_of(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """The object that `grid_object` made for the active rig, if there is one."""
+def made_surface(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
+    """The object that `surface_object` made for the active rig, if there is one."""
     is_elsewhere = elsewhere(scene)
     things = (thing for thing in scene.objects if thing.get(OBJECT_MARK) == name)
     return next((thing for thing in things if not is_elsewhere(thing)), None)
 
 
-def brightness_of(mesh: bpy.types.Mesh) -> Floats:
-    """Values (n,) that `grid_object` kept at the points."""
+def values_of(mesh: bpy.types.Mesh, quantity: str) -> Floats:
+    """Values (n,) that `surface_object` kept at the points."""
     found = np.zeros(len(mesh.vertices), np.float32)
-    kept = mesh.attributes.get("brightness")
+    kept = mesh.attributes.get(quantity)
     if kept is not None and len(kept.data) == len(found):
         kept.data.foreach_get("value", found)
     return found
 
 
-def grid_object(
-    scene: bpy.types.Scene, name: str, positions: Floats, is_shown: Bools, values: Floats
-) -> bpy.types.Object:
-    """An object, seen in the viewport only, of a grid's squares whose
-    corners are all shown; it replaces one before.
+def shown_quads(is_shown: Bools) -> Ints:
+    """The squares (k, 4) of a grid whose corners are all shown, as numbers of its points.
 
-    Parameters
-    ----------
-    name : which tells it from others; its own has the number of its rig
-    positions : (m, n, 3) world, Blender units
     is_shown : (m, n)
-    values : (m, n) kept as the point attribute `brightness`, and
-        as grey in `Brightness`, brightest white
     """
     index = np.arange(is_shown.size).reshape(is_shown.shape)
     quads = np.stack(
         [index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1
     ).reshape(-1, 4)
-    quads = quads[is_shown.ravel()[quads].all(axis=1)]
-    # the points that quads have, about their middle
-    used, corners = np.unique(quads, return_inverse=True)
-    points = positions.reshape(-1, 3)[used]
+    return quads[is_shown.ravel()[quads].all(axis=1)]
+
+
+def surface_object(
+    scene: bpy.types.Scene, name: str, positions: Floats, faces: Ints, values: dict[str, Floats]
+) -> bpy.types.Object:
+    """An object, seen in the viewport only, of faces in the world; it replaces one before.
+
+    Parameters
+    ----------
+    name : which tells it from others; its own has the number of its rig
+    positions : (n, 3) world, Blender units; those that no face has are left out
+    faces : (m, 3) or (m, 4)
+    values : (n,) by the name of the quantity, one, kept as the point attribute of that name, and as
+        grey in one with a capital, brightest white
+    """
+    # the points that faces have, about their middle
+    used, corners = np.unique(faces, return_inverse=True)
+    points = positions[used]
     centre = points.mean(axis=0)
-    shown = values.ravel()[used].astype(np.float32)
+    ((quantity, told),) = values.items()
+    shown = told[used].astype(np.float32)
     grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
     grey[:, 3] = 1.0
     own_name = name_for(scene, name)
     mesh = bpy.data.meshes.new(own_name)
 
     try:
-        mesh.from_pydata((points - centre).tolist(), [], corners.reshape(-1, 4).tolist())
-        mesh.attributes.new("brightness", "FLOAT", "POINT").data.foreach_set("value", shown)
-        colours = mesh.color_attributes.new("Brightness", "FLOAT_COLOR", "POINT")
+        mesh.from_pydata((points - centre).tolist(), [], corners.reshape(faces.shape).tolist())
+        mesh.attributes.new(quantity, "FLOAT", "POINT").data.foreach_set("value", shown)
+        colours = mesh.color_attributes.new(quantity.capitalize(), "FLOAT_COLOR", "POINT")
         colours.data.foreach_set("color", grey.ravel())
         mesh.color_attributes.active_color = colours
         mesh.update()
@@ -152,7 +159,7 @@ def grid_object(
         raise
 
     # the object of before gets the new mesh
-    thing = grid_of(scene, name)
+    thing = made_surface(scene, name)
     if thing is None:
         thing = bpy.data.objects.new(own_name, mesh)
         thing[OBJECT_MARK] = name

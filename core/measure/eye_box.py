@@ -58,6 +58,11 @@ class EyeBox:
     least: float
     is_open: tuple[bool, ...]
 
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """How far it may go each way, m, in the order of `WAYS`."""
+        return self.left, self.right, self.up, self.down, self.nearer, self.farther
+
 
 def eye_box(
     rig: Rig,
@@ -76,32 +81,26 @@ def eye_box(
     """
     rig.check()
     settings.check()
-    viewer = rig.viewers[0]
-    check_viewer(viewer, rig.picture_place)
-    middle = plane_of(rig).middle
     plan = yield from at(0.0, planning(rig, settings, kept))
-    walk = Walk(plan, limit, least)
-    yield from at(0.05, walk.begin())
-
-    distance = float(np.linalg.norm(middle - viewer.position))
-    found = []
-    for k, (axis, sign, most) in enumerate(WAYS):
-        told = 0.1 + 0.15 * k
-        way = np.zeros(3)
-        way[axis] = sign
-        found.append((yield from at(told, walk.farthest(way, distance, most * distance))))
-    yield 1.0
-    ends, are_open = zip(*found, strict=True)
-    return EyeBox(*ends, limit=limit, least=least, is_open=are_open)
+    return (yield from Walk(plan, limit, least).box())
 
 
 class Walk:
     """Ways of a head before a solved display.
 
     plan : of the rig whose viewers it is solved for, the first of whom moves
+    distance : of the picture's middle from that one, m
+    n_seen : points that are seen from its own place, once they are counted
+
+    Raises
+    ------
+    RigError : it has no head, or the picture is no flat rectangle; one sentence
     """
 
     def __init__(self, plan: Plan, limit: float = LIMIT, least: float = LEAST) -> None:
+        check_viewer(plan.viewer, plan.rig.picture_place)
+        middle = plane_of(plan.rig).middle
+        self.distance = float(np.linalg.norm(middle - plan.viewer.position))
         self.uv = grid_on(plan.rig.picture_place, N_POINTS)
         self.plan, self.limit, self.least = plan, limit, least
         self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
@@ -111,6 +110,20 @@ class Walk:
         """Count the points that are seen from the viewer's own place."""
         off = yield from self.off((0.0, 0.0, 0.0))
         self.n_seen = int(np.isfinite(off).sum())
+
+    def box(self) -> Generator[float, None, EyeBox]:
+        """Find how far the head may go each way; yields progress 0..1."""
+        yield from at(0.05, self.begin())
+        found = []
+        for k, (axis, sign, most) in enumerate(WAYS):
+            told = 0.1 + 0.15 * k
+            way = np.zeros(3)
+            way[axis] = sign
+            steps = self.farthest(way, self.distance, most * self.distance)
+            found.append((yield from at(told, steps)))
+        yield 1.0
+        ends, are_open = zip(*found, strict=True)
+        return EyeBox(*ends, limit=self.limit, least=self.least, is_open=are_open)
 
     def off(self, offset: Offset) -> Pauses[Floats]:
         """By how much points (n,) are off, arcmin, as seen from a place of the head; NaN where not

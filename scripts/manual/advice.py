@@ -613,6 +613,18 @@ FITTING = Section(
             "Share is among the button's own settings, at the lower left of the view.",
             "割合は、ビューの左下に出るボタンの設定で変えられます。",
         ),
+        Advice(
+            "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
+            " enlarge the display.",
+            "Visible Range shows from where the picture is seen.",
+            "「可視範囲」で、絵がどこから見えるか分かります。",
+        ),
+        Advice(
+            "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
+            " arcmin, as others ask for it elsewhere: raise Limit, or its weight.",
+            "Result > Viewers tells by how much each of several viewers sees it displaced.",
+            "「結果」の「視点」に、視点ごとのずれが表示されます。",
+        ),
     ),
 )
 

@@ -45,6 +45,8 @@ PLACES = {
         "kiriko.move_viewer",
         "kiriko.two_eyes",
         "kiriko.viewer_grid",
+        "kiriko.eye_box",
+        "kiriko.remove_eye_box",
         "KirikoScene.disagreement",
     ),
     "bench.md#drawing": ("kiriko.bench_drawing",),

@@ -63,7 +63,7 @@ STAGES = {
         "core.blender.scene.read",
         "core.solve.session.planning",
         "core.bench.visible_range.trace_all",
-        "operators.visible_range.grid_object",
+        "operators.visible_range.surface_object",
     ),
     "report": (
         "core.blender.scene.read",

@@ -8,7 +8,8 @@ import pytest
 from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.errors import RigError
 from kiriko.core.light.planning import make_plan
-from kiriko.core.measure.eye_box import N_POINTS, WAYS, Walk, eye_box
+from kiriko.core.measure.eye_box import N_POINTS, WAYS, EyeBox, Walk, eye_box
+from kiriko.core.measure.eye_box_surface import MOST, octahedron, surface_of
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, box, rig
@@ -133,6 +134,58 @@ def test_viewers_that_disagree_leave_no_box():
     )
     found = drain(eye_box(replace(a_rig, viewers=viewers), Settings(), limit=0.01))
     assert found.left == found.right == found.up == found.nearer == 0
+
+
+def test_the_surface_is_closed_and_made_of_eighths_of_ellipsoids():
+    """Each point is on its octant's; edges have two faces. The volume is theirs but for that which
+    facets leave out: each octant is the sphere's, stretched, and there facets lie within 7.5
+    degrees of their middles, at no less than that cosine from the sphere's.
+    """
+    walk = Walk(make_plan(slab_rig(), Settings()), 0.5)
+    finish(walk.begin())
+    box = EyeBox(0.01, 0.02, 0.03, 0.04, 0.05, 3.0, 0.5, 0.98, (False,) * 5 + (True,))
+    surface = drain(surface_of(walk, box))
+    eye = walk.plan.viewer
+    points = (surface.positions - eye.position) @ eye.axes.T
+    # an open end is drawn no farther away than the picture is
+    above, below = np.array([0.02, 0.03, 0.05]), np.array([0.01, 0.04, DISTANCE])
+    assert points.max(axis=0) == pytest.approx(above, rel=1e-12)
+    assert points.min(axis=0) == pytest.approx(-below, rel=1e-12)
+    on_ellipsoid = ((points / np.where(points > 0, above, below)) ** 2).sum(axis=1)
+    assert on_ellipsoid == pytest.approx(np.ones(len(points)), rel=1e-12)
+
+    edges = np.concatenate([surface.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    ways = {tuple(edge) for edge in edges.tolist()}
+    assert len(ways) == len(edges)
+    assert {(b, a) for a, b in ways} == ways
+    corners = surface.positions[surface.triangles] - eye.position
+    volume = np.linalg.det(corners).sum() / 6
+    whole = np.pi / 6 * (above + below).prod()
+    assert np.cos(np.radians(7.5)) ** 3 * whole < volume < whole
+
+
+def test_the_surface_tells_by_how_much_the_picture_is_off():
+    """At each place that is traced, as there; elsewhere between; at the box's ends by the limit."""
+    walk = Walk(make_plan(slab_rig(), Settings()), 0.5)
+    box = drain(walk.box())
+    surface = drain(surface_of(walk, box))
+    assert surface.off.min() >= 0
+    assert surface.off.max() <= MOST * 0.5
+
+    eye = walk.plan.viewer
+    points = (surface.positions - eye.position) @ eye.axes.T
+    coarse, _ = octahedron()
+    directions = coarse / np.linalg.norm(coarse, axis=1, keepdims=True)
+    above = np.array([box.right, box.up, box.nearer])
+    below = np.array([box.left, box.down, DISTANCE])
+    for offset in directions * np.where(directions > 0, above, below):
+        here = np.linalg.norm(points - offset, axis=1).argmin()
+        assert points[here] == pytest.approx(offset, abs=1e-12)
+        expected = 0.5 * min(finish(walk.part(offset)), MOST)
+        assert surface.off[here] == pytest.approx(expected, rel=1e-9)
+    for axis, sign, _ in WAYS[:5]:
+        at_end = surface.off[(sign * points[:, axis]).argmax()]
+        assert at_end == pytest.approx(0.5, rel=0.01)
 
 
 def test_what_has_no_head_is_refused():

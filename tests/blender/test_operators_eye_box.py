@@ -1,0 +1,190 @@
+"""The eye box by its button: numbers as core has them, a surface through the six ends."""
+
+import importlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+
+from panel_layout import Layout
+from small_rigs import inventory, small_rig
+
+NAME = "Kiriko Eye Box"
+WAYS = ("left", "right", "up", "down", "nearer", "farther")
+
+
+@pytest.fixture(autouse=True)
+def few_points(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nine points of the picture are looked at."""
+    monkeypatch.setattr(of(kiriko, "core.measure.eye_box"), "N_POINTS", 3)
+
+
+def of(kiriko: ModuleType, name: str) -> ModuleType:
+    return importlib.import_module(f"{kiriko.__name__}.{name}")
+
+
+def kept(kiriko: ModuleType) -> dict:
+    return of(kiriko, "operators.eye_box").box_of(bpy.data.objects[NAME])
+
+
+def by_core(kiriko: ModuleType, limit: float, least: float) -> dict:
+    """The eye box of the scene as core finds it, of a rig that nothing is known of."""
+    work = of(kiriko, "operators.work")
+    rig = work.read(bpy.context).rig
+    steps = of(kiriko, "core.measure.eye_box").eye_box(
+        rig, work.settings_of(bpy.context.scene), limit, least
+    )
+    return asdict(of(kiriko, "core.steps").finish(steps))
+
+
+def points_of(thing: bpy.types.Object, camera: bpy.types.Object) -> np.ndarray:
+    """The points of the surface to the right, up and forward of a camera, Blender units."""
+    points = np.array([thing.matrix_world @ v.co for v in thing.data.vertices])
+    matrix = np.array(camera.matrix_world)
+    return (points - matrix[:3, 3]) @ matrix[:3, :3] * [1, 1, -1]
+
+
+def test_its_numbers_are_those_of_core(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+    """In metres, at the default limit and at another, whatever the scene's unit."""
+    small_rig()
+    assert bpy.ops.kiriko.eye_box() == {"FINISHED"}
+    expected = by_core(kiriko, 5.0, 0.98)
+    found = kept(kiriko)
+    for name in WAYS:
+        assert found[name] == pytest.approx(expected[name], rel=1e-9), name
+    assert found["limit"] == pytest.approx(5.0)
+    assert found["is_open"] == list(expected["is_open"])
+    assert found["viewer"] == scene.camera.name
+
+    bpy.ops.kiriko.eye_box(limit=0.5, share=0.75)
+    expected = by_core(kiriko, 0.5, 0.75)
+    narrow = kept(kiriko)
+    for name in WAYS:
+        assert narrow[name] == pytest.approx(expected[name], rel=1e-9), name
+    assert narrow["left"] < found["left"]
+
+
+def test_its_surface_is_closed_and_goes_through_the_six_ends(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """Each octant has its own half axes; open ends are drawn as far as the picture is away."""
+    parts = small_rig()
+    bpy.ops.kiriko.eye_box(limit=0.5)
+    thing, found = bpy.data.objects[NAME], kept(kiriko)
+    ends = [found[name] for name in WAYS]
+    camera = scene.camera
+    away = (parts["PICTURE"].matrix_world.translation - camera.matrix_world.translation).length
+    left, right, up, down, nearer, farther = (
+        min(end, away) if is_open else end
+        for end, is_open in zip(ends, found["is_open"], strict=True)
+    )
+    points = points_of(thing, camera)
+    size = max(left, right, up, down, nearer, farther)
+    assert points.max(axis=0) == pytest.approx([right, up, nearer], abs=1e-5 * size)
+    assert points.min(axis=0) == pytest.approx([-left, -down, -farther], abs=1e-5 * size)
+    axes = np.where(points > 0, [right, up, nearer], [left, down, farther])
+    assert ((points / axes) ** 2).sum(axis=1) == pytest.approx(np.ones(len(points)), abs=1e-3)
+
+    # closed, and looking outward
+    n_faces = Counter(key for face in thing.data.polygons for key in face.edge_keys)
+    assert set(n_faces.values()) == {2}
+    inside = thing.matrix_world.inverted() @ camera.matrix_world.translation
+    assert all(face.normal.dot(face.center - inside) > -1e-6 * size for face in thing.data.polygons)
+    assert thing.hide_render
+    assert thing.kiriko.role == "NONE"
+
+
+def test_its_colours_tell_how_far_off_the_picture_is(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """At the ends it is off by the limit at the most, and nowhere by more than twice as much is
+    told.
+    """
+    small_rig()
+    bpy.ops.kiriko.eye_box(limit=0.5)
+    thing, found = bpy.data.objects[NAME], kept(kiriko)
+    off = np.empty(len(thing.data.vertices), np.float32)
+    thing.data.attributes["displacement"].data.foreach_get("value", off)
+    assert off.min() >= 0
+    assert off.max() <= 1.0 + 1e-6
+
+    points = points_of(thing, scene.camera)
+    for n, name in enumerate(("left", "down", "farther", "right", "up", "nearer")):
+        axis, sign = n % 3, -1 if n < 3 else 1
+        at_end = off[np.argmax(sign * points[:, axis])]
+        assert at_end <= 0.5 * (1 + 1e-6), name
+        if not found["is_open"][WAYS.index(name)]:
+            assert at_end > 0.25, name
+
+
+def test_it_is_told_in_the_scenes_unit_and_in_the_panel(
+    scene: bpy.types.Scene, kiriko: ModuleType, drawn: Callable[..., Layout]
+) -> None:
+    """Six lengths in mm, in the panel, too; open ways are told to be so."""
+    small_rig()
+    scene.unit_settings.length_unit = "MILLIMETERS"
+    bpy.ops.kiriko.eye_box()
+    found = kept(kiriko)
+    ways = of(kiriko, "operators.eye_box").ways_in_words(scene, found)
+    assert all(" mm" in way for way in ways)
+    left = float(f"{1e3 * found['left']:.3g}")
+    assert str(ways[0]).startswith(f"{left:g} mm")
+    assert sum(str(way).count("and more") for way in ways) == sum(found["is_open"])
+    text = " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
+    for way in ways:
+        assert str(way) in text
+    bpy.ops.kiriko.remove_eye_box()
+
+
+def test_it_is_made_anew_in_place_and_removed_with_its_mesh(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """A second one takes the first one's place; then the scene is as it was before."""
+    small_rig()
+    bare = inventory()
+    with pytest.raises(RuntimeError, match="There is no eye box"):
+        bpy.ops.kiriko.remove_eye_box()
+    bpy.ops.kiriko.eye_box()
+    before = inventory()
+    bpy.ops.kiriko.eye_box(limit=1.0)
+    assert inventory() == before != bare
+    assert kept(kiriko)["limit"] == 1.0
+    assert bpy.ops.kiriko.remove_eye_box() == {"FINISHED"}
+    assert inventory() == bare
+
+
+def test_where_there_is_none_one_sentence_tells_why(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """An orthographic viewer, a picture in its own pixels, a dark display, viewers apart: nothing
+    is made.
+    """
+    parts = small_rig()
+    before = inventory()
+    camera = scene.camera.data
+    camera.type = "ORTHO"
+    with pytest.raises(RuntimeError, match="is orthographic and has no head that moves"):
+        bpy.ops.kiriko.eye_box()
+    camera.type = "PERSP"
+
+    scene.kiriko.picture_source = "IMAGE"
+    scene.kiriko.picture_image = bpy.data.images["Kiriko Lattice"]
+    with pytest.raises(RuntimeError, match="in the viewer's own pixels"):
+        bpy.ops.kiriko.eye_box()
+    scene.kiriko.picture_source = "PLANE"
+    assert inventory() == before
+
+    place = parts["DISPLAY"].location.copy()
+    parts["DISPLAY"].location = place * 50
+    with pytest.raises(RuntimeError, match="sees nothing of the picture from its own place"):
+        bpy.ops.kiriko.eye_box()
+    parts["DISPLAY"].location = place
+    assert inventory() == before
+
+    bpy.ops.kiriko.two_eyes()
+    with pytest.raises(RuntimeError, match=r"off by more than 0\.001 arcmin"):
+        bpy.ops.kiriko.eye_box(limit=1e-3)
