@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.blender.viewer import seats_of
 from ..core.errors import RigError
+from ..core.measure.two_eyes import sights_of
 from ..core.measure.viewers import viewer_reports
 from ..core.messages import Message, quoted
 from ..core.solve.solution import Solution
@@ -19,12 +20,16 @@ from .folder import names_for
 CONFLICT = "conflict"
 
 
-def reports_of(solution: Solution) -> Generator[float, None, list[dict[str, Any]]]:
-    """A report for each viewer, the worst first; none where there is one viewer. Of a picture that
-    is no flat rectangle only coverage is told. Yields progress 0..1.
+def reports_of(solution: Solution) -> Generator[float, None, dict[str, Any]]:
+    """What is told of several viewers, by the names under which a result keeps it; nothing where
+    there is one. Yields progress 0..1.
+
+    viewers : a report for each, the worst first; of a picture that is no flat rectangle only
+        coverage is told
+    two_eyes : as `pair_seen` tells of it, where they are a pair
     """
     if len(solution.channels) < 2:
-        return []
+        return {}
     if solution.settled is None:
         told = [
             {
@@ -34,10 +39,38 @@ def reports_of(solution: Solution) -> Generator[float, None, list[dict[str, Any]
             }
             for channel in solution.channels
         ]
-        return sorted(told, key=lambda one: one["coverage"])
+        return {"viewers": sorted(told, key=lambda one: one["coverage"])}
 
     found = yield from viewer_reports(solution)
-    return [asdict(one) for one in found]
+    pair = pair_seen(solution)
+    return {"viewers": [asdict(one) for one in found], **({"two_eyes": pair} if pair else {})}
+
+
+def pair_seen(solution: Solution) -> dict[str, Any] | None:
+    """At which depth two viewers that are a pair of eyes see the picture, m in front of its plane,
+    and vertical disparity; None where they are no pair, or no point is seen by both.
+
+    A depth is None where it is beyond infinity.
+    """
+    try:
+        left, right, sights = sights_of(solution)
+    except RigError:
+        return None
+    if not sights.is_seen.any():
+        return None
+    return {
+        "left": left.name,
+        "right": right.name,
+        "n_points": int(sights.is_seen.sum()),
+        "mean_depth_m": _finite(sights.mean_depth),
+        "largest_depth_m": _finite(sights.largest_depth),
+        "mean_vertical_arcmin": sights.mean_vertical,
+        "largest_vertical_arcmin": sights.largest_vertical,
+    }
+
+
+def _finite(depth: float) -> float | None:
+    return depth if np.isfinite(depth) else None
 
 
 def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:

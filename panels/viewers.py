@@ -1,8 +1,11 @@
 """The viewers of the rig: the list of them, and what each sees of the last result."""
 
+from typing import Any
+
 import bpy
 
 from ..core.blender.kept import Numbers
+from ..core.blender.units import length_text
 from ..core.blender.viewer import camera_at, number_shown
 from ..core.messages import Message, joined
 from ..core.numbers import number
@@ -90,11 +93,37 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         for one in told_of(context):
             sentence(self.layout, context, words_on(one), icon="OUTLINER_OB_CAMERA")
+        pair = told_of(context, "two_eyes")
+        if pair:
+            sentence(self.layout, context, depth_words(context.scene, pair), icon="CAMERA_STEREO")
+            text = Message(
+                "Vertical disparity {mean} arcmin on the mean, at most {largest}",
+                mean=number(pair["mean_vertical_arcmin"]),
+                largest=number(pair["largest_vertical_arcmin"]),
+            )
+            sentence(self.layout, context, text, icon="BLANK1")
 
 
-def told_of(context: bpy.types.Context) -> list[dict]:
-    """What the last result tells of each of several viewers."""
-    return Numbers.read(context.scene.kiriko.result.details).by_name.get("viewers", [])
+def told_of(context: bpy.types.Context, name: str = "viewers") -> Any:
+    """What the last result tells of each of several viewers, or of two eyes; None for nothing."""
+    return Numbers.read(context.scene.kiriko.result.details).by_name.get(name)
+
+
+def depth_words(scene: bpy.types.Scene, pair: dict) -> Message:
+    """At which depth two eyes see the picture, in the scene's unit."""
+    mean, largest = (
+        Message("beyond infinity")
+        if depth is None
+        else Message("{length} in front of its plane", length=length_text(scene, depth))
+        if depth > 0
+        else Message("{length} behind its plane", length=length_text(scene, -depth))
+        for depth in (pair["mean_depth_m"], pair["largest_depth_m"])
+    )
+    return Message(
+        "Both eyes see the picture {mean} on the mean, at most {largest}",
+        mean=mean,
+        largest=largest,
+    )
 
 
 def words_on(one: dict) -> Message:

@@ -204,18 +204,17 @@ def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
     """
     if helps is None or not (helps.helps or helps.is_whole):
         return
-    _add_numbers(scene, "helps", [asdict(help) for help in helps.helps])
+    _add_numbers(scene, {"helps": [asdict(help) for help in helps.helps]})
 
 
-def write_viewers(scene: bpy.types.Scene, reports: list[dict[str, Any]]) -> None:
-    """Keep what each of several viewers sees of a result; nothing where there is one."""
-    if reports:
-        _add_numbers(scene, "viewers", reports)
+def write_viewers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:
+    """Keep what several viewers see of a result, by name; nothing where there is one."""
+    if found:
+        _add_numbers(scene, found)
 
 
-def _add_numbers(scene: bpy.types.Scene, name: str, found: list[dict[str, Any]]) -> None:
+def _add_numbers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:
     """Keep beside the numbers of a result those that were found after it."""
     result = scene.kiriko.result
     details = Numbers.read(result.details).by_name
-    details[name] = found
-    result.details = Numbers(details).text()
+    result.details = Numbers({**details, **found}).text()

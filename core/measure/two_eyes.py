@@ -28,11 +28,11 @@ from ..light.kept import Kept
 from ..light.planning import planning
 from ..rig import Rig, Viewer
 from ..settings import Settings
-from ..solve.solution import without_glass
+from ..solve.solution import Solution, without_glass
 from ..steps import at
 from ..vectors import dot, normalise
 from .places_seen import Look, grid_of, grid_on, places_seen
-from .viewers import ARCMIN, N_POINTS
+from .viewers import ARCMIN, N_POINTS, displaced
 
 MOST_APART = np.cos(np.radians(45.0))  # between where two eyes look, or their sides point
 NEITHER, LEFT, RIGHT, BOTH = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)
@@ -83,6 +83,11 @@ class Sights:
     def mean_depth(self) -> float | None:
         """Mean, m; None where no point is seen."""
         return self._told(self.depth, np.mean)
+
+    @property
+    def largest_depth(self) -> float | None:
+        """Of the point that is seen farthest from the plane, m; None where no point is seen."""
+        return self._told(self.depth, lambda depth: depth[np.abs(depth).argmax()])
 
     @property
     def nearest_depth(self) -> float | None:
@@ -151,6 +156,22 @@ def two_eyes(
         found.append(_sights(rig, view[-2:], n))
     yield 1.0
     return TwoEyes(left.name, right.name, *found)
+
+
+def sights_of(solution: Solution) -> tuple[Viewer, Viewer, Sights]:
+    """The left and the right eye of a rig that is solved, and how they see points of the picture:
+    the places are those that `displaced` finds, on the display's own pixels.
+
+    Raises
+    ------
+    RigError : the viewers are no pair, or the picture is no flat rectangle; one sentence
+    """
+    rig = solution.rig
+    left, right = pair_of(rig)
+    plane_of(rig)
+    numbers = (0, 1) if left is rig.viewers[0] else (1, 0)
+    view = np.stack([displaced(solution, number)[0] for number in numbers])
+    return left, right, _sights(replace(rig, viewers=(left, right)), view, N_POINTS)
 
 
 def pair_of(rig: Rig) -> tuple[Viewer, Viewer]:

@@ -385,6 +385,44 @@ def test_each_viewer_is_told_of_the_worst_first(
     assert f"{told[0]['psnr']:.1f} dB" in text
 
 
+def test_of_two_eyes_depth_and_disparity_are_told(
+    drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict
+) -> None:
+    """In the panel, in the scene's unit, with core's numbers; those of a display of the smallest
+    pixels are the same to 1 %. Of a third viewer, or of one alone, nothing is told.
+    """
+    two_eyes = importlib.import_module(f"{kiriko.__name__}.core.measure.two_eyes")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
+    bpy.ops.kiriko.two_eyes()
+    bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
+    bpy.ops.kiriko.solve()
+    told = details()["two_eyes"]
+    settings = work.settings_of(bpy.context.scene)
+    solved = steps.finish(work.session().solve(read(kiriko), settings))
+    left, right, sights = two_eyes.sights_of(solved)
+    assert (told["left"], told["right"]) == (left.name, right.name) == (LEFT, RIGHT)
+    assert told["n_points"] == 49
+    assert told["mean_depth_m"] == sights.mean_depth
+    assert told["largest_depth_m"] == sights.largest_depth
+    assert told["mean_vertical_arcmin"] == sights.mean_vertical
+    assert told["largest_vertical_arcmin"] == sights.largest_vertical
+
+    fine = steps.finish(two_eyes.two_eyes(read(kiriko), settings)).for_both
+    assert fine.mean_depth > 1e-3
+    assert told["mean_depth_m"] == pytest.approx(fine.mean_depth, rel=0.01)
+    assert told["largest_vertical_arcmin"] == pytest.approx(fine.largest_vertical, rel=0.01)
+
+    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    assert f"{1e3 * told['mean_depth_m']:.3g} mm in front of its plane on the mean" in text
+    assert "Vertical disparity" in text
+
+    add(camera(0.01))
+    bpy.ops.kiriko.solve()
+    assert "two_eyes" not in details()
+    assert "plane" not in " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+
+
 def test_of_a_picture_that_is_no_flat_rectangle_coverage_is_told(rig: dict) -> None:
     """Without places to compare there are no displacements, and no traceback."""
     mesh = rig["PICTURE"].data

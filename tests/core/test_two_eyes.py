@@ -8,7 +8,7 @@ import pytest
 
 from kiriko.core.errors import RigError
 from kiriko.core.measure.places_seen import Look, grid_of, places_seen
-from kiriko.core.measure.two_eyes import angles_between, nearest_between, two_eyes
+from kiriko.core.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
 from kiriko.core.measure.viewers import displaced
 from kiriko.core.rig import PicturePlace
 from kiriko.core.settings import Settings
@@ -180,6 +180,22 @@ def test_places_are_those_of_a_solve_with_pixels():
             expected, straight = displaced(solution, number)
             np.testing.assert_allclose(found[number], expected, atol=1e-5)
         assert np.abs(expected - straight).max() > 0.01
+
+
+def test_of_a_solve_with_pixels_the_sights_are_those_of_the_smallest():
+    """Depth to 1e-6 m and disparity to 1e-4 arcmin, also where the right eye is the first viewer;
+    the largest depth is that of the point seen farthest from the plane.
+    """
+    a_rig = slab_rig(display_pixels=256)
+    expected = seen(a_rig).for_both
+    for viewers in (a_rig.viewers, a_rig.viewers[::-1]):
+        solution = solve(replace(a_rig, viewers=viewers), tolerance=1e-5)
+        left, right, sights = sights_of(solution)
+        assert (left.name, right.name) == tuple(viewer.name for viewer in a_rig.viewers)
+        np.testing.assert_allclose(sights.depth, expected.depth, atol=1e-6)
+        np.testing.assert_allclose(sights.vertical, expected.vertical, atol=1e-4)
+        largest = max(sights.nearest_depth, sights.farthest_depth, key=abs)
+        assert sights.largest_depth == largest
 
 
 def test_solved_for_both_lies_between():
