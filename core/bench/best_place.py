@@ -116,16 +116,13 @@ class _Field:
         ways : shifts, m, along its sides (a,) and (b,), and turns, rad, (t,)
         limits : (3,) of these
         """
-        moves = np.linalg.norm(
-            np.stack(np.meshgrid(*ways, indexing="ij"), axis=-1) / limits, axis=-1
-        )
-        scores = -PLACE_SEARCH.motion_weight * moves
+        moves = np.stack(np.meshgrid(*ways, indexing="ij"), axis=-1) / limits
+        scores = -PLACE_SEARCH.motion_weight * np.linalg.norm(moves, axis=-1)
         blur = self.is_good * self.log_blur
         for n, turn in enumerate(ways[2]):
             rotated = _rotated(points, turn)
             along = (self._nearest(rotated[:, k] + ways[k][:, None], k) for k in range(2))
-            column, row = next(along)[:, None], next(along)[None]
-            at = row * len(self.is_good) + column
+            at = next(along)[:, None] + len(self.is_good) * next(along)[None]
             share = self.is_good.take(at).mean(axis=-1)
             cost = blur.take(at).sum(axis=-1) / np.maximum(share * len(points), 1)
             scores[..., n] += share - PLACE_SEARCH.blur_weight * cost
