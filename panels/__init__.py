@@ -51,6 +51,7 @@ CLASSES = (
     calibration.VIEW3D_PT_kiriko_found,
     calibration.VIEW3D_PT_kiriko_not_told,
     add_menu.VIEW3D_MT_kiriko_add,
+    *menus.SUBMENUS,
     menus.VIEW3D_MT_kiriko,
     preferences.KIRIKO_preferences,
     wipe.KIRIKO_GGT_wipe,

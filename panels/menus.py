@@ -1,4 +1,6 @@
-"""Object > Kiriko, with each verb: search, shortcuts and Quick Favourites find them there."""
+"""Object > Kiriko, with each verb there or a menu deeper: search, shortcuts and Quick Favourites
+find them.
+"""
 
 import bpy
 
@@ -34,38 +36,99 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.eye_box", icon="MOD_LATTICE")
         layout.operator("kiriko.remove_eye_box", icon="X")
         layout.separator()
-        layout.operator("kiriko.make_glass", icon="MATSPHERE")
+        for menu in SUBMENUS:
+            layout.menu(menu.__name__)
+        layout.separator()
+        layout.operator("kiriko.open_manual", icon="HELP")
+
+
+class VIEW3D_MT_kiriko_parts(bpy.types.Menu):
+    """Verbs that say which image and which materials the parts have."""
+
+    bl_label = "Picture and Glass"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
+        layout.operator("kiriko.make_glass", icon="MATSPHERE")
+        for preset in ("glass_preset", "plate_preset", "display_preset"):
+            layout.operator_menu_enum(f"kiriko.{preset}", "preset", icon="PRESET")
+
+
+class VIEW3D_MT_kiriko_fit(bpy.types.Menu):
+    """Verbs that make parts as large as needed, or move them."""
+
+    bl_label = "Fit and Place"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.fit_picture", icon="FULLSCREEN_EXIT")
         for fit in ("fit_picture_size", "fit_display", "fit_plate"):
             layout.operator(f"kiriko.{fit}", icon="FULLSCREEN_ENTER")
+        layout.separator()
         for verb in ("best_place", "turn_back", "take_proposal", "drop_proposal"):
             layout.operator(f"kiriko.{verb}")
-        for preset in ("plate_preset", "display_preset", "glass_preset"):
-            layout.operator_menu_enum(f"kiriko.{preset}", "preset", icon="PRESET")
-        layout.separator()
+
+
+class VIEW3D_MT_kiriko_viewers(bpy.types.Menu):
+    """Verbs of the list of viewers."""
+
+    bl_label = "Viewers"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.add_viewer", icon="OUTLINER_OB_CAMERA")
         layout.operator("kiriko.two_eyes", icon="CAMERA_STEREO")
         layout.operator("kiriko.viewer_grid", text="Grid of Viewers", icon="LIGHTPROBE_VOLUME")
         layout.operator("kiriko.move_viewer")
         layout.operator("kiriko.remove_viewer", icon="X")
-        layout.separator()
+
+
+class VIEW3D_MT_kiriko_calibration(bpy.types.Menu):
+    """Verbs of a bench that was built."""
+
+    bl_label = "Calibration"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
         layout.operator("kiriko.lattice_picture", icon="LIGHTPROBE_VOLUME")
         layout.operator("kiriko.calibrate", icon="TRACKER")
         layout.operator("kiriko.apply_calibration")
         layout.operator("kiriko.remove_calibration")
-        layout.separator()
+
+
+class VIEW3D_MT_kiriko_export(bpy.types.Menu):
+    """Verbs that write files, and the window for the display."""
+
+    bl_label = "Export"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.export", icon="EXPORT").choose = True
         layout.operator("kiriko.export_maps", icon="UV")
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
         layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
-        layout.operator("kiriko.show_window", icon="WINDOW")
+        layout.separator()
         layout.operator("kiriko.solve_animation", icon="RENDER_ANIMATION")
         layout.operator("kiriko.export_movie", icon="FILE_MOVIE")
-        layout.operator("kiriko.bench_drawing", icon="GREASEPENCIL")
-        layout.operator("kiriko.report", icon="GRAPH")
+        layout.operator("kiriko.show_window", icon="WINDOW")
         layout.separator()
-        layout.operator("kiriko.open_manual", icon="HELP")
+        layout.operator("kiriko.report", icon="GRAPH")
+
+
+SUBMENUS = (
+    VIEW3D_MT_kiriko_parts,
+    VIEW3D_MT_kiriko_fit,
+    VIEW3D_MT_kiriko_viewers,
+    VIEW3D_MT_kiriko_calibration,
+    VIEW3D_MT_kiriko_export,
+)
 
 
 def draw_in_object(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -21,6 +21,7 @@ class Layout:
         self.icons: dict[str, str] = {}  # by the text they stand at
         self.operators: list[str] = []
         self.labels: list[str] = []
+        self.menus: list[str] = []
 
     def box(self, **options: object) -> "Layout":
         return self
@@ -55,6 +56,7 @@ class Layout:
     def menu(self, name: str, text: str = "", icon: str = "NONE", **options: object) -> None:
         assert hasattr(bpy.types, name)
         assert icon in ICONS
+        self.menus.append(name)
         self.texts.append(text)
 
     def separator(self) -> None:
