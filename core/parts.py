@@ -162,6 +162,15 @@ class PicturePlace(Part):
         """Itself, as a picture has it."""
         return self
 
+    @property
+    def n_pixels(self) -> int:
+        """Of its image."""
+        return self.width * self.height
+
+    def seen_by(self, viewer: str) -> "PicturePlace":
+        """Itself, whoever looks at it."""
+        return self
+
     def showing(self, image: NDArray[np.float32]) -> "Picture":
         """The picture of an image (h, w, 4) in this place."""
         return Picture(self.name, image, self.mesh)
@@ -172,6 +181,18 @@ class PicturePlace(Part):
 
 
 @dataclass(frozen=True, eq=False)
+class OwnImage:
+    """The image that one of several viewers should see, in that viewer's own pixels.
+
+    name : of the viewer
+    image : (h, w, 4) float32, as that of a picture
+    """
+
+    name: str
+    image: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
 class Picture(Part):
     """The image that the viewer should see, in its place.
 
@@ -179,17 +200,37 @@ class Picture(Part):
     ----------
     image : (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
     mesh : the textured plane (with UV), or None when the image is in the viewer's own pixels
+    own : in place of the image one for each viewer, where they are in the viewers' own pixels
     """
 
     name: str
     image: NDArray[np.float32]
     mesh: Mesh | None = None
+    own: tuple[OwnImage, ...] = field(default=(), metadata=ADDED)
 
     @property
     def place(self) -> PicturePlace:
         """All but the colours."""
         height, width = self.image.shape[:2]
         return PicturePlace(self.name, width, height, self.mesh)
+
+    @property
+    def images(self) -> tuple[NDArray[np.float32], ...]:
+        """All that viewers should see."""
+        return tuple(one.image for one in self.own) or (self.image,)
+
+    @property
+    def n_pixels(self) -> int:
+        """Of all its images; one that several viewers see counts once."""
+        different = {id(image): image for image in self.images}.values()
+        return sum(image.shape[0] * image.shape[1] for image in different)
+
+    def seen_by(self, viewer: str) -> "Picture":
+        """The picture as the viewer of a name should see it."""
+        if not self.own:
+            return self
+        by_viewer = {one.name: one.image for one in self.own}
+        return Picture(self.name, by_viewer.get(viewer, self.image))
 
     def check_shape(self, owner: str) -> None:
         """Raise MeshError when its plane has no place for an image."""

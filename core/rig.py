@@ -15,7 +15,7 @@ from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role
 from .viewer import PERPENDICULAR, Viewer
-from .viewers import check_together
+from .viewers import check_own_images, check_together
 
 __all__ = [
     "FLAT",
@@ -123,6 +123,19 @@ class Rig:
     def picture_place(self) -> PicturePlace:
         return self.pictures[0].place
 
+    @property
+    def has_own_images(self) -> bool:
+        """Should each viewer see an image that is no other's?"""
+        return any(isinstance(picture, Picture) and picture.own for picture in self.pictures)
+
+    def picture_of(self, viewer: Viewer) -> Picture:
+        """The picture that a viewer should see; raises as `picture` does."""
+        return self.picture.seen_by(viewer.name)
+
+    def place_of(self, viewer: Viewer) -> PicturePlace:
+        """The place of that picture."""
+        return self.pictures[0].seen_by(viewer.name).place
+
     def of(self, role: Role) -> tuple[Any, ...]:
         """The parts of a role."""
         return getattr(self, role.field)
@@ -152,6 +165,8 @@ class Rig:
             part.check_shape(owner(role, part))
 
         check_together(self.viewers, self.plates, bool(self.mirrors))
+        if self.has_own_images:
+            check_own_images(self.viewers, self.picture)
 
     def _check_number_of_parts(self) -> None:
         """Raise RigError for a role that none, or too many parts have."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from .errors import RigError
 from .mesh import Mesh
-from .parts import Plate
+from .parts import Picture, Plate
 from .viewer import Viewer
 
 
@@ -35,6 +35,27 @@ def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirro
                 plate=plate.name,
                 one=one,
                 other=other,
+            )
+
+
+def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
+    """Raise RigError where a viewer has no image, though others have one of their own, or where the
+    picture stands on a plane, which is the same for all.
+    """
+    if picture.mesh is not None:
+        raise RigError(
+            "The picture '{picture}' stands on a plane, and has an image for each viewer: take"
+            " these away, or the plane.",
+            picture=picture.name,
+        )
+
+    known = {one.name for one in picture.own}
+    for viewer in viewers:
+        if viewer.name not in known:
+            raise RigError(
+                "The viewer '{viewer}' has no image of its own, but others have: choose one in"
+                " the list of viewers, or take theirs away.",
+                viewer=viewer.name,
             )
 
 

@@ -187,7 +187,8 @@ def measured_points(
         scale = _scale(path, size, viewer_size)
         points = match(find_points(photograph), expected / scale, lattice)
         is_unsure = bool(missing_borders(points, expected, lattice))
-        check_picture(points, lattice, photograph, rig.picture.image, is_unsure)
+        wanted = rig.picture_of(rig.viewer).image
+        check_picture(points, lattice, photograph, wanted, is_unsure)
 
     check(points, lattice)
     check_way(points, expected / scale)

@@ -36,8 +36,8 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
         *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
         ours.viewer_shown,
         *(
-            (uid(camera), weight, None if camera is None else frame_of(camera, scene.render))
-            for camera, weight in seats
+            (uid(camera), weight, uid(image), camera and frame_of(camera, scene.render))
+            for camera, weight, image in seats
         ),
         ours.picture_source,
         tone_of(ours.picture),

@@ -49,6 +49,8 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
             if scene.kiriko.picture_source == "IMAGE":
                 image = encoded_image(NAME, lattice.image(SIDE, SIDE, style))
                 scene.kiriko.picture_image = image
+                for one in scene.kiriko.viewers:
+                    one.image = one.image and image
                 where = Message("the scene's picture")
             else:
                 picture = next(iter(needed.parts(scene)["PICTURE"]))

@@ -193,7 +193,7 @@ class Live:
             fingerprint(replace(reading.rig, pictures=())),
             settings,
             fingerprint(reading.rig.picture_place),
-            self.kept.fingerprint_of(reading.rig.picture.image),
+            *map(self.kept.fingerprint_of, reading.rig.picture.images),
         )
         if key == self._key:
             self._reading = replace(reading, solved_for=self._reading.solved_for)

@@ -6,7 +6,7 @@ import bpy
 
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.rigs import elsewhere
-from ..core.blender.viewer import viewer_of
+from ..core.blender.viewer import own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.messages import Message
 from ..core.rig import ROLES
@@ -138,7 +138,7 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
 
     if ours.picture_source == "IMAGE":
         lacks.pop("PICTURE", None)
-        if ours.picture_image is None:
+        if ours.picture_image is None and not own_images(scene):
             lacks["IMAGE"] = NO_IMAGE
 
     return lacks

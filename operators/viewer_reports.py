@@ -30,7 +30,7 @@ def reports_of(solution: Solution) -> Generator[float, None, dict[str, Any]]:
     """
     if len(solution.channels) < 2:
         return {}
-    if solution.settled is None:
+    if solution.settled is None and not solution.rig.has_own_images:
         told = [
             {
                 "viewer": channel.viewer.name,

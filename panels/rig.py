@@ -12,7 +12,7 @@ from ..operators.eye_box import box_of, ways_in_words
 from ..operators.parts import name_part
 from .object import draw_resolution, draw_tone, labelled
 from .range_view import looked_up
-from .viewers import draw_more, draw_viewers
+from .viewers import draw_images, draw_more, draw_viewers
 from .words import OfRig, sentence
 
 
@@ -33,7 +33,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
         draw_more(column, context)
         column.prop(ours, "picture_source")
         if ours.picture_source == "IMAGE":
-            column.template_ID(ours, "picture_image", open="image.open")
+            draw_images(column, context)
             draw_tone(column, ours.picture)
 
         self._draw_parts(layout.column(align=True), context)

@@ -6,7 +6,7 @@ import bpy
 
 from ..core.blender.kept import Numbers
 from ..core.blender.units import length_text
-from ..core.blender.viewer import camera_at, number_shown
+from ..core.blender.viewer import camera_at, number_shown, own_images
 from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.words import percent
@@ -41,6 +41,8 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         text = in_words(Message("No camera")) if camera is None else camera.name
         shown = "ERROR" if camera is None else "OUTLINER_OB_CAMERA"
         name.label(text=text, icon=shown, translate=False)
+        if item.image is not None and context.scene.kiriko.picture_source == "IMAGE":
+            name.label(text="", icon="IMAGE_DATA")
         weight = name.row(align=True)
         weight.ui_units_x = 3
         weight.prop(item, "weight", text="", emboss=False)
@@ -66,6 +68,19 @@ def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         layout.prop(*((ours, "viewer") if is_own else (listed[chosen], "camera")))
     else:
         layout.prop(ours, "viewer")
+
+
+def draw_images(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The picture in the viewers' own pixels: of all of them, and the chosen one's own."""
+    ours = context.scene.kiriko
+    if not len(ours.viewers):
+        layout.template_ID(ours, "picture_image", open="image.open")
+        return
+    shared = layout.column()
+    shared.active = not own_images(context.scene)
+    shared.template_ID(ours, "picture_image", open="image.open", text="Of All")
+    chosen = ours.viewers[number_shown(context.scene)]
+    layout.template_ID(chosen, "image", open="image.open", text="Own Image")
 
 
 def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

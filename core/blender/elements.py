@@ -9,7 +9,7 @@ from ..errors import RigError
 from ..glass.meshes import geometric_normals
 from ..image.tone import Tone
 from ..messages import Message, quoted
-from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate, Viewer
+from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate
 from ..vectors import normalise
 from .material import read_refraction
 from .moving import at_frame, ended, number_at
@@ -221,39 +221,6 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
 
     place = PicturePlace(part.name, *pixels.shape[1::-1], part.mesh)
     return place.showing(pixels), notes + about(image)
-
-
-def read_picture_image(
-    image: bpy.types.Image | None, viewer: Viewer | None, kept: Kept, tone: Tone, frame: int
-) -> tuple[list[Picture], list[str]]:
-    """The picture in the viewer's own pixels, with a note when it has another shape than they.
-
-    frame : the scene's
-    """
-    if image is None:
-        return [], []
-
-    number = number_at(image, None, frame)
-    pixels = kept.pixels(image, Message("the scene's picture"), tone, number)
-    place = PicturePlace(image.name, *pixels.shape[1::-1])
-    notes = about(image) + ended(image, None, frame)
-
-    if viewer is not None:
-        off = abs(place.width * viewer.height - place.height * viewer.width)
-        if off > max(viewer.width, viewer.height):
-            notes.append(
-                Message(
-                    "The picture image '{image}' has {width} x {height} pixels, the viewer"
-                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
-                    image=image.name,
-                    width=place.width,
-                    height=place.height,
-                    viewer_width=viewer.width,
-                    viewer_height=viewer.height,
-                )
-            )
-
-    return [place.showing(pixels)], notes
 
 
 def place_of(

@@ -16,17 +16,13 @@ from .roles import in_blender
 from .scene import calibrated_rig
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import read_viewer, seats_of, shown_first
+from .viewer import own_images, read_viewer, seats_of, shown_first
 
 
 class KeptPlaces(Kept):
     """Keeps meshes as `Kept` does; pixels are not asked for."""
 
-    @property
-    def is_whole(self) -> bool:
-        """Is nothing known to have changed but places and settings?"""
-        self._is_stale = False  # which tells of pixels
-        return super().is_whole
+    _are_compared = True
 
 
 def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: KeptPlaces) -> Rig:
@@ -44,7 +40,7 @@ def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: Ke
         if role.number is None:
             continue
         if role.name == "PICTURE" and scene.kiriko.picture_source == "IMAGE":
-            image = scene.kiriko.picture_image
+            image = next(iter(own_images(scene)), scene.kiriko.picture_image)
             found[role.field] = () if image is None else (place_of(image, image.name),)
             continue
 

@@ -15,8 +15,9 @@ from ..bench.offset import with_offset
 from ..errors import KirikoError, RigError
 from ..messages import Message
 from ..rig import ROLES, Picture, Rig, Viewer
-from .elements import MaterialReading, read_picture_image, tone_of
+from .elements import MaterialReading
 from .kept import Offset
+from .own_pixels import read_in_own_pixels
 from .parts import Part, is_placed, parts_by_role, read_parts
 from .rectangle import flat_size
 from .remarks import modifier_notes, scene_notes
@@ -177,11 +178,7 @@ def _read_image(
     scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[Part], kept: Kept
 ) -> tuple[list[Picture], list[str]]:
     """The picture in the viewers' own pixels, with notes, also on planes that are not used."""
-    ours = scene.kiriko
-    first = next(iter(viewers), None)
-    pictures, notes = read_picture_image(
-        ours.picture_image, first, kept, tone_of(ours.picture), scene.frame_current
-    )
+    pictures, notes = read_in_own_pixels(scene, seats_of(scene), viewers, kept)
     unused = [
         Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
         for part in planes

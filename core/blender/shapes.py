@@ -80,8 +80,9 @@ class Kept:
     def __init__(self) -> None:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
-        self._pixels: KeptPixels | None = None
-        self._is_stale = True  # the pixels have to be compared
+        self._pixels: dict[int, KeptPixels] = {}  # by session uid of the image
+        self._asked: set[int] = set()  # of these, those that this reading asked for
+        self._compared: set[int] = set()  # and those of which there was no news since
         self._n_kept = 0  # shapes that the last reading asked for
         self.reel: Reel | None = None  # where one is kept, which its owner has to close
 
@@ -90,7 +91,12 @@ class Kept:
         """Is nothing known to have changed but places and
         settings, so that the next reading is short?
         """
-        return not self._is_stale and len(self._shapes) == self._n_kept > 0
+        return self._are_compared and len(self._shapes) == self._n_kept > 0
+
+    @property
+    def _are_compared(self) -> bool:
+        """Are all pixels known to be as they were read?"""
+        return bool(self._pixels) and self._pixels.keys() <= self._compared
 
     def notice(
         self, updates: Iterable[bpy.types.DepsgraphUpdate], ours: Container[int] = ()
@@ -109,7 +115,7 @@ class Kept:
                 and block.session_uid not in ours
             ):
                 # a material, too: an image that is loaded again does not tell itself
-                self._is_stale = True
+                self._compared.clear()
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
         """Of the object an iterator stands on. Instances are read each time: several
@@ -146,8 +152,9 @@ class Kept:
             tone,
             *numbers,
         )
-        before = self._pixels
-        if before is None or before.settings != settings or self._is_stale:
+        uid = image.session_uid
+        before = self._pixels.get(uid)
+        if before is None or before.settings != settings or uid not in self._compared:
             with at_frame(image, number, owner, self.reel) as shown:
                 stored = stored_pixels(shown, owner)
                 # in the order of memory: else it is copied. Each frame of a picture that moves is
@@ -157,21 +164,26 @@ class Kept:
                 if not (is_same_frame and content and before.stored == content):
                     pixels = frozen(tone.of(decoded(shown, stored, owner)))
                     if not (is_same_frame and np.array_equal(pixels, before.pixels)):
-                        self._pixels = KeptPixels(settings, content, pixels)
+                        self._pixels[uid] = KeptPixels(settings, content, pixels)
 
-        self._is_stale = False
-        return self._pixels.pixels
+        self._asked.add(uid)
+        self._compared.add(uid)
+        return self._pixels[uid].pixels
 
     def fingerprint_of(self, pixels: NDArray[np.float32]) -> str:
         """Of pixels that were read; kept while they are the same array."""
-        if self._pixels is not None and self._pixels.pixels is pixels:
-            return self._pixels.fingerprint
-        return fingerprint(pixels)
+        known = (one for one in self._pixels.values() if one.pixels is pixels)
+        one = next(known, None)
+        return fingerprint(pixels) if one is None else one.fingerprint
 
     def end(self) -> None:
-        """A reading is over: drop the shapes it did not ask for."""
+        """All shapes of a reading were asked for: drop the others, and the pixels that the reading
+        before did not ask for. Those of this one follow.
+        """
         self._shapes, self._met = self._met, {}
         self._n_kept = len(self._shapes)
+        self._pixels = {uid: one for uid, one in self._pixels.items() if uid in self._asked}
+        self._asked.clear()
 
 
 def used_materials(

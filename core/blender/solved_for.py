@@ -76,7 +76,12 @@ def _in_any_order(rig: Rig) -> Rig:
     the list's.
     """
     viewers = sorted(rig.viewers, key=lambda one: float(_place_of(one).ravel() @ SLANTED))
-    return replace(rig, viewers=tuple(viewers))
+    number = {viewer.name: n for n, viewer in enumerate(viewers)}
+    pictures = [
+        replace(one, own=tuple(sorted(one.own, key=lambda image: number[image.name])))
+        for one in rig.pictures
+    ]
+    return replace(rig, viewers=tuple(viewers), pictures=tuple(pictures))
 
 
 def _place_of(viewer: Viewer) -> Floats:
@@ -92,7 +97,8 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
         return content, _place_of(part)
 
     if isinstance(part, Picture):
-        part = replace(part, image=kept.fingerprint_of(part.image))
+        first, *others = map(kept.fingerprint_of, part.images)
+        part = replace(part, image=first, own=tuple(others))
     # a picture in the viewer's pixels, or nothing to see
     if part.mesh is None or id(part.mesh) not in notes.drawn:
         return part, np.eye(3, 4)

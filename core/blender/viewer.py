@@ -112,10 +112,13 @@ def orthonormal_axes(matrix: Floats, name: str) -> Floats:
 
 
 class Seat(NamedTuple):
-    """A viewer as the scene has it: its camera, None where that is gone, and its weight."""
+    """A viewer as the scene has it: its camera, None where that is gone, its weight, and the image
+    in its pixels that is no other's, None where it has none.
+    """
 
     camera: bpy.types.Object | None
     weight: float = 1.0
+    image: bpy.types.Image | None = None
 
 
 def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
@@ -134,7 +137,16 @@ def seats_of(scene: bpy.types.Scene) -> list[Seat]:
     if not len(listed):
         camera = camera_at(scene, 0)
         return [] if camera is None else [Seat(camera)]
-    return [Seat(camera_at(scene, n), one.weight) for n, one in enumerate(listed) if one.is_on]
+    return [
+        Seat(camera_at(scene, n), one.weight, one.image)
+        for n, one in enumerate(listed)
+        if one.is_on
+    ]
+
+
+def own_images(scene: bpy.types.Scene) -> list[bpy.types.Image]:
+    """The images that viewers who are on have for themselves, in their order."""
+    return [seat.image for seat in seats_of(scene) if seat.image is not None]
 
 
 def number_shown(scene: bpy.types.Scene) -> int:

@@ -34,6 +34,7 @@ def _settle(scene: bpy.types.Scene) -> None:
         first = ours.viewers[0]
         ours.viewer, first.camera = first.camera, None
     if len(ours.viewers) == 1:
+        ours.picture_image = ours.viewers[0].image or ours.picture_image
         ours.viewers.clear()
     ours.viewer_shown = number_shown(scene)
 

@@ -19,6 +19,7 @@ from ..rig import PicturePlace, Viewer
 from .flat_picture import flat_way
 from .picture import picture_from_view
 from .pyramid import Pyramid, Taps, find_taps
+from .pyramids import pyramids_of
 
 Strokes = Taps | kernel.FlatStrokes
 
@@ -125,21 +126,21 @@ def splat(
     """
     viewers = plan.rig.viewers if len(plan.rig.viewers) > 1 else (plan.viewer,)
     display = plan.rig.display
-    place = plan.rig.picture_place
-    pyramid = Pyramid(plan.rig.picture.image)
+    pictures = [plan.rig.picture_of(viewer) for viewer in viewers]
+    pyramids = pyramids_of([picture.image for picture in pictures])
     random = np.random.default_rng(seed)
     shape = display.height, display.width
     n = shape[0] * shape[1]
     total = np.zeros((3, n))
     norm = np.zeros(n)
     lots = [
-        (viewer, first)
-        for viewer in viewers
+        (viewer, picture.place, pyramid, first)
+        for viewer, picture, pyramid in zip(viewers, pictures, pyramids, strict=True)
         for first in range(0, viewer.width * viewer.height, TRACED_AT_ONCE)
     ]
 
     for k in range(spp):
-        for number, (viewer, first) in enumerate(lots):
+        for number, (viewer, place, pyramid, first) in enumerate(lots):
             some = np.arange(first, min(first + TRACED_AT_ONCE, viewer.width * viewer.height))
             corner = np.stack([some % viewer.width, some // viewer.width], axis=1)
             xy = corner + random.random((len(some), 2))

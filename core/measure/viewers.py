@@ -16,6 +16,7 @@ from ..image.asked import mapped, way_of
 from ..image.flat_picture import view_of_picture
 from ..image.picture import cover_in_view
 from ..image.pyramid import Pyramid
+from ..image.pyramids import pyramids_of
 from ..image.source_image import Painting, find_strokes
 from ..light.landings import main_landings
 from ..light.trace import trace_all
@@ -41,7 +42,8 @@ class ViewerReport:
     weight : how much it counts
     coverage : share of the picture, as it sees it, that the display can show
     n_points : of the N_POINTS^2 points of the picture, those that it sees
-    mean_px, largest_px : by how much they are displaced, viewer px; None where none is seen
+    mean_px, largest_px : by how much they are displaced, viewer px; None where none is seen, and
+        where each viewer has an image of its own
     mean_arcmin, largest_arcmin : the same as an angle; None for an orthographic viewer, too
     psnr : dB, white is 1, of the seen image against the ideal one, where the viewer sees nothing
         but the picture; None where there is no difference, or nowhere to compare
@@ -69,7 +71,8 @@ def viewer_reports(solution: Solution) -> Generator[float, None, tuple[ViewerRep
     ------
     RigError : the picture is no flat rectangle
     """
-    if solution.settled is None and len(solution.channels) > 1:
+    has_own = solution.rig.has_own_images
+    if solution.settled is None and len(solution.channels) > 1 and not has_own:
         raise RigError(
             "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
             picture=solution.rig.picture_place.name,
@@ -90,10 +93,12 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
     viewer = channel.viewer
     seen, straight = displaced(solution, number)
     length = np.linalg.norm(seen - straight, axis=1)
-    is_seen = np.isfinite(length)
+    n_points = int(np.isfinite(length).sum())
 
     is_eye = viewer.projection == "perspective"
     angle = arcmin_between(viewer, seen, straight) if is_eye else np.full(len(length), np.nan)
+    if solution.rig.has_own_images:  # nothing is displaced towards what others see
+        length, angle = np.full((2, len(length)), np.nan)
 
     whole = (cover_in_view(solution.rig.picture_place, viewer) >= WHOLE) & (
         channel.view_coverage >= WHOLE
@@ -105,7 +110,7 @@ def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport
         viewer=viewer.name,
         weight=viewer.weight,
         coverage=float(np.clip(channel.picture_coverage, 0, 1)),
-        n_points=int(is_seen.sum()),
+        n_points=n_points,
         mean_px=mean_px,
         largest_px=largest_px,
         mean_arcmin=mean_arcmin,
@@ -205,10 +210,10 @@ def conflict_in_light(
 
     Yields progress 0..1.
     """
-    pyramid = Pyramid(solution.rig.picture.image)
-    channels = solution.channels
+    rig, channels = solution.rig, solution.channels
+    pyramids = pyramids_of([rig.picture_of(channel.viewer).image for channel in channels])
     total = np.zeros_like(solution.source, dtype=float)
-    for k, channel in enumerate(channels):
+    for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
         total += _weight(channel)[..., None] * _asked_for(channel, pyramid)
         yield 0.5 * (k + 1) / len(channels)
 
@@ -216,7 +221,7 @@ def conflict_in_light(
     mean = total / np.where(weight > 0, weight, 1.0)[..., None]
     square = np.zeros_like(weight)
     off = []
-    for k, channel in enumerate(channels):
+    for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
         of_pixel = _weight(channel) * ((_asked_for(channel, pyramid) - mean) ** 2).mean(axis=2)
         seen = _weight(channel).sum()
         off.append(float(np.sqrt(of_pixel.sum() / seen)) if seen > 0 else 0.0)
@@ -234,7 +239,8 @@ def _weight(channel: Channel) -> Floats:
 def _asked_for(channel: Channel, pyramid: Pyramid) -> Floats:
     """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
     painting = Painting(channel.shares.display_size)
+    place = channel.plan.rig.place_of(channel.viewer)
     for shares in channel.shares:
         shown = channel.shown(shares)
-        painting.add(pyramid, find_strokes(channel.plan.rig.picture_place, channel.viewer, shown))
+        painting.add(pyramid, find_strokes(place, channel.viewer, shown))
     return painting.finished(channel.coverage.weight).astype(float)

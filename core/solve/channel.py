@@ -98,7 +98,7 @@ class Channel:
 
     def ideal(self) -> NDArray[np.float32]:
         """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
-        return ideal_image(self.plan.rig.picture, self.viewer)
+        return ideal_image(self.plan.rig.picture_of(self.viewer), self.viewer)
 
     def seen(self, source: NDArray[np.float32], beside: bool = False) -> NDArray[np.float32]:
         """The viewer's image, through the glass, of a source image (H, W, 3): (h, w, 3) linear.

@@ -37,8 +37,11 @@ class Settled:
 
 
 def is_comparable(rig: Rig) -> bool:
-    """Are there several viewers, whose places on the picture can be compared?"""
-    if len(rig.viewers) < 2:
+    """Are there several viewers, whose places on the picture can be compared?
+
+    Places on images that are one viewer's alone have nothing to do with each other.
+    """
+    if len(rig.viewers) < 2 or rig.has_own_images:
         return False
     return all(way_of(rig.picture_place, viewer) is not None for viewer in rig.viewers)
 

@@ -7,7 +7,7 @@ from ..fingerprint import fingerprint
 from ..rig import Rig
 from ..settings import Settings
 from .channel import Traced
-from .disagreement import Settled, is_sharp
+from .disagreement import Settled, is_comparable, is_sharp
 from .painting import Placed, place
 
 
@@ -47,10 +47,13 @@ def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
 
 def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | None) -> Place:
     """The shares of all channels for a picture's place and size: known ones, or new ones."""
-    picture = rig.picture_place
-    keys = tuple(fingerprint(key, picture, settings.ghosts) for key in optics.keys)
+    pictures = [rig.place_of(viewer) for viewer in rig.viewers]
+    keys = tuple(
+        fingerprint(key, picture, settings.ghosts)
+        for key, picture in zip(optics.keys, pictures, strict=True)
+    )
     weights = tuple(viewer.weight for viewer in rig.viewers)
-    together = fingerprint(keys, weights, is_sharp(rig, settings))
+    together = fingerprint(keys, weights, is_comparable(rig), is_sharp(rig, settings))
     if before is not None and before.together == together:
         return before
 
@@ -59,7 +62,8 @@ def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | Non
         known[key].let_go()
 
     channels = []
-    for key, traced, viewer in zip(keys, optics.channels, rig.viewers, strict=True):
+    of_each = zip(keys, optics.channels, rig.viewers, pictures, strict=True)
+    for key, traced, viewer, picture in of_each:
         old = known.get(key)
         if old is not None:
             old.strokes.clear()  # or they would be there twice until the solve ends

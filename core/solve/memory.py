@@ -80,7 +80,6 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     triangle of the mesh; the map has kinks of a higher order between them: where cells would be
     smaller, any viewer pixel that needs several quads may be cut.
     """
-    place = rig.picture_place
     display = _n_pixels(rig.display)
     sizes = [_n_pixels(viewer) for viewer in rig.viewers]
     viewer = sum(sizes)
@@ -117,7 +116,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         + BYTES.asked * display * (len(sizes) if len(sizes) > 1 else 0)
         + BYTES.share * n_kept,
         "viewer": BYTES.viewer * viewer,
-        "picture": BYTES.picture * float(place.height) * place.width,
+        "picture": BYTES.picture * float(rig.pictures[0].n_pixels),
         "tolerance": BYTES.share * n_more + BYTES.ray * n_rays,
         "glass": BYTES.triangle * n_triangles,
         "borders": cut_shares + BYTES_OF_POINT * n_points,

@@ -102,14 +102,15 @@ class Clock:
 
 
 def paint(
-    channels: Sequence[Placed], pyramid: Pyramid, clock: Clock
+    channels: Sequence[Placed], pyramids: Sequence[Pyramid], clock: Clock
 ) -> Generator[float, None, Painting]:
-    """Paint the shares of all channels, and add them to the sums over them where these are new.
+    """Paint the shares of all channels, each with its pyramid, and add them to the sums over them
+    where these are new.
 
     Yields progress 0..1.
     """
     painting = Painting(channels[0].shares.display_size)
-    for k, placed in enumerate(channels):
+    for k, (placed, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
         steps = _add(painting, placed, pyramid, clock)
         yield from within(steps, k / len(channels), (k + 1) / len(channels))
     return painting

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from ..errors import RigError
 from ..image.glare import look_beside
 from ..image.pyramid import Pyramid
+from ..image.pyramids import pyramids_of
 from ..image.simulation import plate_view
 from ..image.source_image import Painting
 from ..light.kept import Kept
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..light.planning import planning
-from ..rig import Picture, Rig
+from ..rig import Rig
 from ..settings import Settings
 from ..steps import at, finish, last_told, within
 from ..viewer import Viewer
@@ -46,7 +47,7 @@ class Session:
         self._kept = kept or Kept()
         self._optics: Optics | None = None
         self._placed: Place | None = None
-        self._pyramid: Pyramid | None = None
+        self._pyramids: tuple[Pyramid, ...] = ()  # of each viewer's image
         self.is_tracing = False  # is the view map of a solve under way?
 
     def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
@@ -129,14 +130,12 @@ class Session:
         for k, viewer in enumerate(rig.viewers):
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
             _, view_map = yield from within(steps, traced * k / n, traced * (k + 1) / n)
-            found.append((view_map, place(view_map, rig.picture_place, viewer, settings)))
+            found.append((view_map, place(view_map, rig.place_of(viewer), viewer, settings)))
 
         channels = [placed for _, placed in found]
         if is_sharp(rig, settings):
             yield from within(settle(channels, clock, is_sharp=True), traced, traced)
-        painting = yield from within(
-            paint(channels, self._pyramid_of(rig.picture), clock), traced, 1.0
-        )
+        painting = yield from within(paint(channels, self._pyramids_of(rig), clock), traced, 1.0)
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
 
@@ -172,14 +171,14 @@ class Session:
             steps = settle(place.channels, clock, is_sharp(rig, settings))
             place = place._replace(settled=(yield from within(steps, 0.0, part)))
 
-        steps = paint(place.channels, self._pyramid_of(rig.picture), clock)
+        steps = paint(place.channels, self._pyramids_of(rig), clock)
         return place, (yield from within(steps, part, 1.0))
 
-    def _pyramid_of(self, picture: Picture) -> Pyramid:
-        """The sizes of a picture's image, made once as long as it is the same."""
-        if not (self._pyramid and self._pyramid.is_of(picture.image)):
-            self._pyramid = Pyramid(picture.image)
-        return self._pyramid
+    def _pyramids_of(self, rig: Rig) -> tuple[Pyramid, ...]:
+        """The sizes of each viewer's image, made once as long as it is the same."""
+        images = [rig.picture_of(viewer).image for viewer in rig.viewers]
+        self._pyramids = pyramids_of(images, self._pyramids)
+        return self._pyramids
 
     def _look(
         self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock

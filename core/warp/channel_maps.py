@@ -60,7 +60,7 @@ def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, Cha
         places = yield from within(steps, ends["larger"], ends["mesh"])
         pixels = grid.pixels((width, height))
         coverage = channel.coverage.of_display.ravel()[pixels].reshape(grid.rows, grid.columns)
-        place = channel.plan.rig.picture_place
+        place = channel.plan.rig.place_of(channel.viewer)
         stmap = of_places(place, channel.viewer, grid, places, coverage, options.overscan)
         mesh = mesh_of((width, height), options.mesh_step, stmap, places)
 

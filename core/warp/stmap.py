@@ -79,8 +79,9 @@ def warp_map(
     plan, view_map = channel.plan, channel.view_map
     grid = middles(view_map.display_size, times)
     places = yield from view_from_display(plan, view_map, grid)
+    place = plan.rig.place_of(channel.viewer)
     coverage = channel.coverage.of_display.repeat(times, axis=0).repeat(times, axis=1)
-    return of_places(plan.rig.picture_place, channel.viewer, grid, places, coverage, overscan)
+    return of_places(place, channel.viewer, grid, places, coverage, overscan)
 
 
 def of_places(

@@ -123,6 +123,12 @@ RIG = Section(
             "カメラが削除されています。リストの横のマイナスで、選択した項目を削除できます。",
         ),
         Advice(
+            "The viewer '{viewer}' has no image of its own, but others have: choose one in the list"
+            " of viewers, or take theirs away.",
+            "Own Image, in the panel Rig, is of the viewer that is chosen in the list.",
+            "「リグ」パネルの「専用の画像」は、リストで選択した視点のものです。",
+        ),
+        Advice(
             "A grid of {n} heads: set 2 to {most} in all.",
             "Three by three are enough to begin with: each takes the time of one viewer.",
             "まずは3 x 3で十分です。1つごとに視点1つ分の時間がかかります。",
@@ -1270,6 +1276,8 @@ SECTIONS = RIG, GLASS, PICTURE, FITTING, RESULT, PLATE, CALIBRATION, FILES, ATLA
 # Only scripts that call core by themselves meet these: Blender's fields take no such values,
 # its meshes have no such faces, and a preview is made of a rig that has a viewer.
 NOT_MET = {
+    "The picture '{picture}' stands on a plane, and has an image for each viewer: take these away,"
+    " or the plane.",
     "{owner} has faces whose corners are none of its vertices: number them from 0.",
     "{owner} has an index of refraction that is no Index: give it one such as ConstantIndex(1.49).",
     "{owner} has an index of refraction that is no number above 0: set one.",

@@ -48,6 +48,7 @@ PLACES = {
         "kiriko.eye_box",
         "kiriko.remove_eye_box",
         "KirikoScene.disagreement",
+        "KirikoViewer.image",
     ),
     "bench.md#drawing": ("kiriko.bench_drawing",),
     "bench.md#plate": ("kiriko.simulate", "kiriko.visible_range", "kiriko.remove_visible_range"),

@@ -1,7 +1,7 @@
 """One of several viewers that look at the display of a rig."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import BoolProperty, FloatProperty, PointerProperty
 
 
 class KirikoViewer(bpy.types.PropertyGroup):
@@ -21,4 +21,9 @@ class KirikoViewer(bpy.types.PropertyGroup):
         name="Use",
         description="The source image is made for this viewer, too",
         default=True,
+    )
+    image: PointerProperty(
+        name="Own Image",
+        description="Picture in this viewer's own pixels, where each viewer has one for itself",
+        type=bpy.types.Image,
     )
