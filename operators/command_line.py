@@ -30,6 +30,7 @@ from . import (
     set_value,
     solve_to_folder,
     telling,
+    viewer_images,
     work,
 )
 from .calibrate import calibrated
@@ -183,6 +184,13 @@ def parser() -> argparse.ArgumentParser:
     solve = verbs.add_parser(
         "solve", parents=[pictures], help="compute the source image and write it to a folder"
     )
+    solve.add_argument(
+        "--pictures",
+        default="",
+        metavar="FILE",
+        help="have each viewer see the image in its own file, whose name has the word viewer in"
+        " braces where the name of the camera is",
+    )
     frames_to_folder.add_options(solve)
     solve.set_defaults(run=_solve)
     calibrate = verbs.add_parser(
@@ -290,6 +298,8 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
 def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve the scene as it stands, or the frames that are asked for; yields lines of progress."""
+    if arguments.pictures:
+        viewer_images.open_images(bpy.context.scene, arguments.pictures)
     if arguments.frames is None:
         return solve_to_folder.solve(arguments)
     if arguments.preview or arguments.simulate or arguments.viewers:

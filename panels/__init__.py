@@ -34,6 +34,7 @@ CLASSES = (
     solve.VIEW3D_PT_kiriko_preview,
     result.VIEW3D_PT_kiriko_result,
     viewers.KIRIKO_UL_viewers,
+    viewers.VIEW3D_MT_kiriko_scenes,
     viewers.VIEW3D_PT_kiriko_seen_by,
     result.VIEW3D_PT_kiriko_details,
     rigs.VIEW3D_MT_kiriko_rigs,

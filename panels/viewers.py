@@ -48,6 +48,21 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         weight.prop(item, "weight", text="", emboss=False)
 
 
+class VIEW3D_MT_kiriko_scenes(bpy.types.Menu):
+    """The other scenes of the file, to be rendered for each viewer."""
+
+    bl_idname = "VIEW3D_MT_kiriko_scenes"
+    bl_label = "Render Pictures"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for scene in bpy.data.scenes:
+            if scene != context.scene:
+                choice = self.layout.operator(
+                    "kiriko.render_pictures", text=scene.name, translate=False, icon="SCENE_DATA"
+                )
+                choice.scene = scene.name
+
+
 def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The viewer; the list and the chosen one's camera where there are several."""
     ours = context.scene.kiriko
@@ -73,6 +88,8 @@ def draw_viewers(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 def draw_images(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The picture in the viewers' own pixels: of all of them, and the chosen one's own."""
     ours = context.scene.kiriko
+    if len(bpy.data.scenes) > 1:
+        layout.menu(VIEW3D_MT_kiriko_scenes.bl_idname, icon="RENDER_STILL")
     if not len(ours.viewers):
         layout.template_ID(ours, "picture_image", open="image.open")
         return

@@ -129,6 +129,27 @@ RIG = Section(
             "「リグ」パネルの「専用の画像」は、リストで選択した視点のものです。",
         ),
         Advice(
+            "The file '{file}' is the same for {n} viewers: put {mark} where their names are.",
+            "The name of each viewer's camera takes that place, as in renders/Kiriko Left Eye.png.",
+            "ファイル名のその部分が、視点のカメラの名前に置き換わります。",
+        ),
+        Advice(
+            "The file '{file}' of the viewer '{viewer}' cannot be read: it is missing or broken.",
+            "Its name has the name of the viewer's camera. The list of viewers has these.",
+            "ファイル名には視点のカメラの名前が入ります。名前は視点のリストで確認できます。",
+        ),
+        Advice(
+            "The scene '{scene}' rendered no image for the viewer '{viewer}' ({why}): render it by"
+            " itself, which tells more.",
+            "Switch to that scene and press F12. Esc stops a render, too.",
+            "そのシーンに切り替えて F12 を押します。Esc もレンダーを止めます。",
+        ),
+        Advice(
+            "Which scene the viewers shall see is not clear: name one of the other {n}.",
+            "Choose it in the menu Render Pictures, in the panel Rig.",
+            "「リグ」パネルの「絵をレンダー」のメニューで選択します。",
+        ),
+        Advice(
             "A grid of {n} heads: set 2 to {most} in all.",
             "Three by three are enough to begin with: each takes the time of one viewer.",
             "まずは3 x 3で十分です。1つごとに視点1つ分の時間がかかります。",

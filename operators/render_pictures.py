@@ -1,0 +1,89 @@
+"""Render pictures: another scene, as each viewer sees it, is what this viewer shall see."""
+
+from collections.abc import Generator
+
+import bpy
+
+from ..core.blender.scene import read_viewers
+from ..core.blender.viewer import frame_of, own_images, seats_of
+from ..core.blender.viewer_render import RENDERED, render_for
+from ..core.errors import RigError
+from ..core.messages import Message
+from . import needed, viewer_images
+from .long_work import LongWork
+
+NO_OTHER = Message("There is no other scene: make one of what the viewers shall see")
+
+
+class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
+    """Render another scene from a copy of each viewer's camera: each viewer shall see its own"""
+
+    bl_idname = "kiriko.render_pictures"
+    bl_label = "Render Pictures"
+    bl_options = {"REGISTER", "UNDO"}
+
+    scene: bpy.props.StringProperty(
+        name="Scene",
+        description="The scene that is rendered, by its own settings; empty: the only other one",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        missing = [] if len(bpy.data.scenes) > 1 else [NO_OTHER]
+        if not seats_of(context.scene):
+            missing.append(needed.NEEDED["VIEWER"])
+        return needed.can_run(cls, missing)
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene, other = context.scene, self._other(context.scene)
+        context.view_layer.update()
+        depsgraph = context.evaluated_depsgraph_get()
+        read_viewers(depsgraph, scene)  # refuses those that are none
+        views = [
+            (one.camera, one.camera.evaluated_get(depsgraph).matrix_world.copy())
+            for one in seats_of(scene)
+        ]
+
+        images: dict[str, bpy.types.Image] = {}
+        is_done = False
+        try:
+            yield 0.0
+            for n, (camera, place) in enumerate(views):
+                image = render_for(other, camera, place, frame_of(camera, scene.render))
+                images[camera.name] = image
+                yield (n + 1) / len(views)
+            is_done = True
+        finally:
+            if not is_done:
+                bpy.data.batch_remove(list(images.values()))
+
+        _replace(scene, images)
+        return Message(
+            "Each of {n} viewers sees '{scene}' as it was rendered from its camera.",
+            n=len(images),
+            scene=other.name,
+        )
+
+    def _other(self, scene: bpy.types.Scene) -> bpy.types.Scene:
+        """The scene to be rendered; RigError where none is meant, or it cannot be changed."""
+        others = [one for one in bpy.data.scenes if one != scene]
+        found = [one for one in others if one.name == self.scene] if self.scene else others
+        if len(found) != 1:
+            raise RigError(
+                "Which scene the viewers shall see is not clear: name one of the other {n}.",
+                n=len(others),
+            )
+        if not found[0].is_editable:
+            raise RigError("{reason}.", reason=needed.LINKED)
+        return found[0]
+
+
+def _replace(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
+    """Give viewers their images; those that were rendered before go, if nobody else has them."""
+    before = {*own_images(scene), scene.kiriko.picture_image} - {None}
+    viewer_images.give(scene, images)
+    unused = [one for one in before if RENDERED in one and not one.users]
+    bpy.data.batch_remove(unused)
+    for name, image in images.items():
+        image.name = name

@@ -1,0 +1,77 @@
+"""Gives each viewer an image of its own: by a file name with the viewer's in it, or as rendered."""
+
+from pathlib import Path
+
+import bpy
+
+from ..core.blender.picture import check_readable
+from ..core.blender.viewer import camera_at, seats_of
+from ..core.errors import ImageError, RigError
+from ..core.messages import Message
+from .folder import names_for
+
+MARK = "{viewer}"
+
+
+def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
+    """The files of the viewers that are on, by their cameras' names, as these are or as every disk
+    takes them; RigError where several viewers would have the same.
+    """
+    names = names_of(scene)
+    if MARK not in file and len(names) > 1:
+        raise RigError(
+            "The file '{file}' is the same for {n} viewers: put {mark} where their names are.",
+            file=file,
+            n=len(names),
+            mark=MARK,
+        )
+    found = {}
+    for name, safe in zip(names, names_for(names), strict=True):
+        paths = [Path(bpy.path.abspath(file.replace(MARK, word))) for word in (name, safe)]
+        found[name] = next((path for path in paths if path.is_file()), paths[0])
+    return found
+
+
+def names_of(scene: bpy.types.Scene) -> list[str]:
+    """The names of the viewers that are on; that an entry has no camera is told when it is read."""
+    return [seat.camera.name for seat in seats_of(scene) if seat.camera is not None]
+
+
+def open_images(scene: bpy.types.Scene, file: str) -> None:
+    """Give each viewer that is on the image in its file.
+
+    Raises ImageError, and changes nothing, where one cannot be read; RigError as `files_of` does.
+    """
+    before = set(bpy.data.images)
+    try:
+        images = {name: _opened(path, name) for name, path in files_of(scene, file).items()}
+    except ImageError:
+        bpy.data.batch_remove([one for one in bpy.data.images if one not in before])
+        raise
+    give(scene, images)
+
+
+def give(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
+    """Have the viewers of some names see these images, in their own pixels."""
+    ours = scene.kiriko
+    ours.picture_source = "IMAGE"
+    if not len(ours.viewers):
+        ours.picture_image = next(iter(images.values()), ours.picture_image)
+    for n, one in enumerate(ours.viewers):
+        camera = camera_at(scene, n)
+        if one.is_on and camera is not None:
+            one.image = images[camera.name]
+
+
+def _opened(path: Path, viewer: str) -> bpy.types.Image:
+    """The image in a viewer's file."""
+    try:
+        image = bpy.data.images.load(str(path), check_existing=True)
+    except RuntimeError:
+        raise ImageError(
+            "The file '{file}' of the viewer '{viewer}' cannot be read: it is missing or broken.",
+            file=path,
+            viewer=viewer,
+        ) from None
+    check_readable(image, Message("the viewer '{viewer}'", viewer=viewer))
+    return image

@@ -1,0 +1,215 @@
+"""Images for each viewer: rendered from another scene, and opened by a file name."""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from bpy_extras.object_utils import world_to_camera_view
+
+from small_rigs import inventory, pixels, small_rig
+
+NAMES = ("Kiriko Viewer", "mine")
+SIZES = {"Kiriko Viewer": (48, 40), "mine": (32, 64)}
+
+
+@pytest.fixture
+def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """A rig around a cube, of two viewers with pixels of their own; the objects by role."""
+    parts = small_rig()
+    thing = ours().viewer.copy()
+    thing.name = "mine"
+    thing.data = thing.data.copy()
+    thing.location.x += 0.005
+    thing.data.shift_x = -0.05
+    scene.collection.objects.link(thing)
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.kiriko.add_viewer()
+    for name, size in SIZES.items():
+        bpy.data.objects[name].kiriko.use_resolution = True
+        bpy.data.objects[name].kiriko.resolution = size
+    return parts
+
+
+def ours() -> bpy.types.PropertyGroup:
+    return bpy.context.scene.kiriko
+
+
+def other_scene() -> bpy.types.Scene:
+    """A scene in which a small white ball glows at the rig's middle, with settings of its own."""
+    made = bpy.data.scenes.new("world")
+    made.render.engine = "CYCLES"
+    made.cycles.samples = 4
+    made.view_settings.view_transform = "Standard"
+    made.render.resolution_x, made.render.resolution_y = 17, 19
+    made.render.resolution_percentage = 50
+    made.render.use_border = True
+    made.render.filepath = "//elsewhere"
+    made.render.image_settings.file_format = "JPEG"
+    material = bpy.data.materials.new("glow")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    glow, out = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial"))
+    tree.links.new(glow.outputs[0], out.inputs["Surface"])
+    mesh = bpy.data.meshes.new("ball")
+    t = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    rings = [0.004 * np.stack([np.cos(t), 0 * t, np.sin(t)], axis=1)]
+    mesh.from_pydata(np.concatenate(rings).tolist(), [], [list(range(64))])
+    mesh.materials.append(material)
+    disc = bpy.data.objects.new("disc", mesh)
+    made.collection.objects.link(disc)
+    own = bpy.data.objects.new("own", bpy.data.cameras.new("own"))
+    made.collection.objects.link(own)
+    made.camera = own
+    made.timeline_markers.new("cut", frame=1).camera = own
+    return made
+
+
+def state(scene: bpy.types.Scene) -> dict[str, Any]:
+    """All settings of a scene's render, its camera, and what is in it."""
+    form = scene.render.image_settings
+    found = {
+        f"{owner.bl_rna.identifier}.{p.identifier}": getattr(owner, p.identifier)
+        for owner in (scene.render, form)
+        for p in owner.bl_rna.properties
+        if p.type in {"BOOLEAN", "INT", "FLOAT", "ENUM", "STRING"}
+        and not p.is_readonly
+        and not getattr(p, "is_array", False)
+    }
+    found["camera"] = scene.camera.name
+    found["markers"] = [one.camera.name for one in scene.timeline_markers]
+    found["objects"] = sorted(thing.name for thing in scene.objects)
+    return found
+
+
+def middle(image: bpy.types.Image) -> np.ndarray:
+    """The middle of the light in an image, 0..1 to the right and up."""
+    light = pixels(image)[::-1, :, 0]
+    y, x = (np.indices(light.shape) + 0.5) / [[[light.shape[0]]], [[light.shape[1]]]]
+    return np.array([(light * x).sum(), (light * y).sum()]) / light.sum()
+
+
+def test_each_viewer_gets_a_render_from_its_own_place(kiriko: ModuleType, rig: dict) -> None:
+    """Of its own size; a small disc is where Blender's projection of its middle has it. The other
+    scene is as it was, and the images are in the file.
+    """
+    other = other_scene()
+    middle_of_rig = rig["PICTURE"].matrix_world.translation.copy()
+    bpy.data.objects["disc"].location = middle_of_rig
+    before, things = state(other), inventory()
+    assert bpy.ops.kiriko.render_pictures() == {"FINISHED"}
+    assert state(other) == before
+    after = inventory()
+    after["images"] = [name for name in after["images"] if name not in NAMES]
+    assert after == things
+
+    assert ours().picture_source == "IMAGE"
+    images = {name: one.image for name, one in zip(NAMES, ours().viewers, strict=True)}
+    for name, image in images.items():
+        assert (image.name, tuple(image.size)) == (name, SIZES[name])
+        assert image.packed_file is not None
+        camera = bpy.data.objects[name]
+        # its aspect is that of the viewer's pixels
+        ours_render = bpy.context.scene.render
+        ours_render.resolution_x, ours_render.resolution_y = SIZES[name]
+        wanted = world_to_camera_view(bpy.context.scene, camera, middle_of_rig)
+        off = (middle(image) - wanted[:2]) * SIZES[name]
+        assert np.abs(off).max() < 0.15  # px: four samples a pixel
+
+    assert np.abs(middle(images["mine"]) - middle(images["Kiriko Viewer"])).max() > 0.05
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+def test_rendered_anew_the_images_before_go(kiriko: ModuleType, rig: dict) -> None:
+    other_scene()
+    bpy.ops.kiriko.render_pictures(scene="world")
+    n = len(bpy.data.images)
+    bpy.ops.kiriko.render_pictures(scene="world")
+    assert [one.image.name for one in ours().viewers] == list(NAMES)
+    assert len(bpy.data.images) == n
+
+
+def test_what_goes_wrong_leaves_all_as_before(
+    kiriko: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No other scene, one that is not there, one of two; a render that fails or is stopped after
+    the first viewer.
+    """
+    with pytest.raises(RuntimeError, match="There is no other scene"):
+        bpy.ops.kiriko.render_pictures()
+    other = other_scene()
+    bpy.data.scenes.new("empty")
+    words = "Which scene the viewers shall see is not clear: name one of the other 2"
+    for name in ("", "nobody", bpy.context.scene.name):
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.kiriko.render_pictures(scene=name)
+
+    before, things, source = state(other), inventory(), ours().picture_source
+    other.camera.hide_render = False
+    module = importlib.import_module(f"{kiriko.__name__}.operators.render_pictures")
+    render_for = module.render_for
+    viewer_render = importlib.import_module(f"{kiriko.__name__}.core.blender.viewer_render")
+    calls: list[str] = []
+
+    def second_is_stopped(*arguments: Any) -> bpy.types.Image:
+        calls.append(arguments[1].name)
+        if len(calls) == 2:  # as Esc has it: the file is not written
+            monkeypatch.setattr(viewer_render, "_wanted", nowhere)
+        return render_for(*arguments)
+
+    wanted = viewer_render._wanted
+
+    def nowhere(other: bpy.types.Scene, camera: Any, frame: Any, path: Path) -> list:
+        return wanted(other, camera, frame, path.with_name("another"))
+
+    monkeypatch.setattr(module, "render_for", second_is_stopped)
+    words = r"The scene 'world' rendered no image for the viewer 'mine' \(it was stopped\)"
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.render_pictures(scene="world")
+    assert calls == list(NAMES)
+    assert (state(other), inventory(), ours().picture_source) == (before, things, source)
+    assert [one.image for one in ours().viewers] == [None, None]
+
+
+def write(path: Path, level: float) -> None:
+    image = bpy.data.images.new("made", 8, 8)
+    image.pixels.foreach_set([level, level, level, 1.0] * 64)
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+def test_a_file_name_has_the_viewer_in_it(
+    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """By the camera's name as it is, or as every disk takes it. A file that is missing, or the same
+    for all, is told in a sentence, and nothing is changed or written.
+    """
+    for name, level in (("Kiriko_Viewer", 0.0), ("mine", 1.0)):
+        write(tmp_path / f"render {name}.png", level)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    file = tmp_path / "render {viewer}.png"
+    assert run("solve", "--out", out, "--viewers", "all", "--pictures", file) == 0
+    for name, level in (("Kiriko_Viewer", 0.0), ("mine", 1.0)):
+        ideal = pixels(bpy.data.images.load(str(out / f"ideal_{name}.png")))[..., :3]
+        np.testing.assert_allclose(ideal, level, atol=1e-3)
+
+    (tmp_path / "render mine.png").unlink()
+    for wrong, words in (
+        ("render.png", "is the same for 2 viewers: put {viewer} where their names are."),
+        ("render {viewer}.png", "of the viewer 'mine' cannot be read: it is missing or broken."),
+    ):
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+        n = len(bpy.data.images)
+        capsys.readouterr()
+        assert run("solve", "--out", tmp_path / "no", "--pictures", tmp_path / wrong) == 1
+        assert words in capsys.readouterr().err
+        assert not (tmp_path / "no").exists()
+        assert len(bpy.data.images) == n
+        assert ours().picture_source == "PLANE"
