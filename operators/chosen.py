@@ -3,6 +3,7 @@
 import bpy
 
 from ..core.blender.elements import tone_of
+from ..core.blender.moving import stamp_of
 from ..core.blender.viewer import frame_of, seats_of
 from . import needed, work
 
@@ -22,7 +23,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
             o.priority,
             o.surface,
             *o.resolution,
-            uid(o.image),
+            file_now(o.image),
             tone_of(o.picture),
             o.display.black_level,
             mirrors_of(o),
@@ -33,7 +34,8 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
     ]
     return (
         work.settings_of(scene),
-        *(uid(block) for block in (ours.viewer, ours.picture_image, scene.camera)),
+        *(uid(block) for block in (ours.viewer, scene.camera)),
+        file_now(ours.picture_image),
         ours.viewer_shown,
         *(
             (uid(camera), weight, uid(image), camera and frame_of(camera, scene.render))
@@ -44,6 +46,12 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
         ours.calibration.offset,
         tuple(sorted(objects)),
     )
+
+
+def file_now(image: bpy.types.Image | None) -> tuple[object, ...]:
+    """An image, and of a movie its file as it is now."""
+    is_movie = image is not None and image.source == "MOVIE"
+    return uid(image), stamp_of(image, 1) if is_movie else None
 
 
 def mirrors_of(ours: bpy.types.PropertyGroup) -> tuple[object, ...]:

@@ -16,6 +16,7 @@ from ..core.messages import Message, as_message
 from ..core.solve.solved_for import SolvedFor
 from . import needed, telling, work
 
+NOTHING = Message("Nothing is proposed for the rig as it is")
 SAME = 1e-6  # of a matrix's numbers: so near an object is where it was
 
 
@@ -152,10 +153,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
-        is_there = current(context.scene) is not None
-        return needed.can_run(
-            cls, [] if is_there else [Message("Nothing is proposed for the rig as it is")]
-        )
+        return needed.can_run(cls, [NOTHING] if current(context.scene) is None else [])
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
@@ -188,6 +186,10 @@ class KIRIKO_OT_drop_proposal(bpy.types.Operator):
 
     bl_idname = "kiriko.drop_proposal"
     bl_label = "Leave It"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [NOTHING] if current(context.scene) is None else [])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         drop()

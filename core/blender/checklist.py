@@ -234,10 +234,6 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
             )
             yield Entry(text, ADVICE, buttons)
 
-    if look.is_solved and look.is_unsaved:
-        text = Message("The export goes beside this file, which was never saved.")
-        yield Entry(text, ADVICE, (Button("wm.save_mainfile", Message("Save"), (), "FILE_TICK"),))
-
 
 def _remedy(
     look: Look, reason: str, length_text: Callable[[float], str]

@@ -12,7 +12,7 @@ from ..messages import Message, quoted
 from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate
 from ..vectors import normalise
 from .material import read_refraction
-from .moving import at_frame, ended, number_at
+from .moving import Timing, at_frame, ended, number_at
 from .parts import Part
 from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
 from .rectangle import flat_size
@@ -164,8 +164,10 @@ def read_plate(part: Part) -> Plate:
     )
 
 
-def shown_image(part: Part) -> tuple[bpy.types.Image, int | None, list[str]]:
-    """The image that is solved for a picture plane, its frame where it moves, and notes on it."""
+def shown_image(part: Part) -> tuple[bpy.types.Image, Timing | None, list[str]]:
+    """The image that is solved for a picture plane, when it shows which of its frames where a node
+    tells that, and notes on it.
+    """
     name = part.owner.name
     texture = part.texture
     notes = []
@@ -192,8 +194,7 @@ def shown_image(part: Part) -> tuple[bpy.types.Image, int | None, list[str]]:
         )
 
     by_node = texture is not None and texture.image == image
-    timing = texture.timing if by_node else None
-    return image, number_at(image, timing, part.frame), notes + ended(image, timing, part.frame)
+    return image, texture.timing if by_node else None, notes
 
 
 def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
@@ -204,9 +205,11 @@ def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image."""
     name = part.owner.name
-    image, number, notes = shown_image(part)
+    image, timing, notes = shown_image(part)
+    number = number_at(image, timing, part.frame)
     tone = tone_of(part.owner.kiriko.picture)
     pixels = kept.pixels(image, Message("the picture '{name}'", name=name), tone, number)
+    notes += ended(image, timing, part.frame)
 
     if squeezed := squeezed_words(squeeze(flat_size(part.mesh), pixels.shape[1::-1])):
         notes.append(

@@ -15,6 +15,7 @@ from ..arrays import Floats
 from ..viewer import Viewer
 from .own_words import data_name
 from .remove_rig import spaces
+from .rig_names import stem
 from .rigs import RIG_MARK, active_rig
 from .scene import object_matrix
 from .viewer import orthonormal_axes
@@ -83,18 +84,36 @@ def make_viewers(
     scene: bpy.types.Scene, viewer: bpy.types.Object, places: list[Place]
 ) -> list[bpy.types.Object]:
     """Make cameras like a viewer's, and put them into the list in place of it and of those that
-    were made before.
+    were made before, whose weights they take over where as many had their names.
     """
+    weights: dict[str, list[float]] = {}
+    for one in _made(scene):
+        weights.setdefault(stem(one.camera[EYE_MARK]), []).append(one.weight)
+    own = next((one.weight for one in scene.kiriko.viewers), 1.0)
     remove_made(scene)
     made = [_like(scene, viewer, place) for place in places]
     add(scene, made)
-    scene.kiriko.viewers[0].is_on = False
+
+    entries = list(scene.kiriko.viewers)
+    entries[0].is_on, entries[0].weight = False, own
+    news: dict[str, list[bpy.types.PropertyGroup]] = {}
+    for place, one in zip(places, entries[-len(made) :], strict=True):
+        news.setdefault(place.name, []).append(one)
+    for name, of_name in news.items():
+        if len(weights.get(name, [])) == len(of_name):
+            for one, weight in zip(of_name, weights[name], strict=True):
+                one.weight = weight
     return made
+
+
+def _made(scene: bpy.types.Scene) -> list[bpy.types.PropertyGroup]:
+    """The entries of the list whose cameras were made here."""
+    return [one for one in scene.kiriko.viewers if one.camera and EYE_MARK in one.camera]
 
 
 def remove_made(scene: bpy.types.Scene) -> None:
     """Take those that were made here out of the list, and remove them unless they are used."""
-    made = [one.camera for one in scene.kiriko.viewers if one.camera and EYE_MARK in one.camera]
+    made = [one.camera for one in _made(scene)]
     take_out(scene, made)
     users = bpy.data.user_map(subset=made)
     going = [

@@ -53,7 +53,6 @@ def look_at(
         is_coarse=result.is_coarse,
         is_stale=is_stale,
         is_solved=result.source is not None,
-        is_unsaved=scene.kiriko.export_path.startswith("//") and not bpy.data.filepath,
     )
 
 

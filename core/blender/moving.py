@@ -10,12 +10,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import bpy
 
 from ..errors import ImageError
 from ..frame_list import MOST
 from ..messages import Message
+from ..movie_file import missing
+from ..words import percent
 
 MOVING = {"SEQUENCE", "MOVIE"}
 SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
@@ -82,6 +85,27 @@ def file_of(image: bpy.types.Image, number: int) -> Path:
     return path.with_name(f"{before}{max(number, 0):0{len(digits)}}{after}{path.suffix}")
 
 
+class Stamp(NamedTuple):
+    """Tells a file from what it was before: its size in bytes, and when it was last written, ns."""
+
+    size: int
+    written: int
+
+
+# by a movie's file: its stamp when it was last opened, and how many frames it had
+_n_frames: dict[str, tuple[Stamp | None, int]] = {}
+
+
+def stamp_of(image: bpy.types.Image, number: int) -> Stamp | None:
+    """The stamp of the file that has a frame of a moving image; None where there is none."""
+    file = Path(_absolute(image)) if image.source == "MOVIE" else file_of(image, number)
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return Stamp(found.st_size, found.st_mtime_ns)
+
+
 def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
     """Raise ImageError where a frame of an image has no file to be read from. Nothing is copied,
     so that it may be asked while panels are drawn; a file that is broken is found by `Reel.at`.
@@ -119,7 +143,7 @@ class Reel:
 
     def __init__(self) -> None:
         self._copy: bpy.types.Image | None = None
-        self._of = 0  # session uid of the image
+        self._of: tuple[int, Stamp | None] | None = None  # session uid of the image, and its file
         self._n_read = 0
 
     def at(self, image: bpy.types.Image, number: int, owner: str) -> bpy.types.Image:
@@ -134,9 +158,10 @@ class Reel:
         """
         check_there(image, number, owner)
         is_movie = image.source == "MOVIE"
-        if not (is_movie and self._of == image.session_uid and self._n_read):
+        of = image.session_uid, stamp_of(image, number)
+        if not (is_movie and self._of == of and self._n_read):
             self.close()
-            self._copy, self._of = image.copy(), image.session_uid
+            self._copy, self._of = image.copy(), of
 
         copy = self._copy
         if is_movie:
@@ -151,6 +176,8 @@ class Reel:
             self.close()
             raise _unreadable(image, number, owner)
 
+        if is_movie and not self._n_read:
+            _n_frames[_absolute(image)] = of[1], copy.frame_duration
         self._n_read += 1
         if self._n_read * 4 * width * height > KEPT:
             self._n_read = 0
@@ -161,7 +188,7 @@ class Reel:
         if self._copy is not None:
             with suppress(ReferenceError):
                 bpy.data.images.remove(self._copy)
-        self._copy, self._of, self._n_read = None, 0, 0
+        self._copy, self._of, self._n_read = None, None, 0
 
 
 @contextmanager
@@ -184,25 +211,49 @@ def at_frame(
 
 
 def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
-    """A note on a movie that is over at a frame of the scene, and shows its last one.
+    """Notes on a movie that is over at a frame of the scene, and shows its last one, and on one
+    whose file was cut, which goes on with the last that can be read.
 
     timing : of the node that shows it; None where none does. One that ends before the movie does is
         a wish, and no note is given
     """
     if image.source != "MOVIE":
         return []
-    timing = timing or whole(image)
+    return [*_cut(image), *_over(image, timing or whole(image), now)]
+
+
+def n_frames_of(image: bpy.types.Image) -> int:
+    """How many frames a movie has: as its file is now, where frames of that were read, else as
+    Blender opened it, which keeps the number from then on.
+    """
+    stamp, n = _n_frames.get(_absolute(image), (None, 0))
+    return n if stamp is not None and stamp == stamp_of(image, 1) else image.frame_duration
+
+
+def _cut(image: bpy.types.Image) -> Iterator[Message]:
+    share = missing(Path(_absolute(image)))
+    if share > 0:
+        yield Message(
+            "The movie '{image}' was cut: {share} of its file is missing. Beyond the cut the last"
+            " frame before it is held: copy the file again.",
+            image=image.name,
+            share=percent(share),
+        )
+
+
+def _over(image: bpy.types.Image, timing: Timing, now: int) -> list[str]:
     endless = timing if timing.use_cyclic else replace(timing, frame_duration=MOST)
     number = endless.number(now)
     last = timing.frame_duration + timing.frame_offset
-    if not timing.frame_duration or number <= image.frame_duration or last < image.frame_duration:
+    n = n_frames_of(image)
+    if not timing.frame_duration or number <= n or last < n:
         return []
     return [
         Message(
             "The movie '{image}' has ended: it has {n} frames, and frame {number} is asked for. The"
             " last one is held.",
             image=image.name,
-            n=image.frame_duration,
+            n=n,
             number=number,
         )
     ]

@@ -3,7 +3,6 @@ another file. Each is made a rig of its own, with settings of its own, and no re
 """
 
 import json
-import re
 from collections.abc import Iterable
 from secrets import token_hex
 
@@ -20,7 +19,9 @@ from .active_rig import (
     settings_text,
 )
 from .kept import Changed
+from .rig_names import stem
 from .rigs import RIG_MARK, active_rig, held_by, mark_of, marked_key, rigs, take_in
+from .viewer_list import have_viewer
 
 NO_RESULT = [["kiriko.result.summary", "", ""]]  # as a rig notes that the scene had none before
 
@@ -88,7 +89,8 @@ def _part(scene: bpy.types.Scene, first: bpy.types.Collection, copy: bpy.types.C
     copy_settings(settings_of(scene, first), kept.settings)
     clear_settings(kept.settings.result)
     ours = kept.settings
-    ours.is_of_rig, ours.viewer = True, twins.get(ours.viewer, ours.viewer)
+    ours.is_of_rig = True
+    have_viewer(ours, twins.get(ours.viewer, ours.viewer))
     for one in ours.viewers:
         one.camera = twins.get(one.camera, one.camera)
 
@@ -101,17 +103,13 @@ def _twins(things: list[bpy.types.Object], copies: list[bpy.types.Object]) -> di
     """
     twins: dict[bpy.types.Object, bpy.types.Object] = {}
     free = [thing for thing in copies if thing.type == "CAMERA"]
-    for told_by in ((mark_of, _stem), (mark_of,), ()):
+    for told_by in ((mark_of, lambda one: stem(one.name)), (mark_of,), ()):
         for camera in (thing for thing in things if thing.type == "CAMERA"):
             same = [one for one in free if all(by(one) == by(camera) for by in told_by)]
             if same and camera not in twins:
                 twins[camera] = same[0]
                 free.remove(same[0])
     return twins
-
-
-def _stem(thing: bpy.types.Object) -> str:
-    return re.sub(r"\.\d+$", "", thing.name)
 
 
 def _data_of(things: list[bpy.types.Object]) -> list[bpy.types.ID]:

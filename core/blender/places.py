@@ -11,6 +11,7 @@ import bpy
 from ..errors import KirikoError
 from ..rig import ROLES, Rig, Viewer
 from .elements import place_of, shown_image
+from .moving import number_at
 from .parts import Part, is_placed, parts_by_role, read_parts
 from .roles import in_blender
 from .scene import calibrated_rig
@@ -67,6 +68,6 @@ def _viewers(
 def _read(part: Part, kept: KeptPlaces) -> Any:
     """A part as its role reads it, but of a picture the place alone."""
     if part.role == "PICTURE":
-        image, number, _ = shown_image(part)
-        return place_of(image, part.name, part.mesh, number)
+        image, timing, _ = shown_image(part)
+        return place_of(image, part.name, part.mesh, number_at(image, timing, part.frame))
     return in_blender(part.role).read(part, kept).part

@@ -21,7 +21,7 @@ from .made_for_rig import (
     unused_elsewhere,
 )
 from .rigs import RIG_MARK, active_rig, let_go, marked_key, rig_of, rigs, rigs_of
-from .viewer_list import take_out
+from .viewer_list import have_viewer, take_out
 
 
 def rig_to_remove(
@@ -169,7 +169,7 @@ def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy
             result.property_unset(name)
 
     if scene.kiriko.viewer in going:
-        scene.kiriko.viewer = ours.viewer_before
+        have_viewer(scene.kiriko, ours.viewer_before)
     take_out(scene, going)
     for one in rigs(scene):
         if one.kiriko.viewer_before in going:

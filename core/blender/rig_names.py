@@ -14,6 +14,11 @@ RIG = Message("Kiriko Rig")
 NUMBER = re.compile(r"\.\d{3,}$")
 
 
+def stem(name: str) -> str:
+    """A datablock's name without the number that Blender gives to a further one of it."""
+    return NUMBER.sub("", name)
+
+
 def name_for(scene: bpy.types.Scene, name: str) -> str:
     """The name of a result of a scene's active rig: with the number of the rig's collection, and
     with its name where the artist gave it one.

@@ -14,7 +14,7 @@ from ..image.tone import Tone
 from ..rig import ROLES, Mesh
 from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, read_local, sharpen_creases, used_slots
-from .moving import Reel, at_frame
+from .moving import Reel, at_frame, stamp_of
 from .picture import decoded, stored_pixels
 from .plane import chosen_image
 
@@ -142,7 +142,9 @@ class Kept:
         tone = tone or Tone()
         space = image.colorspace_settings
         numbers = (
-            (tuple(image.size), image.is_float) if number is None else (image.filepath, number)
+            (tuple(image.size), image.is_float)
+            if number is None
+            else (image.filepath, number, stamp_of(image, number))
         )
         settings = (
             image.session_uid,

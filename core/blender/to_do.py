@@ -89,4 +89,3 @@ class Look:
     is_coarse: bool = False
     is_stale: bool = False
     is_solved: bool = False
-    is_unsaved: bool = False  # and the export goes beside the file

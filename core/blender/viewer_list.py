@@ -13,30 +13,48 @@ from .viewer import camera_at, number_shown
 
 @contextmanager
 def changing(scene: bpy.types.Scene) -> Iterator[bpy.types.bpy_prop_collection]:
-    """The list, to be changed: with the first viewer as an entry like any other."""
+    """The list, to be changed: with the first viewer as an entry like any other. One that is the
+    scene's camera, as none was chosen, goes on following that while it is the first.
+    """
     ours = scene.kiriko
     first = camera_at(scene, 0)
     if not len(ours.viewers):
         ours.viewers.add()
+    follows = ours.viewer is None and ours.viewers[0].camera is None
     ours.viewers[0].camera = first
     try:
         yield ours.viewers
     finally:
-        _settle(scene)
+        _settle(scene, scene.camera if follows else None)
 
 
-def _settle(scene: bpy.types.Scene) -> None:
-    """Have the first entry be the scene's viewer again, and no list be there for it alone."""
+def _settle(scene: bpy.types.Scene, followed: bpy.types.Object | None) -> None:
+    """Have the first entry be the scene's viewer again, and no list be there for it alone.
+
+    followed : the camera that needs no choice to be the viewer
+    """
     ours = scene.kiriko
     if len(ours.viewers):
         there = (n for n, one in enumerate(ours.viewers) if one.camera)
         ours.viewers.move(next(there, 0), 0)  # an empty entry is no rig's viewer
         first = ours.viewers[0]
-        ours.viewer, first.camera = first.camera, None
+        have_viewer(ours, None if first.camera == followed else first.camera)
+        first.camera = None
     if len(ours.viewers) == 1:
         ours.picture_image = ours.viewers[0].image or ours.picture_image
         ours.viewers.clear()
     ours.viewer_shown = number_shown(scene)
+
+
+def have_viewer(ours: bpy.types.PropertyGroup, camera: bpy.types.Object | None) -> None:
+    """Have a scene's settings have a viewer, whose entry is on or off as it was: one that a script
+    or an artist sets is turned on.
+    """
+    before = ours.viewer_shown, [one.is_on for one in ours.viewers]
+    ours.viewer = camera
+    ours.viewer_shown = before[0]
+    for one, is_on in zip(ours.viewers, before[1], strict=True):
+        one.is_on = is_on
 
 
 def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:

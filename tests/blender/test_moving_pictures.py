@@ -3,6 +3,7 @@
 import importlib
 import itertools
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -220,3 +221,77 @@ def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(
     image.reload()
     (text,) = (text for text in told() if "cannot be read at its frame 3" in text)
     assert str(file) in text
+
+
+def test_a_movie_whose_file_is_another_by_now_shows_the_new_one(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """With all that Live and a run of frames keep, too: the new pictures, and the new end is told.
+    Blender's image still has the number of frames of the old one.
+    """
+    work, module, encoder = (
+        importlib.import_module(f"{kiriko.__name__}.{name}")
+        for name in ("operators.work", "core.blender.shapes", "core.blender.movie")
+    )
+    chosen = importlib.import_module(f"{kiriko.__name__}.operators.chosen")
+    path = movie(tmp_path, kiriko)
+    small_rig()
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    kept = module.Kept()
+    kept.reel = module.Reel()
+
+    def shown(frame: int) -> tuple[int, list[str]]:
+        scene.frame_set(frame)
+        reading = work.read(bpy.context, kept)
+        ended = [note for note in map(str, reading.notes) if "has ended" in note]
+        return round(encoded(float(reading.rig.picture.image[..., 0].max())) * 255), ended
+
+    assert [shown(frame) for frame in (3, 2)] == [(grey(3), []), (grey(2), [])]
+    before = chosen.chosen_settings(scene)
+    files = [tmp_path / f"clip_{k:03}.png" for k in (4, 3)]
+    encoder.encode(tmp_path / "new.mkv", files, "FFV1", SIZE, scene)
+    (tmp_path / "new.mkv").replace(path)
+    assert chosen.chosen_settings(scene) != before
+    assert shown(2) == (grey(3), [])
+    assert shown(1) == (grey(4), [])
+    light, ended = shown(4)
+    assert light == grey(3)
+    (note,) = ended
+    assert "it has 2 frames, and frame 4 is asked for" in note
+    kept.reel.close()
+
+
+def encoded(light: float) -> float:
+    """sRGB. Source: IEC 61966-2-1."""
+    return 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
+
+
+@pytest.mark.parametrize("codec", ["FFV1", "H264", "PRORES"])
+def test_a_movie_that_was_cut_is_told(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, codec: str
+) -> None:
+    """A whole one never is. Blender holds the last frame before the cut, or can read none."""
+    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+    bpy.data.images.remove(sequence(tmp_path))
+    files = [tmp_path / f"clip_{k:03}.png" for k in range(1, FRAMES + 1)]
+    path = tmp_path / f"clip{module.CODECS[codec].suffix}"
+    module.encode(path, files, codec, SIZE, scene)
+    small_rig()
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    scene.frame_set(FRAMES)
+
+    def told() -> list[str]:
+        return [note for note in map(str, work.read(bpy.context).notes) if "was cut" in note]
+
+    assert told() == []
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.9 * len(data))])
+    try:
+        (note,) = told()
+    except errors.ImageError as error:
+        assert "the file is missing or broken" in str(error)  # noqa: PT017, one of two
+        assert codec != "FFV1"
+    else:
+        assert re.search(r"'clip\.\w+' was cut: 1[01] % of its file is missing", note)

@@ -75,6 +75,7 @@ def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> 
 def test_a_proposal_is_for_the_rig_as_it_was(scene: bpy.types.Scene) -> None:
     """Where the picture has moved since it cannot be taken; it can be left, too."""
     rig = off_rig()
+    assert not bpy.ops.kiriko.drop_proposal.poll()
     bpy.ops.kiriko.best_place()
     assert bpy.ops.kiriko.take_proposal.poll()
     rig["PICTURE"].location.x += 0.001
@@ -85,6 +86,7 @@ def test_a_proposal_is_for_the_rig_as_it_was(scene: bpy.types.Scene) -> None:
     assert bpy.ops.kiriko.take_proposal.poll()
     bpy.ops.kiriko.drop_proposal()
     assert not bpy.ops.kiriko.take_proposal.poll()
+    assert not bpy.ops.kiriko.drop_proposal.poll()
 
 
 def test_the_glass_turns_back_what_is_lost(scene: bpy.types.Scene, capfd) -> None:

@@ -769,3 +769,66 @@ def test_files_of_viewers_with_long_names_are_whole(
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     assert run("solve", "--out", tmp_path / "out", "--viewers", "all") == 0
     assert len(list((tmp_path / "out").glob("seen_*.png"))) == 4
+
+
+def test_eyes_and_heads_made_again_keep_their_weights(rig: dict) -> None:
+    """Each its own, wherever it is in the list; others begin with 1."""
+    bpy.ops.kiriko.two_eyes()
+    bpy.data.objects[LEFT].name = "mine now"
+    ours().viewers[1].weight, ours().viewers[2].weight = 3.0, 5.0
+    ours().viewer_shown = 2
+    bpy.ops.kiriko.move_viewer(step=-1)
+    bpy.ops.kiriko.two_eyes()
+    assert listed() == [(None, 1, False), (LEFT, 3, True), (RIGHT, 5, True)]
+
+    bpy.ops.kiriko.viewer_grid(heads=(3, 1, 1))
+    assert [weight for _, weight, _ in listed()] == [1, 1, 1, 1]
+    for one, weight in zip(ours().viewers, (2, 3, 4, 5), strict=True):
+        one.weight = weight
+    bpy.ops.kiriko.viewer_grid(heads=(3, 1, 1), box=(0.2, 0, 0))
+    assert [weight for _, weight, _ in listed()] == [2, 3, 4, 5]
+    bpy.ops.kiriko.viewer_grid(heads=(2, 1, 1))
+    assert [weight for _, weight, _ in listed()] == [2, 1, 1]
+
+
+def test_a_viewer_that_is_set_counts_and_is_shown(kiriko: ModuleType, rig: dict) -> None:
+    """As by a script of before there were several, though Two Eyes had turned its entry off. What
+    buttons do turns nothing on.
+    """
+    bpy.ops.kiriko.two_eyes()
+    viewer = ours().viewer
+    bpy.ops.kiriko.viewer_grid(heads=(2, 1, 1))
+    assert not listed()[0][2]
+    ours().viewer = camera(0.01)
+    assert [one.is_on for one in ours().viewers] == [True, True, True]
+    assert read(kiriko).viewer.name == "mine"
+
+    off(0)
+    ours().viewer_shown = 1
+    ours().viewer = viewer
+    assert (listed()[0], ours().viewer_shown) == ((None, 1, True), 0)
+    off(0)
+    add(camera(0.02, "more"))
+    ours().viewer = None
+    assert not listed()[0][2]
+
+
+def test_the_first_viewer_follows_the_scene_s_camera_until_one_is_chosen(
+    kiriko: ModuleType, rig: dict
+) -> None:
+    """Whatever buttons do with the others; moved down it is that camera."""
+    scene, one, two = bpy.context.scene, camera(0.01, "one"), camera(0.02, "two")
+    others = camera(0.03, "more"), camera(0.04, "most")
+    ours().viewer = None
+    scene.camera = one
+    add(*others)
+    bpy.ops.kiriko.remove_viewer()
+    assert (ours().viewer, names(kiriko)) == (None, ["more", "one"])
+    scene.camera = two
+    assert sorted(names(kiriko)) == ["more", "two"]
+
+    ours().viewer_shown = 0
+    bpy.ops.kiriko.move_viewer(step=1)
+    assert (ours().viewer.name, listed()[1][0]) == ("more", "two")
+    scene.camera = one
+    assert sorted(names(kiriko)) == ["more", "two"]

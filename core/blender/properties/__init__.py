@@ -15,7 +15,7 @@ from .result import KirikoResult
 from .rig import KirikoMaterial, KirikoRig
 from .scene import KirikoOther, KirikoScene, is_camera
 from .view import KirikoView
-from .viewers import KirikoViewer
+from .viewers import KirikoViewer, turn_on
 
 classes = (
     KirikoPlate,
@@ -50,9 +50,11 @@ def register() -> None:
         name="Viewer",
         translation_context=CONTEXT,
         description="Camera from which the picture shall look undistorted; the scene's camera when"
-        " empty",
+        " empty. In a list of viewers it is the first: setting it turns that on and chooses it, and"
+        " the others stay as they are",
         type=bpy.types.Object,
         poll=is_camera,
+        update=turn_on,
     )
     KirikoViewer.camera = PointerProperty(
         name="Camera",

@@ -4,6 +4,13 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, PointerProperty
 
 
+def turn_on(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    """Have a viewer that was set count, and be shown, where there is a list of several."""
+    if ours.viewer is not None and len(ours.viewers):
+        ours.viewers[0].is_on = True
+        ours.viewer_shown = 0
+
+
 class KirikoViewer(bpy.types.PropertyGroup):
     """An entry of the list of viewers."""
 
