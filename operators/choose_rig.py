@@ -50,7 +50,7 @@ def look() -> None:
     """Have the rig of the active object be active, in each scene that is shown.
 
     Where windows show a scene in several view layers, the first one counts. A rig that is looked
-    through stays, and so does the one that is at work.
+    through stays, by whichever of its viewers is chosen, and so does the one that is at work.
     """
     if work.is_busy():
         return
@@ -61,6 +61,7 @@ def look() -> None:
             look_anew(scene)
         if look_through.is_lost(scene):
             look_through.leave(scene)
+        look_through.turn_to_chosen(scene)
         if scene.is_editable and not scene.kiriko.looking:
             rig = follow(scene, layer.objects.active)
             if rig is not None:

@@ -29,7 +29,15 @@ def scenes() -> Iterator[bpy.types.Scene]:
 def enter(context: bpy.types.Context) -> None:
     """Look through, and begin Live."""
     scene = context.scene
-    area = view_of(context)
+    _enter_area(scene, view_of(context))
+    followed = live.followed()
+    if followed is None or followed.uid != scene.session_uid:
+        live.start(scene)
+        _live_began.append(scene.session_uid)
+
+
+def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
+    """Have a 3D view look through the viewer that is shown."""
     space = area.spaces.active
     region = next(region for region in area.regions if region.type == "WINDOW")
     window = Window(
@@ -43,10 +51,25 @@ def enter(context: bpy.types.Context) -> None:
     looking_through.enter(scene, screen, space, window)
     _entered[scene.session_uid] = scene.kiriko.looking
 
-    followed = live.followed()
-    if followed is None or followed.uid != scene.session_uid:
-        live.start(scene)
-        _live_began.append(scene.session_uid)
+
+def turn_to_chosen(scene: bpy.types.Scene) -> None:
+    """Have a 3D view that looks through one of several viewers look through the chosen one; one
+    that shows something else by now stays.
+    """
+    views = looking_through.views(scene) if scene.kiriko.looking else []
+    viewer = viewer_of(scene)
+    if not views or viewer is None or any(camera in (None, viewer) for _, camera in views):
+        return
+    shown = [space for space, _ in views]
+    areas = [
+        area
+        for screen in bpy.data.screens
+        for area in screen.areas
+        if area.type == "VIEW_3D" and area.spaces.active in shown
+    ]
+    if areas:
+        looking_through.leave(scene)
+        _enter_area(scene, areas[0])
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:

@@ -9,7 +9,7 @@ from ..core.blender.image import save_png
 from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
-from ..core.blender.rig_names import name_for
+from ..core.blender.rig_names import name_of_view
 from ..core.errors import ImageError, RigError
 from ..core.messages import Message, joined
 from . import long_work, needed, telling, watch, work
@@ -144,9 +144,11 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
 
         self._remarks = [watch.CHANGED] if watch.has_changed(context) else []
         whole = tuple(self.border) == (0.0, 1.0, 0.0, 1.0)
+        reading = work.read(context)
+        self._rig = reading.rig
         return Preview(
             scene,
-            work.read(context),
+            reading,
             scene.kiriko.result.source,
             percentage=self.percentage,
             border=None if whole else tuple(self.border),
@@ -194,7 +196,7 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
 
         self.end_with()
         scene = self.own_scene()
-        result, name = scene.kiriko.result, name_for(scene, NAME)
+        result, name = scene.kiriko.result, name_of_view(scene, NAME, self._rig)
         result.preview = image = replace_image(result.preview, name, pixels)
         show_image(image, result)
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.blender.image import pixels_from_image
 from ..core.blender.kept import Sentences
 from ..core.blender.result import replace_image
-from ..core.blender.rig_names import name_for
+from ..core.blender.rig_names import name_of_view
 from ..core.errors import RigError
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
@@ -67,7 +67,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         plan = work.session().plan(rig, work.settings_of(scene))
         found = yield from simulate(plan, shown, self.samples)
         result = scene.kiriko.result
-        name = name_for(scene, NAME)
+        name = name_of_view(scene, NAME, rig)
         result.seen = image = replace_image(result.seen, name, found.image)
         show_image(image, result)
         text = Message(

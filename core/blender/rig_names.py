@@ -7,6 +7,7 @@ import re
 import bpy
 
 from ..messages import Message
+from ..rig import Rig
 from .own_words import data_name
 from .rigs import active_rig
 
@@ -31,3 +32,9 @@ def name_for(scene: bpy.types.Scene, name: str) -> str:
     if own in {RIG, data_name(RIG)}:
         return f"{name}{number.group() if number else ''}"
     return f"{name} {rig.name}"
+
+
+def name_of_view(scene: bpy.types.Scene, name: str, rig: Rig) -> str:
+    """The same for one that shows what a rig's viewer sees: with its name where it has others."""
+    own = name_for(scene, name)
+    return own if len(rig.viewers) == 1 else f"{own} - {rig.viewer.name}"

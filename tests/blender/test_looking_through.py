@@ -304,3 +304,43 @@ def test_things_that_are_renamed_meanwhile_are_put_back(
     assert (view(), scene.camera) == (seen, mine)
     marked = [*bpy.data.objects, *bpy.data.cameras]
     assert not any("kiriko_looking" in thing for thing in marked)
+
+
+@pytest.mark.parametrize("is_left_at_first", [True, False])
+def test_the_view_follows_the_chosen_viewer(
+    scene: bpy.types.Scene,
+    rig: dict[str, bpy.types.Object],
+    kiriko: ModuleType,
+    is_left_at_first: bool,
+) -> None:
+    """Whichever is chosen, and the view is fitted to its image; Live goes on. In the end all is as
+    before. A view that was given another camera stays.
+    """
+    choose_rig = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig")
+    bpy.ops.kiriko.two_eyes()
+    left, right = (one.camera for one in list(scene.kiriko.viewers)[1:])
+    right.kiriko.use_resolution, right.kiriko.resolution = True, (64, 16)
+    scene.kiriko.viewer_shown = 1 if is_left_at_first else 2
+    choose_rig.look()
+    before, seen = snapshot(), view()
+    bpy.ops.kiriko.look_through()
+    zooms = {}
+    for number in (2, 1, 2, 0, 1 if is_left_at_first else 2):
+        scene.kiriko.viewer_shown = number
+        choose_rig.look()
+        shown = right if number == 2 else left  # the first one is off
+        assert view()["camera"] == shown
+        assert view()["view_perspective"] == "CAMERA"
+        assert view()["view_camera_zoom"] == zooms.setdefault(shown, view()["view_camera_zoom"])
+        assert live(kiriko).is_on()
+    assert zooms[left] != zooms[right]
+    bpy.ops.kiriko.look_through()
+    assert view() == seen
+    assert not live(kiriko).is_on()
+    assert differences(before, snapshot()) == []
+
+    bpy.ops.kiriko.look_through()
+    space().camera = scene.camera
+    scene.kiriko.viewer_shown = 2 if is_left_at_first else 1
+    choose_rig.look()
+    assert view()["camera"] == scene.camera

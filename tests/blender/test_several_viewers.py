@@ -832,3 +832,20 @@ def test_the_first_viewer_follows_the_scene_s_camera_until_one_is_chosen(
     assert (ours().viewer.name, listed()[1][0]) == ("more", "two")
     scene.camera = one
     assert sorted(names(kiriko)) == ["more", "two"]
+
+
+def test_images_of_a_viewer_are_called_by_its_name(kiriko: ModuleType, rig: dict) -> None:
+    """Where it has others: who chooses another one knows whose they are."""
+    bpy.ops.kiriko.two_eyes()
+    bpy.ops.kiriko.solve()
+    for number, name in ((1, LEFT), (2, RIGHT)):
+        ours().viewer_shown = number
+        bpy.ops.kiriko.simulate(samples=2)
+        bpy.ops.kiriko.preview(samples=1, percentage=10)
+        result = ours().result
+        found = [result.seen.name, result.preview.name]
+        assert found == [f"Kiriko Seen - {name}", f"Kiriko Preview - {name}"]
+    off(2)
+    bpy.ops.kiriko.simulate(samples=2)
+    assert ours().result.seen.name == "Kiriko Seen"
+    assert [one.name for one in bpy.data.images if "Seen" in one.name] == ["Kiriko Seen"]
