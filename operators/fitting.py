@@ -69,13 +69,10 @@ class FitsPart(long_work.LongWork):
 
         steps = type(self).fit(rig, lambda rig: work.session().plan(rig, settings), wanted, number)
         fitted = yield from within(steps, 0.05, 1.0)
-        alone = for_one(rig)
-        if alone:
-            self.level = "WARNING"
         metres = length_of_unit(scene)
         is_moved = bool(np.abs(fitted.shift).max() > SAME * fitted.width)
         if abs(fitted.size - 1) < SAME and not is_moved:
-            return joined([self._unchanged(thing, fitted), *_limit(scene, fitted), *alone])
+            return joined([self._unchanged(thing, fitted), *_limit(scene, fitted)])
 
         try:
             scale_by(context, thing, fitted.size, is_moved * fitted.shift / metres)
@@ -84,7 +81,7 @@ class FitsPart(long_work.LongWork):
                 "'{name}' keeps its size, for {why}.", name=thing.name, why=why
             ) from None
         changed = self._changed(scene, thing, fitted, is_moved)
-        return joined([changed, *_limit(scene, fitted), *alone])
+        return joined([changed, *_limit(scene, fitted)])
 
     def part(self, context: bpy.types.Context, rig: Rig) -> tuple[int, bpy.types.Object]:
         """The number of the part among those of its role, and its object: the
@@ -149,14 +146,6 @@ def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
         return []
     width = length_text(scene, fitted.limit)
     return [Message("A limit was reached: a width above {width} is not tried.", width=width)]
-
-
-def for_one(rig: Rig) -> list[Message]:
-    """That there are viewers besides the one whose light is counted."""
-    if len(rig.viewers) == 1:
-        return []
-    name = rig.viewers[0].name
-    return [Message("Only the light of '{viewer}' was counted: others may see less.", viewer=name)]
 
 
 def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:

@@ -5,7 +5,7 @@ back are told. An operator's name stands with each, so that a list can have a bu
 """
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
 
@@ -73,9 +73,10 @@ class Helps:
 
 
 def what_helps(rig: Rig, plan_of: PlanOf, seconds: float = inf) -> Generator[float, None, Helps]:
-    """Find what brings lost light of the picture back, within
-    about so many seconds; yields progress 0..1.
+    """Find what brings lost light of the picture back to the first viewer, within about so many
+    seconds; yields progress 0..1.
     """
+    rig = replace(rig, viewers=rig.viewers[:1])
     end = perf_counter() + seconds
     before = yield from within(traced(rig, plan_of, N_GRID), 0.0, 0.1)
     lost = {reason: share for reason, share in before.lost.items() if share > WORTH_IT}

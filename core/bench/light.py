@@ -5,8 +5,8 @@ Rays are the viewer's own, straight through points in space. So the light of a p
 depend on the picture that stands there: one bundle answers for pictures of any size in its reach.
 """
 
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,16 @@ class Light:
             for number, word in REASON_WORDS.items()
         }
         return {word: share for word, share in by_reason.items() if share > 0}
+
+
+def together(lights: Sequence[Light]) -> Light:
+    """The light of several viewers as one, the points of each behind those of the one before."""
+    return Light(
+        **{
+            field.name: np.concatenate([getattr(light, field.name) for light in lights])
+            for field in fields(Light)
+        }
+    )
 
 
 def light_of(

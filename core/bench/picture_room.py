@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Bools, Floats
 from ..errors import RigError
 from ..image.flat_picture import way_to_mesh
 from ..light.display import affine_fit
@@ -19,7 +19,7 @@ from ..light.plan import Plan
 from ..rig import PicturePlace, Rig
 from ..steps import within
 from .light import light_of
-from .room import ROOM, ROUNDING, Fitted, PlanOf, Traced, Wanted, traced
+from .room import ROOM, ROUNDING, Fitted, PlanOf, Traced, Wanted, traced_by_all
 from .squares import Bundle, best_place, grid_over, largest_about
 
 
@@ -99,13 +99,13 @@ def fit_picture(
 
     # about which place, and about how large
     at, step = grid_over(np.full(2, most / 2), GROWTH.n_rays)
-    light = yield from within(light_of(plan, plane.middle + at @ plane.sides), 0.0, 0.3)
-    bundle = Bundle(at, at, light.has_arrived, step, np.full(2, most / 2), wanted.share)
+    arrives = yield from within(_arrives(plan, plane.middle + at @ plane.sides), 0.0, 0.3)
+    bundle = Bundle(at, at, arrives, step, np.full(2, most / 2), wanted.share)
     about = best_place(bundle, most)[0] if wanted.moves else np.zeros(2)
     size = min(most, float(bundle.largest(about[None], most)[0]) + 2 * step)
     shift = about @ plane.sides
 
-    before = yield from within(traced(rig, plan_of, wanted.n_grid), 0.3, 0.5)
+    before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid), 0.3, 0.5)
     size = yield from within(_border(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
     if size <= ROOM.spare and before.share >= wanted.share * (1 - ROUNDING):
         size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
@@ -133,7 +133,7 @@ def _of_size(
 ) -> Generator[float, None, Traced]:
     """The light of a picture of another size."""
     changed = replace(rig, pictures=(resized(rig.picture_place, plane, size, shift),))
-    return (yield from traced(changed, plan_of, wanted.n_grid))
+    return (yield from traced_by_all(changed, plan_of, wanted.n_grid))
 
 
 def _border(
@@ -174,5 +174,16 @@ def _outline_arrives(
     end = np.full(len(along), 0.5)
     sides = [(along, -end), (along, end), (-end, along), (end, along)]
     places = size * np.concatenate([np.stack(side, axis=1) for side in sides])
-    light = yield from light_of(plan, plane.middle + shift + places @ plane.sides)
-    return bool(light.has_arrived.all())
+    arrives = yield from _arrives(plan, plane.middle + shift + places @ plane.sides)
+    return bool(arrives.all())
+
+
+def _arrives(plan: Plan, points: Floats) -> Generator[float, None, Bools]:
+    """(n,) does the light of points (n, 3) arrive to all viewers? Yields progress 0..1."""
+    viewers = plan.rig.viewers
+    arrives = np.ones(len(points), bool)
+    for k, viewer in enumerate(viewers):
+        steps = light_of(plan.seen_by(viewer), points)
+        light = yield from within(steps, k / len(viewers), (k + 1) / len(viewers))
+        arrives &= light.has_arrived
+    return arrives

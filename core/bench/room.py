@@ -2,7 +2,7 @@
 
 The light of the picture is traced with the part in question as large as it may be, and the part
 then has to reach the places where that light meets it. The answer is settled by tracing the rig
-with the part as large as was found.
+with the part as large as was found. The light of all viewers counts.
 """
 
 from collections.abc import Callable, Generator
@@ -20,7 +20,7 @@ from ..rig import Display, PicturePlace, Plate, Rig
 from ..steps import within
 from ..viewer import Viewer
 from .flat import Outline, outline_of
-from .light import Light, light_of
+from .light import Light, light_of, together
 from .spread import MOST, points_of
 
 PlanOf = Callable[[Rig], Plan]
@@ -123,15 +123,25 @@ class Traced:
         return 1.0 - sum(self.lost.values())
 
 
-def traced(
+def traced(rig: Rig, plan_of: PlanOf, n_grid: int = 0) -> Generator[float, None, Traced]:
+    """Follow the light of a rig's picture to its first viewer; yields progress 0..1."""
+    return (yield from traced_by_all(replace(rig, viewers=rig.viewers[:1]), plan_of, n_grid))
+
+
+def traced_by_all(
     rig: Rig, plan_of: PlanOf, n_grid: int = 0, plate: Outline | None = None
 ) -> Generator[float, None, Traced]:
-    """Follow the light of a rig's picture; yields progress 0..1."""
-    plan = plan_of(rig)
-    points, uv, area = points_of(place_in_sight(rig.picture_place, plan.viewer), n_grid)
-    light = yield from light_of(plan, points, plate)
-    seen = np.where(light.is_seen, area, 0.0)
-    return Traced(light, uv, seen / max(seen.sum(), np.finfo(float).tiny))
+    """The same to all viewers, one behind the other, each with an even part of the weight."""
+    plan, n = plan_of(rig), len(rig.viewers)
+    lights, uvs, weights = [], [], []
+    for k, viewer in enumerate(rig.viewers):
+        points, uv, area = points_of(place_in_sight(rig.picture_place, viewer), n_grid)
+        steps = light_of(plan.seen_by(viewer), points, plate)
+        lights.append((yield from within(steps, k / n, (k + 1) / n)))
+        seen = np.where(lights[-1].is_seen, area, 0.0)
+        uvs.append(uv)
+        weights.append(seen / max(seen.sum(), np.finfo(float).tiny) / n)
+    return Traced(together(lights), np.concatenate(uvs), np.concatenate(weights))
 
 
 def display_outline(display: Display) -> Outline:
@@ -162,7 +172,7 @@ def fit_display(
     sizing = _Sizing(rig, plan_of, wanted, "displays", 0, outline)
     most = max(1.0, wanted.most or _most_display(rig, outline))
     large = sizing.rig_with(most)
-    there = yield from within(traced(large, plan_of, wanted.n_grid), 0.0, 0.4)
+    there = yield from within(traced_by_all(large, plan_of, wanted.n_grid), 0.0, 0.4)
     arrived = there.light.has_arrived
     if not arrived.any():
         raise RigError(
@@ -197,7 +207,7 @@ def fit_plate(
     screen = _screen_for(rig.display, plate)
     sizes = max(1.0, _most_display(rig, screen))
     large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
-    there = yield from within(traced(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
+    there = yield from within(traced_by_all(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
     meets = there.light.has_arrived & np.isfinite(there.light.at_plate[:, 0])
     if not meets.any():
         raise RigError(
@@ -274,9 +284,9 @@ class _Sizing:
         width = 2 * float(self.outline.half[0])
 
         n = wanted.n_grid
-        before = yield from within(traced(self.rig, self.plan_of, n), 0.4, 0.7)
+        before = yield from within(traced_by_all(self.rig, self.plan_of, n), 0.4, 0.7)
         changed = self.rig_with(size, shift)
-        after = yield from within(traced(changed, self.plan_of, n), 0.7, 1.0)
+        after = yield from within(traced_by_all(changed, self.plan_of, n), 0.7, 1.0)
         return Fitted(
             size=size,
             width=width * size,

@@ -37,4 +37,4 @@ def name_for(scene: bpy.types.Scene, name: str) -> str:
 def name_of_view(scene: bpy.types.Scene, name: str, rig: Rig) -> str:
     """The same for one that shows what a rig's viewer sees: with its name where it has others."""
     own = name_for(scene, name)
-    return own if len(rig.viewers) == 1 else f"{own} - {rig.viewer.name}"
+    return own if len(rig.viewers) == 1 else f"{own} - {rig.viewers[0].name}"

@@ -266,7 +266,7 @@ def encoded(light: float) -> float:
     return 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
 
 
-@pytest.mark.parametrize("codec", ["FFV1", "H264", "PRORES"])
+@pytest.mark.parametrize("codec", ["FFV1", "H264"])
 def test_a_movie_that_was_cut_is_told(
     kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, codec: str
 ) -> None:

@@ -709,11 +709,27 @@ def test_an_empty_entry_is_told_in_its_own_words(kiriko: ModuleType, rig: dict) 
     assert ours().viewer == viewer
 
 
-def test_fitting_says_for_whom(kiriko: ModuleType, rig: dict, capfd: pytest.CaptureFixture) -> None:
-    add(camera(0.01))
-    ours().viewer_shown = 0
-    assert bpy.ops.kiriko.fit_plate() == {"FINISHED"}
-    assert "Only the light of 'Kiriko Viewer' was counted" in capfd.readouterr().out
+@pytest.mark.parametrize("name", ["fit_display", "fit_picture_size"])
+def test_fitting_counts_all_viewers(kiriko: ModuleType, rig: dict, name: str) -> None:
+    """A part is as large as the one needs who needs most, here the eye beside the viewer; the
+    picture is as large as gets through to that one.
+    """
+    ours().viewer.data.stereo.interocular_distance = 0.02
+    bpy.ops.kiriko.two_eyes()
+    role = "DISPLAY" if name == "fit_display" else "PICTURE"
+    widths = []
+    for on in ((0,), (0, 2), (2,)):
+        off(0, 1, 2)
+        for n in on:
+            ours().viewers[n].is_on = True
+        ours().viewer_shown = 0
+        bpy.context.view_layer.update()
+        assert getattr(bpy.ops.kiriko, name)() == {"FINISHED"}
+        widths.append(rig[role].dimensions[0])
+    viewer, both, eye = widths
+    assert abs(both / viewer - 1) > 0.004
+    assert (both < viewer) == (role == "PICTURE")
+    assert both == pytest.approx(eye, rel=0.002)
 
 
 def test_eyes_of_a_rescaled_scene_are_as_far_apart_as_before(

@@ -227,3 +227,35 @@ def test_a_limit_that_was_reached_is_told() -> None:
     assert finish(fit_plate(small, plan_of())).limit == pytest.approx(4 * 0.02, rel=1e-9)
     rig = rig_around(slab(1.0), picture=0.01, display=0.06)
     assert finish(fit_picture(rig, plan_of())).limit == pytest.approx(0.02, rel=1e-9)
+
+
+def aside(rig: Rig, x: float) -> Rig:
+    """A rig with a second viewer, x m beside the first."""
+    first = rig.viewers[0]
+    other = replace(first, name="aside", position=first.position + np.array([x, 0, 0]))
+    return replace(rig, viewers=(first, other))
+
+
+@pytest.mark.parametrize("fit", [fit_display, fit_plate])
+def test_a_part_is_as_large_as_that_of_the_viewer_who_needs_most(fit) -> None:
+    """With its middle kept; in whatever order the viewers are. All light of both arrives."""
+    rig = aside(with_plate(with_display(rig_around(ball(), display=0.5), 0.2), 0.4), 0.02)
+    alone = [finish(fit(replace(rig, viewers=(one,)), plan_of())) for one in rig.viewers]
+    both = finish(fit(rig, plan_of()))
+    turned = finish(fit(replace(rig, viewers=rig.viewers[::-1]), plan_of()))
+    assert both.width == pytest.approx(max(one.width for one in alone), rel=1e-9)
+    assert turned.width == pytest.approx(both.width, rel=1e-9)
+    assert alone[0].width != pytest.approx(alone[1].width, rel=1e-3)
+    mean = np.mean([one.after for one in alone])
+    assert both.after == pytest.approx(mean, abs=1e-6) or both.after > mean
+
+
+def test_a_picture_is_as_large_as_gets_through_to_each_viewer() -> None:
+    """No larger than that of the one to whom least gets through, and as large but for a hundredth;
+    both see all of it.
+    """
+    rig = aside(rig_around(ball(), display=0.5), 0.02)
+    alone = [finish(fit_picture(replace(rig, viewers=(one,)), plan_of())) for one in rig.viewers]
+    both = finish(fit_picture(rig, plan_of()))
+    assert both.width == pytest.approx(min(one.width for one in alone), rel=0.02)
+    assert both.after > 0.999
