@@ -84,25 +84,29 @@ def make_viewers(
     scene: bpy.types.Scene, viewer: bpy.types.Object, places: list[Place]
 ) -> list[bpy.types.Object]:
     """Make cameras like a viewer's, and put them into the list in place of it and of those that
-    were made before, whose weights they take over where as many had their names.
+    were made before, whose weights and images they take over where as many had their names.
     """
-    weights: dict[str, list[float]] = {}
+    kept: dict[str, list[tuple[float, bpy.types.Image | None]]] = {}
     for one in _made(scene):
-        weights.setdefault(stem(one.camera[EYE_MARK]), []).append(one.weight)
-    own = next((one.weight for one in scene.kiriko.viewers), 1.0)
+        kept.setdefault(stem(one.camera[EYE_MARK]), []).append((one.weight, one.image))
+    own = next(((one.weight, one.image) for one in scene.kiriko.viewers), (1.0, None))
+    shared = scene.kiriko.picture_image
     remove_made(scene)
     made = [_like(scene, viewer, place) for place in places]
     add(scene, made)
 
     entries = list(scene.kiriko.viewers)
-    entries[0].is_on, entries[0].weight = False, own
+    entries[0].is_on = False
+    entries[0].weight, entries[0].image = own
+    # the only entry for a while, whose image became that of all
+    scene.kiriko.picture_image = shared
     news: dict[str, list[bpy.types.PropertyGroup]] = {}
     for place, one in zip(places, entries[-len(made) :], strict=True):
         news.setdefault(place.name, []).append(one)
     for name, of_name in news.items():
-        if len(weights.get(name, [])) == len(of_name):
-            for one, weight in zip(of_name, weights[name], strict=True):
-                one.weight = weight
+        if len(kept.get(name, [])) == len(of_name):
+            for one, before in zip(of_name, kept[name], strict=True):
+                one.weight, one.image = before
     return made
 
 

@@ -15,6 +15,7 @@ from .reports import said_by
 from .viewer import Frame
 
 RENDERED = "kiriko_rendered"  # marks images that were rendered for a viewer
+NO_LAYER = Message("none of its view layers is used for rendering")
 
 
 def render_for(
@@ -31,12 +32,10 @@ def render_for(
     """
     with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
         path = Path(folder) / "render.png"
-        why = ""
-        with _copied(other, camera, place) as copy, _changed(_wanted(other, copy, frame, path)):
-            try:
-                bpy.ops.render.render(scene=other.name, write_still=True)
-            except RuntimeError as reason:
-                why = said_by(reason).rstrip(".")
+        why = NO_LAYER
+        # Blender 5.2 ends with a signal where it has no layer to render
+        if any(layer.use for layer in other.view_layers):
+            why = _rendered(other, camera, place, frame, path)
         if not path.is_file():
             raise ImageError(
                 "The scene '{scene}' rendered no image for the viewer '{viewer}' ({why}): render it"
@@ -53,6 +52,18 @@ def render_for(
         image.filepath_raw = f"//{bpy.path.clean_name(camera.name)}.png"
         image[RENDERED] = True
         return image
+
+
+def _rendered(
+    other: bpy.types.Scene, camera: bpy.types.Object, place: Any, frame: Frame, path: Path
+) -> str:
+    """Render a scene to a file; the reason where Blender tells one why there is none."""
+    with _copied(other, camera, place) as copy, _changed(_wanted(other, copy, frame, path)):
+        try:
+            bpy.ops.render.render(scene=other.name, write_still=True)
+        except RuntimeError as reason:
+            return said_by(reason).rstrip(".")
+    return ""
 
 
 @contextmanager

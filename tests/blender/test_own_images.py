@@ -93,6 +93,24 @@ def test_images_go_along_with_their_viewers(kiriko: ModuleType, rig: dict) -> No
     assert (len(ours().viewers), ours().picture_image) == (0, blue)
 
 
+def test_eyes_that_are_made_anew_keep_all_images(kiriko: ModuleType, rig: dict) -> None:
+    """Theirs, the viewer's they stand around, and that of all. A grid of heads has none of them."""
+    ours().viewer_shown = 1
+    bpy.ops.kiriko.remove_viewer()
+    bpy.ops.kiriko.two_eyes()
+    ours().picture_image = plain("of all", (1, 1, 1))
+    for name, one in zip(("own", "left", "right"), ours().viewers, strict=True):
+        one.image = plain(name, (0, 0, 0))
+    bpy.ops.kiriko.two_eyes()
+    assert [one.image.name for one in ours().viewers] == ["own", "left", "right"]
+    assert ours().picture_image.name == "of all"
+
+    ours().picture_source = "PLANE"
+    bpy.ops.kiriko.viewer_grid(heads=(2, 1, 1))
+    assert [one.image and one.image.name for one in ours().viewers] == ["own", None, None]
+    assert ours().picture_image.name == "of all"
+
+
 def test_viewers_without_images_see_that_of_the_scene(kiriko: ModuleType, rig: dict) -> None:
     """So it is before any is chosen; an image of a viewer who is off does not count."""
     grey, red = plain("grey", (0.5, 0.5, 0.5)), plain("red", (1, 0, 0))

@@ -176,6 +176,17 @@ def test_what_goes_wrong_leaves_all_as_before(
     assert [one.image for one in ours().viewers] == [None, None]
 
 
+def test_a_scene_without_a_layer_to_render_is_told(kiriko: ModuleType, rig: dict) -> None:
+    """Blender 5.2 ends with a signal where such a scene is rendered."""
+    other = other_scene()
+    other.view_layers[0].use = False
+    before, things = state(other), inventory()
+    words = r"'Kiriko Viewer' \(none of its view layers is used for rendering\)"
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.render_pictures()
+    assert (state(other), inventory()) == (before, things)
+
+
 def write(path: Path, level: float) -> None:
     image = bpy.data.images.new("made", 8, 8)
     image.pixels.foreach_set([level, level, level, 1.0] * 64)
