@@ -69,7 +69,8 @@ def _box_ends(file: BinaryIO, there: int) -> Iterator[int]:
     while end + 8 <= there:
         file.seek(end)
         size = int.from_bytes(file.read(4), "big")
-        file.read(4)
+        if not file.read(4).isalnum():
+            return  # no box, but bytes behind the last one
         if size == 1:
             size = int.from_bytes(file.read(8), "big")
         if size < 8:

@@ -38,7 +38,7 @@ def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:
         file_now(ours.picture_image),
         ours.viewer_shown,
         *(
-            (uid(camera), weight, uid(image), camera and frame_of(camera, scene.render))
+            (uid(camera), weight, file_now(image), camera and frame_of(camera, scene.render))
             for camera, weight, image in seats
         ),
         ours.picture_source,

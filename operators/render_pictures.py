@@ -9,6 +9,7 @@ from ..core.blender.viewer import frame_of, own_images, seats_of
 from ..core.blender.viewer_render import RENDERED, render_for
 from ..core.errors import RigError
 from ..core.messages import Message
+from ..core.viewers import check_together
 from . import needed, viewer_images
 from .long_work import LongWork
 
@@ -39,7 +40,8 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
         scene, other = context.scene, self._other(context.scene)
         context.view_layer.update()
         depsgraph = context.evaluated_depsgraph_get()
-        read_viewers(depsgraph, scene)  # refuses those that are none
+        # refuses those that are none, or twice there
+        check_together(read_viewers(depsgraph, scene), (), has_mirrors=True)
         views = [
             (one.camera, one.camera.evaluated_get(depsgraph).matrix_world.copy())
             for one in seats_of(scene)
@@ -60,7 +62,7 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
 
         _replace(scene, images)
         return Message(
-            "Each of {n} viewers sees '{scene}' as it was rendered from its camera.",
+            "Viewers that see '{scene}' now, each as rendered from its camera: {n}.",
             n=len(images),
             scene=other.name,
         )

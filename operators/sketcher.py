@@ -86,9 +86,9 @@ class Sketched:
 
     def poll(self, scene: bpy.types.Scene) -> None:
         """Look at the settings, of whose changes Blender does not tell."""
-        started = monotonic()
-        if started < self.polled_next:
+        if monotonic() < self.polled_next:
             return
+        started = thread_time()
 
         units = scene.unit_settings
         settings = (*chosen.chosen_settings(scene), length_of_unit(scene), units.length_unit)
@@ -96,8 +96,7 @@ class Sketched:
             self.chosen = settings
             self.touch()
 
-        ended = monotonic()
-        self.polled_next = ended + POLLING * (ended - started)
+        self.polled_next = monotonic() + POLLING * (thread_time() - started)
 
     def is_due(self, is_held: bool) -> bool:
         """Is it time to read the scene?

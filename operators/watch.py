@@ -8,7 +8,7 @@ no result. Only numbers and session uids are remembered.
 """
 
 from dataclasses import dataclass, field
-from time import monotonic, perf_counter
+from time import monotonic, perf_counter, thread_time
 
 import bpy
 from bpy.app.handlers import persistent
@@ -52,17 +52,16 @@ class Watched:
         """Compare the parts that Blender does not tell of:
         settings, and the result itself. It takes little time.
         """
-        started = monotonic()
-        if started < self.polled_next:
+        if monotonic() < self.polled_next:
             return
+        started = thread_time()
 
         settings = (scene.kiriko.result.solved_for, chosen.chosen_settings(scene))
         if settings != self.chosen:
             self.chosen = settings
             self.touch()
 
-        ended = monotonic()
-        self.polled_next = ended + POLLING * (ended - started)
+        self.polled_next = monotonic() + POLLING * (thread_time() - started)
 
     def touch(self) -> None:
         """Something has changed that may count."""

@@ -14,6 +14,7 @@ from ..operators.telling import in_words
 from .words import OfRig, sentence
 
 ROWS = 4
+IN_PLANE = 1e-6  # m, from which a depth is told
 
 
 class KIRIKO_UL_viewers(bpy.types.UIList):
@@ -146,6 +147,8 @@ def depth_words(scene: bpy.types.Scene, pair: dict) -> Message:
     mean, largest = (
         Message("beyond infinity")
         if depth is None
+        else Message("in its plane")
+        if abs(depth) < IN_PLANE
         else Message("{length} in front of its plane", length=length_text(scene, depth))
         if depth > 0
         else Message("{length} behind its plane", length=length_text(scene, -depth))

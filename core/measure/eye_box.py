@@ -15,6 +15,7 @@ import numpy as np
 from ..arrays import Floats
 from ..atlas.heads import Offset, check_viewer, viewer_at
 from ..bench.picture_room import plane_of
+from ..errors import RigError
 from ..image.flat_picture import view_of_picture
 from ..light.kept import Kept
 from ..light.plan import Plan
@@ -134,9 +135,12 @@ class Walk:
 
     def part(self, offset: Offset) -> Pauses[float]:
         """The largest of the angles by which points are off, as part of the limit; inf where too
-        few are seen.
+        few are seen, or the head is at the picture.
         """
-        off = yield from self.off(offset)
+        try:
+            off = yield from self.off(offset)
+        except RigError:
+            return np.inf
         is_seen = np.isfinite(off)
         if not self.n_seen or is_seen.sum() < self.least * self.n_seen:
             return np.inf

@@ -125,6 +125,14 @@ def test_points_on_edges_of_the_ball_are_seen():
         assert rows == pytest.approx(rows[::-1], rel=1e-4)
 
 
+def test_a_head_at_the_picture_or_behind_it_is_too_far():
+    walk = begun(make_plan(ball_rig(4, display=0.075, **SMALL), Settings()), 1e6)
+    distance = np.linalg.norm(walk.plan.viewer.position)
+    assert finish(walk.part((0.0, 0.0, 0.0))) < np.inf
+    for part in (1.0, 1.5):
+        assert finish(walk.part((0.0, 0.0, part * distance))) == np.inf
+
+
 def test_viewers_that_disagree_leave_no_box():
     """Solved for two far apart, the first is off by more than a little from the beginning."""
     a_rig = ball_rig(4, display=0.075, **SMALL)

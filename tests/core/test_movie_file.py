@@ -51,8 +51,9 @@ def test_the_missing_share_is_that_which_was_cut(name: str, tmp_path: Path) -> N
     for n in (len(data), len(data) - 1, len(data) - 600):
         path.write_bytes(data[:n])
         assert missing(path) == pytest.approx(1 - n / len(data), abs=1e-15)
-    path.write_bytes(data + bytes(100))
-    assert missing(path) == 0
+    for behind in (bytes(100), b"\xff" * 16):
+        path.write_bytes(data + behind)
+        assert missing(path) == 0
 
 
 @pytest.mark.parametrize("name", UNTOLD)
