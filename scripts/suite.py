@@ -122,6 +122,8 @@ def steps(tools: str, newest: str) -> list[Step]:
         Step("format", tools, ("-m", "ruff", "format", "--check", ".")),
         Step("package", tools, ("scripts/package.py",)),
         Step("scripts", tools, (*pytest, "tests/scripts")),
+        # the longest first, so that no processor waits for it at the end
+        Step("core-oldest-numpy", "core", (*older, "tests/core"), without_kernel=True),
         Step("core-newest-numpy", newest, (*pytest, "tests/core")),
         Step("core-numpy-alone", newest, (*pytest, *BOTH_WAYS), without_kernel=True),
         *(
@@ -134,7 +136,6 @@ def steps(tools: str, newest: str) -> list[Step]:
             for name, short in blenders.items()
             for part in range(PARTS)
         ),
-        Step("core-oldest-numpy", "core", (*older, "tests/core"), without_kernel=True),
         Step("kernel-elsewhere", newest, ("scripts/dev.py", "kernel")),
         Step(
             "kernel-sanitised",
