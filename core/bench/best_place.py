@@ -121,8 +121,9 @@ class _Field:
         blur = self.is_good * self.log_blur
         for n, turn in enumerate(ways[2]):
             rotated = _rotated(points, turn)
-            along = (self._nearest(rotated[:, k] + ways[k][:, None], k) for k in range(2))
-            at = next(along)[:, None] + len(self.is_good) * next(along)[None]
+            columns = self._nearest(rotated[:, 0] + ways[0][:, None], 0)
+            rows = self._nearest(rotated[:, 1] + ways[1][:, None], 1)
+            at = columns[:, None] + len(self.is_good) * rows
             share = self.is_good.take(at).mean(axis=-1)
             cost = blur.take(at).sum(axis=-1) / np.maximum(share * len(points), 1)
             scores[..., n] += share - PLACE_SEARCH.blur_weight * cost
@@ -269,10 +270,8 @@ def _best(field: _Field, points: Floats, limits: Limits) -> Floats:
         at = np.unravel_index(scores.argmax(), scores.shape)
         best = np.array([way[n] for way, n in zip(ways, at, strict=True)])
         step = step / 2
-        ways = [
-            np.unique((b + s * np.arange(-1, 2)).clip(-r, r))
-            for b, s, r in zip(best, step, reach, strict=True)
-        ]
+        nearby = (best + step * np.arange(-1, 2)[:, None]).clip(-reach, reach)
+        ways = [np.unique(way) for way in nearby.T]
     return best
 
 
