@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.blender.viewer import seats_of
 from ..core.errors import RigError
-from ..core.measure.two_eyes import sights_of
+from ..core.measure.two_eyes import TIRES_FROM, sights_of
 from ..core.measure.viewers import viewer_reports
 from ..core.messages import Message, quoted
 from ..core.solve.solution import Solution
@@ -66,6 +66,7 @@ def pair_seen(solution: Solution) -> dict[str, Any] | None:
         "largest_depth_m": _finite(sights.largest_depth),
         "mean_vertical_arcmin": sights.mean_vertical,
         "largest_vertical_arcmin": sights.largest_vertical,
+        "tires_from_arcmin": TIRES_FROM,
     }
 
 

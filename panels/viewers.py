@@ -129,12 +129,16 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
         pair = told_of(context, "two_eyes")
         if pair:
             sentence(self.layout, context, depth_words(context.scene, pair), icon="CAMERA_STEREO")
+            largest, tires_from = pair["largest_vertical_arcmin"], pair.get("tires_from_arcmin")
             text = Message(
                 "Vertical disparity {mean} arcmin on the mean, at most {largest}",
                 mean=number(pair["mean_vertical_arcmin"]),
-                largest=number(pair["largest_vertical_arcmin"]),
+                largest=number(largest),
             )
             sentence(self.layout, context, text, icon="BLANK1")
+            if tires_from and largest > tires_from:  # results of before do not have it
+                text = Message("Eyes tire from {limit} arcmin on", limit=number(tires_from))
+                sentence(self.layout, context, text, icon="ERROR")
 
 
 def told_of(context: bpy.types.Context, name: str = "viewers") -> Any:

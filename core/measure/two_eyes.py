@@ -13,7 +13,9 @@ depth explains, and the difference of azimuths, less that of the point itself, t
 Eyes cannot follow much vertical disparity. Kooi and Toet (Visual comfort of binocular and 3D
 displays, Displays 25, 2004, 99-108, doi 10.1016/j.displa.2004.07.004) had observers rate brief
 looks at pairs of images, and found that nearly all asymmetries, vertical shifts among them, reduce
-comfort where they are large enough.
+comfort where they are large enough. Makers of binoculars keep the images of both tubes within 15
+arcmin in height, beyond which eyes strain and tire, and heads ache (Tonkin, Binocular Astronomy,
+table 2.1): those are held to the eyes for long, as a picture in glass is.
 """
 
 from collections.abc import Callable, Generator
@@ -35,6 +37,7 @@ from .places_seen import Look, grid_of, grid_on, places_seen
 from .viewers import ARCMIN, N_POINTS, displaced
 
 MOST_APART = np.cos(np.radians(45.0))  # between where two eyes look, or their sides point
+TIRES_FROM = 15.0  # arcmin of vertical disparity; the source is above
 NEITHER, LEFT, RIGHT, BOTH = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)
 
 
