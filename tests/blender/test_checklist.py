@@ -394,11 +394,18 @@ def test_a_loss_has_its_remedy_s_place(core: ModuleType) -> None:
             getattr(bpy.ops.kiriko, button.operator.split(".")[1]).get_rna_type()
 
 
-def test_a_loss_is_told_with_the_amounts_that_mend_it(look: Callable[[], list]) -> None:
-    """After a solve, in the scene's unit; the button makes the plate as much larger as was told,
-    and then nothing is lost.
+def test_a_loss_is_told_with_the_amounts_that_mend_it(
+    look: Callable[[], list], kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a solve that somebody watches, in the scene's unit; the button makes the plate as much
+    larger as was told, and then nothing is lost. After a script's solve no amounts were sought.
     """
     parts = small_rig(plate_size=0.03)
+    bpy.ops.kiriko.solve()
+    (entry,) = (e for e in look() if "missed the plate" in e.text)
+    assert not re.search("[0-9] mm", entry.text)
+    solve = importlib.import_module(f"{kiriko.__name__}.operators.solve")
+    monkeypatch.setattr(solve.KIRIKO_OT_solve, "is_watched", True)
     units = bpy.context.scene.unit_settings
     units.system, units.length_unit = "METRIC", "MILLIMETERS"
     bpy.ops.kiriko.solve()
