@@ -35,22 +35,6 @@ STILL_MINUTES = 15.0
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
-# Tests over many cases, which are run with the kernel and
-# without it; the oldest numpy runs all else without it.
-BOTH_WAYS = tuple(
-    f"tests/core/test_{name}.py"
-    for name in (
-        "properties",
-        "leaks",
-        "curved",
-        "trace",
-        "closed_forms",
-        "shares",
-        "outline",
-        "picture",
-        "source_image",
-    )
-)
 # Tests in Blender over many cases: the oldest and the newest
 # Blender run them, those between do not.
 AT_BOTH_ENDS = tuple(
@@ -58,9 +42,17 @@ AT_BOTH_ENDS = tuple(
     for name in (
         "against_cycles",
         "brought_glass",
+        "engines",
         "faults",
+        "fuzz",
+        "glasses",
+        "hidden",
+        "operators_best_place",
         "operators_calibrate",
         "operators_export_atlas",
+        "operators_eye_box",
+        "operators_report",
+        "several_viewers",
         "shapes",
         "stale",
     )
@@ -122,10 +114,10 @@ def steps(tools: str, newest: str) -> list[Step]:
         Step("format", tools, ("-m", "ruff", "format", "--check", ".")),
         Step("package", tools, ("scripts/package.py",)),
         Step("scripts", tools, (*pytest, "tests/scripts")),
-        # the longest first, so that no processor waits for it at the end
+        # Without the kernel and with it, so that tests of core are run both ways, but those for
+        # the newest alone. The longest first, so that no processor waits for it at the end.
         Step("core-oldest-numpy", "core", (*older, "tests/core"), without_kernel=True),
         Step("core-newest-numpy", newest, (*pytest, "tests/core")),
-        Step("core-numpy-alone", newest, (*pytest, *BOTH_WAYS), without_kernel=True),
         *(
             Step(
                 f"blender-{short}-{part + 1}",
