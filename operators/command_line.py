@@ -21,6 +21,7 @@ from ..core.warp.files import SIDECAR
 from ..core.warp.options import FORMATS, TIMES, MapOptions
 from . import (
     bench_drawing,
+    beside_report,
     export_atlas,
     export_maps,
     farm_verbs,
@@ -101,6 +102,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"time for the brute-force comparison ({BUDGET:g})",
     )
     measure.set_defaults(run=_report)
+    beside_report.add_verb(verbs, shared)
     drawing = verbs.add_parser(
         "drawing", parents=[shared], help="draw the bench to scale, for whoever builds it"
     )
@@ -320,10 +322,10 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
 
     yield Message("measuring '{file}'", file=Path(bpy.data.filepath).name)
-    found = yield from solve_to_folder.told_in_tenths(
+    found, beside = yield from solve_to_folder.told_in_tenths(
         report.measured(bpy.context, rig, arguments.out, arguments.seconds)
     )
-    report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found)
+    report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, beside)
     yield from report.table(found).splitlines()
     yield Message("wrote {n} files to '{folder}'", n=len(report.names(rig)), folder=arguments.out)
 

@@ -1,4 +1,6 @@
-"""Report: measure error against run time on the scene's own rig and write it to a folder."""
+"""Report: measure error against run time on the scene's own rig and write it to a folder, with what
+`beside_report` tells of the head and of two eyes.
+"""
 
 import os
 import platform
@@ -29,16 +31,20 @@ from ..core.measure.work_precision import BUDGET, Ladders, measure
 from ..core.messages import Message
 from ..core.rig import Plate, Rig
 from ..core.settings import Settings
-from ..core.steps import finish
-from . import folder, long_work, needed, work
+from ..core.steps import finish, within
+from . import beside_report, folder, long_work, needed, work
+from .beside_report import Beside
 from .export import use_bundled_modules
+
+MEASURED = 0.8  # of the progress
 
 __all__ = ["measured", "names", "table", "write"]
 
 
 def names(rig: Rig) -> tuple[str, ...]:
     """The files of a rig's report."""
-    return NAMES if _array_plate(rig) is None else NAMES + PLATE_NAMES
+    of_plate = () if _array_plate(rig) is None else PLATE_NAMES
+    return (*NAMES, *of_plate, *beside_report.names(rig))
 
 
 def _array_plate(rig: Rig) -> Plate | None:
@@ -47,9 +53,9 @@ def _array_plate(rig: Rig) -> Plate | None:
 
 def measured(
     context: bpy.types.Context, rig: Rig, target: Path, budget: float
-) -> Generator[float, None, WorkPrecision]:
+) -> Generator[float, None, tuple[WorkPrecision, Beside]]:
     """Measure the scene's rig, reading, and writing to the
-    folder `target`, included; yields progress 0..1.
+    folder `target`, included, and what is told beside; yields progress 0..1.
 
     Scene and folder stay as they are.
     """
@@ -61,15 +67,15 @@ def measured(
         def save(image: np.ndarray) -> None:
             image_io.write(scratch / "source", image, form, overwrite=True)
 
-        return (
-            yield from measure(
-                rig,
-                work.settings_of(context.scene),
-                ladders=Ladders(budget=budget),
-                read=lambda: work.read(context),
-                write=save if _can_write() else None,
-            )
+        steps = measure(
+            rig,
+            work.settings_of(context.scene),
+            ladders=Ladders(budget=budget),
+            read=lambda: work.read(context),
+            write=save if _can_write() else None,
         )
+        found = yield from within(steps, 0.0, MEASURED)
+    return found, (yield from within(beside_report.beside(context, rig), MEASURED, 1.0))
 
 
 def _can_write() -> bool:
@@ -81,7 +87,7 @@ def _can_write() -> bool:
     return True
 
 
-def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> None:
+def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: Beside) -> None:
     """Write the report's files to a folder, all of them or
     none; ImageError when they cannot be written.
     """
@@ -98,10 +104,11 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision) -> N
     if view is not None:
         about["plate"] = asdict(view)
 
-    texts = [as_csv(found), as_json(found, about), as_svg(found)]
+    texts = [as_csv(found), as_json(found, about, beside.numbers), as_svg(found)]
     plate = _array_plate(rig)
     if plate is not None:
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
+    texts += beside.drawings.values()
 
     with disk.together(target) as scratch:
         for name, text in zip(names(rig), texts, strict=True):
@@ -153,8 +160,8 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
         with folder.made(target):
             if not (self.overwrite or scene.kiriko.export_overwrite):
                 folder.refuse_existing(target, names(rig), Message("allow overwriting"))
-            found = yield from measured(context, rig, target, self.seconds)
-            write(target, rig, work.settings_of(scene), found)
+            found, beside = yield from measured(context, rig, target, self.seconds)
+            write(target, rig, work.settings_of(scene), found, beside)
 
         write_ladder(scene, found.ladder)
         return Message("Wrote {files} to '{target}'.", files=", ".join(names(rig)), target=target)

@@ -62,17 +62,30 @@ def log_log(
 
 
 def linear(
-    title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()
+    title: str,
+    x_label: str,
+    y_label: str,
+    curves: Sequence[Curve],
+    notes: Sequence[str] = (),
+    is_rising: bool = False,
 ) -> str:
-    """Draw curves on linear axes from 0 on; parameters are those of `log_log`."""
+    """Draw curves on linear axes from 0 on; parameters are those of `log_log` and `draw`."""
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
-    return draw(title, curves, _from_zero(x_label, x), _from_zero(y_label, y), notes)
+    return draw(title, curves, _from_zero(x_label, x), _from_zero(y_label, y), notes, is_rising)
 
 
 def draw(
-    title: str, curves: Sequence[Curve], x_axis: Axis, y_axis: Axis, notes: Sequence[str] = ()
+    title: str,
+    curves: Sequence[Curve],
+    x_axis: Axis,
+    y_axis: Axis,
+    notes: Sequence[str] = (),
+    is_rising: bool = False,
 ) -> str:
-    """Draw curves; notes are lines below the title."""
+    """Draw curves; notes are lines below the title.
+
+    is_rising : the curves' names stand at the upper left, and not at the upper right
+    """
     top = TOP + 16 * len(notes)
 
     def place(x: float, y: float) -> tuple[float, float]:
@@ -121,7 +134,8 @@ def draw(
     for n, curve in enumerate(curves):
         parts += _drawn(curve, n, [place(*point) for point in curve.points])
 
-    parts.append(_legend(curves, high[0] - 12, high[1] + 20))
+    side, sign = (low[0], 1) if is_rising else (high[0], -1)
+    parts.append(_legend(curves, side + 12 * sign, high[1] + 20, sign))
     return "\n".join([*parts, "</svg>", ""])
 
 
@@ -173,13 +187,15 @@ def _mark(n: int, x: float, y: float) -> str:
     return f'<rect class="mark" x="{x - 3.5:.2f}" y="{y - 3.5:.2f}" width="7" height="7"/>'
 
 
-def _legend(curves: Sequence[Curve], right: float, top: float) -> str:
+def _legend(curves: Sequence[Curve], x: float, top: float, sign: int) -> str:
+    """Names of curves from x on: to the right with a sign of 1, to the left with -1."""
+    anchor = "start" if sign > 0 else "end"
     parts = []
     for n, curve in enumerate(curves):
         y = top + 18 * n
         parts += [
-            _mark(n, right - 4, y - 4),
-            _text((right - 16, y), curve.name, "end", fill="black"),
+            _mark(n, x + 4 * sign, y - 4),
+            _text((x + 16 * sign, y), curve.name, anchor, fill="black"),
         ]
         parts[-2] = parts[-2].replace("/>", f' fill="{COLOURS[n % len(COLOURS)]}"/>')
 

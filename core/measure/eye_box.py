@@ -185,5 +185,14 @@ def off_by(solved: Sequence[Look], plan: Plan, head: Viewer, uv: Floats) -> Paus
 
     solved : those whom the display shows the picture for
     """
+    return arcmin_between(head, *(yield from seen_by(solved, plan, head, uv)))
+
+
+def seen_by(
+    solved: Sequence[Look], plan: Plan, head: Viewer, uv: Floats
+) -> Pauses[tuple[Floats, Floats]]:
+    """Where a viewer sees places uv (n, 2) of the picture, and where it would see them straight:
+    (n, 2) px of its image each, NaN where it does not see one; `solved` as for `off_by`.
+    """
     view = yield from places_seen([*solved, Look(plan.seen_by(head))], uv)
-    return arcmin_between(head, view[-1], view_of_picture(plan.rig.picture_place, head, uv))
+    return view[-1], view_of_picture(plan.rig.picture_place, head, uv)

@@ -81,8 +81,13 @@ def as_csv(found: WorkPrecision) -> str:
     return text.getvalue()
 
 
-def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
-    """All numbers, and the references of the errors."""
+def as_json(
+    found: WorkPrecision, about: dict[str, Any] | None = None, beside: dict[str, Any] | None = None
+) -> str:
+    """All numbers, and the references of the errors.
+
+    beside : what else is told of the rig, by name
+    """
     own = found.own
     tolerance = found.tolerance
     seconds = dict(own.parts)
@@ -114,6 +119,7 @@ def as_json(found: WorkPrecision, about: dict[str, Any] | None = None) -> str:
             }
             for c in found.choices
         ],
+        **(beside or {}),
     }
 
     return json.dumps(whole, indent=2, allow_nan=False) + "\n"

@@ -284,6 +284,7 @@ def rig(
     """
     module = part("core.bench.visible_range")
     monkeypatch.setattr(module, "SURVEY", replace(module.SURVEY, n_steps=6, fine_rad=0.05))
+    monkeypatch.setattr(part("core.measure.eye_box"), "N_POINTS", 3)
     module = part("operators.report")
     short = module.Ladders(tolerances=(1.0,), spps=(1,), runs=1)
     monkeypatch.setattr(

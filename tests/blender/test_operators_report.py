@@ -13,7 +13,7 @@ import pytest
 
 from small_rigs import inventory, pixels, small_rig
 
-NAMES = ["report.csv", "report.json", "report.svg"]
+NAMES = ["eye_box.svg", "report.csv", "report.json", "report.svg"]
 SECONDS = 0.5  # of brute force: a few samples a pixel
 
 
@@ -28,6 +28,8 @@ def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
         return whole(*args, ladders=short, **options)
 
     monkeypatch.setattr(module, "measure", short)
+    eye_box = importlib.import_module(f"{kiriko.__name__}.core.measure.eye_box")
+    monkeypatch.setattr(eye_box, "N_POINTS", 3)
 
 
 @pytest.fixture
@@ -42,9 +44,9 @@ def names(folder: Path) -> list[str]:
 
 
 def test_report_writes_its_files_and_leaves_the_scene(
-    rig: dict, scene: bpy.types.Scene, tmp_path: Path
+    kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
-    """Three files that agree on the rungs.
+    """Four files, of which two agree on the rungs, and one has the curves of the eye box.
 
     Result, image and objects stay as they were, but for the costs.
     """
@@ -60,6 +62,14 @@ def test_report_writes_its_files_and_leaves_the_scene(
     with (tmp_path / "new" / "report.csv").open() as file:
         assert len(list(csv.DictReader(file))) == 1 + len(report["rungs"])
     ET.parse(tmp_path / "new" / "report.svg")
+    ET.parse(tmp_path / "new" / "eye_box.svg")
+    bpy.ops.kiriko.eye_box()
+    box = importlib.import_module(f"{kiriko.__name__}.operators.eye_box").box_of(
+        bpy.data.objects["Kiriko Eye Box"]
+    )
+    assert report["eye_box"]["ends_m"] == {name: box[name] for name in report["eye_box"]["ends_m"]}
+    assert [one["way"] for one in report["eye_box"]["curves"]] == list(report["eye_box"]["ends_m"])
+    bpy.ops.kiriko.remove_eye_box()
 
     assert report["display_px"] == [64, 64]
     assert report["tolerance_display_px"] == 0.1
@@ -191,8 +201,47 @@ def test_command_writes_the_report_and_prints_the_table(
     assert names(out) == NAMES
     assert json.loads((out / "report.json").read_text())["about"]["file"] == "rig.blend"
     assert run("report", "--out", out) == 1
-    assert "report.csv, report.json, report.svg already" in capsys.readouterr().err
+    assert "report.csv, report.json, report.svg, eye_box.svg already" in capsys.readouterr().err
     assert run("report", "--out", out, "--overwrite", "--seconds", 0) == 0
+
+
+def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
+    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Of one viewer its eye box by the limit that is given; of two eyes both, as drawings, too. A
+    picture in the viewer's own pixels is told in a sentence.
+    """
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    one, two, three = (tmp_path / name for name in ("one", "two", "three"))
+    assert run("eyes", "--out", one, "--limit", 0.5) == 0
+    assert names(one) == ["eye_box.svg", "eyes.json"]
+    assert run("eyes", "--out", one) == 1
+    assert "has eye_box.svg, eyes.json already" in capsys.readouterr().err
+    narrow = json.loads((one / "eyes.json").read_text())["eye_box"]
+    assert narrow["limit_arcmin"] == 0.5
+
+    bpy.ops.kiriko.two_eyes()
+    assert run("eyes", "--out", two) == 0
+    assert names(two) == ["eye_box.svg", "eyes.json", "two_eyes.svg"]
+    told = json.loads((two / "eyes.json").read_text())
+    assert told["eye_box"]["ends_m"]["left"] > narrow["ends_m"]["left"]
+    ET.parse(two / "two_eyes.svg")
+    seen = told["two_eyes"]["for_both"]
+    # what the panel tells of a solve on its own pixels is that, but for these
+    bpy.ops.kiriko.solve()
+    panel = json.loads(bpy.context.scene.kiriko.result.details)["two_eyes"]
+    assert (panel["left"], panel["right"]) == (told["two_eyes"]["left"], told["two_eyes"]["right"])
+    depths = np.array(seen["depth_m"], float)
+    assert np.nanmean(depths) == pytest.approx(panel["mean_depth_m"], rel=0.05)
+
+    bpy.context.scene.kiriko.picture_source = "IMAGE"
+    bpy.context.scene.kiriko.picture_image = bpy.data.images["Kiriko Lattice"]
+    capsys.readouterr()
+    assert run("eyes", "--out", three) == 1
+    assert "in the viewer's own pixels" in capsys.readouterr().err
+    assert not three.exists()
+    for wrong in ("--limit=0", "--limit=inf", "--share=1.5"):
+        assert run("eyes", "--out", three, wrong) == 2
 
 
 def test_command_on_a_broken_rig_is_one_sentence(
@@ -221,7 +270,7 @@ def test_a_budget_that_is_no_time_is_refused(
 def test_a_rig_without_a_plate_has_its_report(
     scene: bpy.types.Scene, tmp_path: Path, look_down: float
 ) -> None:
-    """The same three files, that say nothing of a plate; one whose light misses the display is
+    """The same files, that say nothing of a plate; one whose light misses the display is
     refused in a sentence that does not, either.
     """
     rig = small_rig(kind="BEHIND_GLASS", field=0.06, look_down=np.radians(look_down))

@@ -1,5 +1,7 @@
 """How far a head may move: held to a walk by closed form, and to a walk by traced steps."""
 
+import json
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +11,7 @@ from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.errors import RigError
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.eye_box import N_POINTS, WAYS, EyeBox, Walk, eye_box
+from kiriko.core.measure.eye_box_curves import BEYOND, as_data, as_svg, curves_of
 from kiriko.core.measure.eye_box_surface import MOST, octahedron, surface_of
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -42,15 +45,20 @@ def off_by_closed_form(solved, head):
     """Arcmin (n,) between where a head sees points straight, and where it sees the places of the
     plane that an eye at `solved` would see there.
     """
+    one, other = (to - head for to in (points_of(), seen_by_closed_form(solved, head)))
+    across = np.linalg.norm(np.cross(one, other), axis=1)
+    return np.degrees(np.arctan2(across, (one * other).sum(axis=1))) * 60
+
+
+def seen_by_closed_form(solved, head):
+    """Where on the plane (n, 3) a head sees points that are shown for an eye at `solved`."""
     points = points_of()
     shown = points - shifted(solved, points)
     # the ray's tangent is that of the place which the eye sees straight: found by repetition
     straight = shown
     for _ in range(60):
         straight = shown + shifted(head, straight)
-    one, other = (to - head for to in (points, straight))
-    across = np.linalg.norm(np.cross(one, other), axis=1)
-    return np.degrees(np.arctan2(across, (one * other).sum(axis=1))) * 60
+    return straight
 
 
 def shifted(eye, points):
@@ -80,6 +88,83 @@ def test_behind_a_slab_it_is_that_of_a_walk_by_closed_form():
     # rig and slab are alike to the left and right, up and down
     assert found.left == pytest.approx(found.right, rel=0.01)
     assert found.up == pytest.approx(found.down, rel=0.01)
+
+
+def test_behind_a_slab_its_curves_are_those_of_closed_form():
+    """Angles, px and coverage along six ways; the largest angle is the limit where a way ends."""
+    a_rig = slab_rig()
+    walk = Walk(make_plan(a_rig, Settings()), 0.5)
+    found = drain(walk.box())
+    curves = drain(curves_of(walk, found))
+    eye = a_rig.viewer.position
+    for curve, name, (axis, sign, most) in zip(curves, NAMES, WAYS, strict=True):
+        assert curve.way == name
+        extent = getattr(found, name)
+        # the way farther is open, and ends as far away as the picture is
+        reach = DISTANCE if name == "farther" else min(BEYOND * extent, most * DISTANCE)
+        assert curve.distance_m == pytest.approx(reach * np.arange(7) / 6, abs=1e-12)
+        assert curve.coverage == (1.0,) * 7
+        for k, s in enumerate(curve.distance_m):
+            offset = s * sign * np.eye(3)[axis]
+            head = viewer_at(a_rig.viewer, a_rig.picture_place, tuple(offset))
+            assert head.position == pytest.approx(eye + offset @ a_rig.viewer.axes)
+            angle = off_by_closed_form(eye, head.position)
+            places = points_of(), seen_by_closed_form(eye, head.position)
+            px = np.linalg.norm(np.subtract(*map(head.project, places)), axis=1)
+            for numbers, mean, largest, rounding in (
+                (angle, curve.mean_arcmin, curve.largest_arcmin, 1e-5),
+                (px, curve.mean_px, curve.largest_px, 1e-6),
+            ):
+                assert mean[k] == pytest.approx(numbers.mean(), abs=rounding)
+                assert largest[k] == pytest.approx(numbers.max(), abs=rounding)
+        if reach == BEYOND * extent:
+            assert curve.largest_arcmin[5] == pytest.approx(0.5, rel=5e-3)
+
+    told = as_data(found, "eye", curves)
+    assert told["ends_m"] == {name: getattr(found, name) for name in NAMES}
+    assert json.loads(json.dumps(told, allow_nan=False))["curves"][0]["way"] == "left"
+
+
+def test_its_drawing_has_a_line_for_each_way_and_number():
+    """Four curves of angles and of px, two of coverage, for each axis; where
+    nothing is seen they stop.
+    """
+    walk = Walk(make_plan(slab_rig(), Settings()), 0.5)
+    found = drain(walk.box())
+    curves = drain(curves_of(walk, found))
+    unseen = replace(
+        curves[0],
+        mean_arcmin=(*curves[0].mean_arcmin[:4], None, None, None),
+        largest_arcmin=(*curves[0].largest_arcmin[:4], None, None, None),
+    )
+    drawing = ET.fromstring(as_svg(found, "eye <1>", (unseen, *curves[1:])))
+    svg = "{http://www.w3.org/2000/svg}"
+    diagrams = drawing.findall(f"{svg}svg")
+    assert len(diagrams) == 9
+    lines = [
+        [line.get("points").split() for line in one.iter(f"{svg}polyline")] for one in diagrams
+    ]
+    assert [len(one) for one in lines] == 3 * [4, 4, 2]
+    assert [len(line) for line in lines[0]] == [4, 4, 7, 7]
+    assert [len(line) for one in lines[1:] for line in one] == 26 * [7]
+    titles = {one.find(f"{svg}text").text for one in diagrams}
+    assert titles == {
+        f"The head of 'eye <1>': {a} and {b}"
+        for a, b in (("left", "right"), ("up", "down"), ("nearer", "farther"))
+    }
+
+
+def test_curves_of_a_head_that_sees_nothing_tell_that():
+    """A display that no light comes from: no angle, nothing seen, and a drawing all the same."""
+    a_rig = slab_rig()
+    display = a_rig.display
+    far = replace(display.mesh, vertices=display.mesh.vertices + np.array([5.0, 0, 0]))
+    walk = Walk(make_plan(replace(a_rig, displays=(replace(display, mesh=far),)), Settings()))
+    found = drain(walk.box())
+    curves = drain(curves_of(walk, found))
+    assert {one.coverage for one in curves} == {(0.0,) * 7}
+    assert {one.largest_px for one in curves} == {(None,) * 7}
+    assert len(list(ET.fromstring(as_svg(found, "eye", curves)))) == 9
 
 
 def test_on_the_ball_it_is_that_of_a_walk_by_steps():

@@ -1,5 +1,8 @@
 """A pair of eyes: the depth at which points are seen, what of the lines of sight does not meet."""
 
+import struct
+import xml.etree.ElementTree as ET
+import zlib
 from dataclasses import replace
 
 import mpmath
@@ -9,6 +12,7 @@ import pytest
 from kiriko.core.errors import RigError
 from kiriko.core.measure.places_seen import Look, grid_of, places_seen
 from kiriko.core.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
+from kiriko.core.measure.two_eyes_drawing import as_data, as_svg, png
 from kiriko.core.measure.viewers import displaced
 from kiriko.core.rig import PicturePlace
 from kiriko.core.settings import Settings
@@ -324,3 +328,67 @@ def test_a_part_of_the_image_is_looked_at_where_it_is():
     place = PicturePlace("part", 64, 64, replace(mesh, uv=0.25 + 0.5 * mesh.uv))
     found = seen(replace(a_rig, pictures=(place,))).uncompensated
     np.testing.assert_allclose(found.depth, seen(a_rig).uncompensated.depth, atol=1e-9)
+
+
+def test_the_drawing_has_an_arrow_and_a_disc_for_each_point():
+    """Lengths and areas are in proportion to the numbers, one scale for all panels; the picture's
+    own pixels are in it.
+    """
+    a_rig = with_eyes(ball_rig(4, pixels=64, display_pixels=64))
+    found = seen(a_rig)
+    drawing = ET.fromstring(as_svg(a_rig, found))
+    svg = "{http://www.w3.org/2000/svg}"
+    panels = drawing.findall(f"{svg}g")
+    assert len(panels) == 8
+    for n, sights in enumerate(every(found)):
+        arrows = panels[2 * n].findall(f"{svg}path[@class='arrow']")
+        ends = np.array([
+            [float(place.split(",")[1]) for place in arrow.get("d").split(" ")[:2]]
+            for arrow in arrows
+        ])  # fmt: skip
+        up = (ends[:, 0] - ends[:, 1]) / (ends[0, 0] - ends[0, 1])
+        expected = sights.vertical[sights.is_seen]
+        assert up == pytest.approx(expected / expected[0], abs=5e-3)
+
+        discs = panels[2 * n + 1].findall(f"{svg}circle[@class='disc']")
+        area = np.array([float(disc.get("r")) ** 2 for disc in discs])
+        depth = np.abs(sights.depth[sights.is_seen])
+        assert area / area.max() == pytest.approx(depth / depth.max(), abs=5e-3)
+        is_before = [disc.get("fill") != "none" for disc in discs]
+        assert is_before == (sights.depth[sights.is_seen] > 0).tolist()
+
+    told = as_data(found)["for_both"]
+    assert np.array(told["depth_m"]) == pytest.approx(found.for_both.depth)
+    assert told["n_points"] == 49
+
+
+def test_the_drawings_picture_is_a_png_of_its_pixels():
+    """As zlib and the standard have it: a header, and lines that begin with 0."""
+    pixels = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
+    data = png(pixels)
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    assert data[12:16] == b"IHDR"
+    assert struct.unpack(">II", data[16:24]) == (3, 2)
+    start = data.index(b"IDAT")
+    (length,) = struct.unpack(">I", data[start - 4 : start])
+    lines = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + length]), np.uint8)
+    assert np.array_equal(lines.reshape(2, 10)[:, 1:].reshape(2, 3, 3), pixels)
+    assert not lines.reshape(2, 10)[:, 0].any()
+
+
+def test_points_that_not_both_see_are_left_out_of_the_drawing():
+    """And depths beyond infinity are words."""
+    a_rig = slab_rig()
+    found = seen(a_rig)
+    depth, vertical = found.for_both.depth.copy(), found.for_both.vertical.copy()
+    depth[0, 0], vertical[0, 1], depth[0, 1] = -np.inf, np.nan, np.nan
+    changed = replace(found.for_both, depth=depth, vertical=vertical)
+    found = replace(found, for_both=changed)
+    drawing = ET.fromstring(as_svg(a_rig, found))
+    svg = "{http://www.w3.org/2000/svg}"
+    arrows, discs = drawing.findall(f"{svg}g")[-2:]
+    assert len(arrows.findall(f"{svg}path")) == 48
+    assert len(discs.findall(f"{svg}circle")) == 47
+    assert "beyond" in {text.text for text in discs.findall(f"{svg}text")}
+    told = as_data(found)["for_both"]
+    assert told["depth_m"][0][:2] == [None, None]

@@ -1,0 +1,156 @@
+"""By how much is the picture off, and how much of it is seen, as a head moves away?
+
+Along each of the six ways of an eye box, on to a fifth farther than the head may go: the angle and
+the way in its own image by which points of the picture are off, and the share of them that is seen.
+"""
+
+from collections.abc import Generator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..atlas.heads import viewer_at
+from ..errors import RigError
+from ..numbers import number
+from ..steps import Pauses, at
+from .diagram import HEIGHT, WIDTH, Curve, linear
+from .eye_box import WAYS, EyeBox, Walk, seen_by
+from .viewers import arcmin_between
+
+NAMES = ("left", "right", "up", "down", "nearer", "farther")  # of WAYS
+FILE = "eye_box.svg"
+BEYOND = 1.2  # times as far as the head may go
+AT_NONE = 0.05  # of the picture's distance: so far where it may go nowhere
+N_STEPS = 6  # of which one ends where the head may not go on
+DISTANCE = "distance of the head from its own place (mm)"
+SHRUNK = 0.6  # of a diagram, within the drawing of all
+
+
+@dataclass(frozen=True)
+class WayCurve:
+    """The picture as seen along one way of a head, by its distance, m, from its own place.
+
+    way : one of NAMES
+    distance_m : to which the other lists belong
+    mean_arcmin, largest_arcmin : by which points are off; None where none is seen
+    mean_px, largest_px : the same, viewer px of an image in which the picture keeps its size
+    coverage : share of the points that is seen, 0..1
+    """
+
+    way: str
+    distance_m: tuple[float, ...]
+    mean_arcmin: tuple[float | None, ...]
+    largest_arcmin: tuple[float | None, ...]
+    mean_px: tuple[float | None, ...]
+    largest_px: tuple[float | None, ...]
+    coverage: tuple[float, ...]
+
+
+def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve, ...]]:
+    """A curve for each way of an eye box that a walk has found; yields progress 0..1.
+
+    An open way is followed as far as the picture is away.
+    """
+    found = []
+    for k, ((axis, sign, most), name) in enumerate(zip(WAYS, NAMES, strict=True)):
+        reach = box.ends[k]
+        reach = min(reach, walk.distance) if box.is_open[k] else BEYOND * reach
+        reach = min(reach or AT_NONE * walk.distance, most * walk.distance)
+        way = np.zeros(3)
+        way[axis] = sign
+        steps = _along(walk, name, way, np.linspace(0.0, reach, N_STEPS + 1))
+        found.append((yield from at(k / len(WAYS), steps)))
+    yield 1.0
+    return tuple(found)
+
+
+def _along(walk: Walk, name: str, way: Floats, distances: Floats) -> Pauses[WayCurve]:
+    """The curve along one way (3,)."""
+    columns = []
+    for distance in distances.tolist():
+        columns.append((yield from _at(walk, distance * way)))
+    return WayCurve(name, tuple(distances.tolist()), *zip(*columns, strict=True))
+
+
+def _at(walk: Walk, offset: Floats) -> Pauses[tuple[float | None, ...]]:
+    """The numbers of a curve, in their order, at one place of the head."""
+    place = walk.plan.rig.picture_place
+    try:
+        head = viewer_at(walk.plan.viewer, place, tuple(offset))
+    except RigError:  # at the picture
+        return None, None, None, None, 0.0
+    seen, straight = yield from seen_by(walk.solved, walk.plan, head, walk.uv)
+    is_seen = np.isfinite(seen).all(axis=1)
+    if not is_seen.any():
+        return None, None, None, None, 0.0
+    seen, straight = seen[is_seen], straight[is_seen]
+    told = []
+    for off in (arcmin_between(head, seen, straight), np.linalg.norm(seen - straight, axis=1)):
+        told += [float(off.mean()), float(off.max())]
+    return *told, float(is_seen.mean())
+
+
+def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str, Any]:
+    """An eye box and its curves, as they stand in a report: m, arcmin, px, shares."""
+    return {
+        "viewer": viewer,
+        "limit_arcmin": box.limit,
+        "least_share_of_seen": box.least,
+        "ends_m": dict(zip(NAMES, box.ends, strict=True)),
+        "is_open": dict(zip(NAMES, box.is_open, strict=True)),
+        "curves": [asdict(curve) for curve in curves],
+    }
+
+
+def as_svg(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> str:
+    """Diagrams of all curves: a column for each axis, below each other angle, px and coverage."""
+    parts = []
+    for column, (one, other) in enumerate(((0, 1), (2, 3), (4, 5))):
+        pair = [curves[one], curves[other]]
+        title = f"The head of '{viewer}': {pair[0].way} and {pair[1].way}"
+        note = [
+            "; ".join(
+                f"{NAMES[k]} {number(1e3 * box.ends[k])} mm{' and more' if box.is_open[k] else ''}"
+                for k in (one, other)
+            )
+            + f" within {number(box.limit)} arcmin"
+        ]
+        rows = (
+            ("off by (arcmin)", ("largest_arcmin", "mean_arcmin")),
+            ("off by (px)", ("largest_px", "mean_px")),
+            ("share of points that is seen", ("coverage",)),
+        )
+        for row, (label, fields) in enumerate(rows):
+            drawn = [
+                Curve(_name(curve.way, name), _points(curve, name))
+                for curve in pair
+                for name in fields
+            ]
+            diagram = linear(title, DISTANCE, label, drawn, note, is_rising=True)
+            parts.append(_placed(diagram, column, row))
+    width, height = SHRUNK * WIDTH * 3, SHRUNK * HEIGHT * 3
+    return "\n".join([
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}"'
+        f' viewBox="0 0 {3 * WIDTH} {3 * HEIGHT}">',
+        *parts,
+        "</svg>",
+        "",
+    ])  # fmt: skip
+
+
+def _name(way: str, field: str) -> str:
+    word = field.split("_")[0]
+    return way if word == "coverage" else f"{way}, {word}"
+
+
+def _points(curve: WayCurve, field: str) -> tuple[tuple[float, float], ...]:
+    """Of one field, mm; places where nothing is seen are left out."""
+    values = zip(curve.distance_m, getattr(curve, field), strict=True)
+    return tuple((1e3 * x, y) for x, y in values if y is not None)
+
+
+def _placed(diagram: str, column: int, row: int) -> str:
+    """A diagram within the drawing of all."""
+    return diagram.replace("<svg ", f'<svg x="{column * WIDTH}" y="{row * HEIGHT}" ', 1).rstrip()

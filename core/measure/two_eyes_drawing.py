@@ -1,0 +1,246 @@
+"""How two eyes see the picture, drawn over it: vertical disparity and depth of each point.
+
+A panel for each of the ways to show it, before and after compensation. All have one scale.
+"""
+
+import base64
+import struct
+import zlib
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..bench.picture_room import plane_of
+from ..encoding import quantised
+from ..errors import RigError
+from ..numbers import number
+from ..rig import Rig
+from ..vectors import length_of
+from .diagram import FONT
+from .places_seen import grid_of
+from .two_eyes import Sights, TwoEyes
+
+FILE = "two_eyes.svg"
+WAYS = {
+    "uncompensated": "uncompensated",
+    "for_left": "solved for '{left}'",
+    "for_right": "solved for '{right}'",
+    "for_both": "solved for both",
+}
+# px
+WIDTH = 330  # of the picture
+GAP = 30
+HEAD = 46  # over a picture, for its words
+TOP = 40
+MOST_PIXELS = 220  # of the picture's own, each way
+FADED = 0.25
+LONGEST = 0.42  # of the way between two points: the longest arrow, and the largest disc
+LEAST_ARCMIN = 0.01  # the longest arrow and the largest disc tell of so much, or of more
+LEAST_M = 1e-5
+HIGHER, LOWER, BEFORE, BEHIND = "#c8501e", "#0b6e99", "#c8501e", "#0b6e99"
+
+
+def as_data(found: TwoEyes) -> dict[str, Any]:
+    """What two eyes see, as it stands in a report: for each way to show the picture lists of rows
+    from the top; None for points that not both see, and for depths beyond infinity.
+    """
+    told: dict[str, Any] = {"left": found.left, "right": found.right}
+    for name in WAYS:
+        sights = getattr(found, name)
+        told[name] = {
+            "n_points": int(sights.is_seen.sum()),
+            "vertical_arcmin": _rows(sights.vertical),
+            "horizontal_arcmin": _rows(sights.horizontal),
+            "depth_m": _rows(sights.depth),
+        }
+    return told
+
+
+def _rows(values: Floats) -> list[list[float | None]]:
+    return [[x if np.isfinite(x) else None for x in row] for row in values.tolist()]
+
+
+def as_svg(rig: Rig, found: TwoEyes) -> str:
+    """The drawing: a column for each way to show the picture, arrows over discs.
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle; one sentence
+    """
+    across, up = length_of(plane_of(rig).sides)
+    size = np.array([WIDTH, WIDTH * up / across])
+    picture = _embedded(rig, size)
+    sights = {name: getattr(found, name) for name in WAYS}
+    scales = _scales(list(sights.values()))
+
+    parts = []
+    for column, (name, one) in enumerate(sights.items()):
+        title = WAYS[name].format(left=found.left, right=found.right)
+        for row, (words, marks) in enumerate((
+            (_vertical_words(one), _arrows(one, size, scales[0])),
+            (_depth_words(one), _discs(one, size, scales[1])),
+        )):  # fmt: skip
+            x = GAP + column * (WIDTH + GAP)
+            y = TOP + HEAD + row * (size[1] + HEAD + GAP)
+            parts += [
+                f'<g transform="translate({x:.1f} {y:.1f})">',
+                _text((0, -26), title, 14),
+                _text((0, -9), words, 12, "#555555"),
+                picture,
+                *marks,
+                "</g>",
+            ]
+    width = GAP + len(WAYS) * (WIDTH + GAP)
+    height = TOP + 2 * (size[1] + HEAD + GAP)
+    title = (
+        "Two eyes, over the picture. Above: arrows up where the left eye sees a point higher"
+        " (arcmin). Below: depth (mm), full discs before the picture's plane, rings behind it."
+    )
+    return "\n".join([
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
+        f' viewBox="0 0 {width:.0f} {height:.0f}" font-family="{FONT}">',
+        f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
+        _text((GAP, 26), title, 15),
+        *parts,
+        "</svg>",
+        "",
+    ])  # fmt: skip
+
+
+def _scales(sights: list[Sights]) -> tuple[float, float]:
+    """The largest vertical disparity, arcmin, and the largest depth that is not beyond infinity, m,
+    of all.
+    """
+    found = []
+    for field, least in (("vertical", LEAST_ARCMIN), ("depth", LEAST_M)):
+        values = np.concatenate([getattr(one, field).ravel() for one in sights])
+        found.append(float(np.abs(values[np.isfinite(values)]).max(initial=least)))
+    return found[0], found[1]
+
+
+def _places(sights: Sights, size: Floats) -> tuple[Floats, float]:
+    """Where points (n, n, 2) stand in a panel, px, and the length of the longest mark."""
+    n = len(sights.vertical)
+    uv = grid_of(n).reshape(n, n, 2)
+    return np.stack([uv[..., 0], 1 - uv[..., 1]], axis=2) * size, LONGEST * size.min() / n
+
+
+def _arrows(sights: Sights, size: Floats, scale: float) -> list[str]:
+    """Arrows for vertical disparity, upward where the left eye sees a point higher."""
+    places, longest = _places(sights, size)
+    parts = []
+    for (x, y), value in zip(places.reshape(-1, 2), sights.vertical.ravel(), strict=True):
+        if not np.isfinite(value):
+            continue
+        way = -longest * value / scale
+        colour = HIGHER if value > 0 else LOWER
+        head = 0.3 * way
+        parts += [
+            f'<path class="arrow" d="M{x:.2f},{y - way:.2f} L{x:.2f},{y + way:.2f}'
+            f" M{x - abs(head):.2f},{y + way - head:.2f} L{x:.2f},{y + way:.2f}"
+            f' L{x + abs(head):.2f},{y + way - head:.2f}" fill="none" stroke="{colour}"'
+            f' stroke-width="2"/>',
+            _text((x + 4, y + 4), rounded(value), 8),
+        ]
+    return parts
+
+
+def rounded(value: float) -> str:
+    """A number to a hundredth, without a sign where that is 0."""
+    return f"{round(value, 2) + 0.0:.2f}"
+
+
+def _discs(sights: Sights, size: Floats, scale: float) -> list[str]:
+    """Discs for depth, by their area: full where a point is seen before the plane."""
+    places, longest = _places(sights, size)
+    parts = []
+    for (x, y), depth in zip(places.reshape(-1, 2), sights.depth.ravel(), strict=True):
+        if np.isnan(depth):
+            continue
+        text = "beyond" if np.isinf(depth) else rounded(1e3 * depth)
+        if np.isfinite(depth):
+            radius = longest * np.sqrt(abs(depth) / scale)
+            paint = f'fill="{BEFORE}" fill-opacity="0.6"' if depth > 0 else (
+                f'fill="none" stroke="{BEHIND}" stroke-width="2"'
+            )  # fmt: skip
+            parts.append(
+                f'<circle class="disc" cx="{x:.2f}" cy="{y:.2f}" r="{radius:.2f}" {paint}/>'
+            )
+        parts.append(_text((x, y + 3), text, 9, anchor="middle"))
+    return parts
+
+
+def _vertical_words(sights: Sights) -> str:
+    if not sights.is_seen.any():
+        return "no point is seen by both eyes"
+    mean, most = sights.mean_vertical, sights.largest_vertical
+    return f"vertical disparity: mean {number(mean)}, largest {number(most)} arcmin"
+
+
+def _depth_words(sights: Sights) -> str:
+    if not sights.is_seen.any():
+        return "no point is seen by both eyes"
+    ends = (sights.nearest_depth, sights.farthest_depth)
+    near, far = ("beyond infinity" if np.isinf(x) else f"{rounded(1e3 * x)} mm" for x in ends)
+    return f"depth: from {near} (nearest) to {far} (farthest)"
+
+
+def _embedded(rig: Rig, size: Floats) -> str:
+    """The picture, faded, in its outline; the outline alone where it has no pixels, or its UV map
+    goes beyond them.
+    """
+    frame = (
+        f'<rect width="{size[0]:.2f}" height="{size[1]:.2f}" fill="none" stroke="black"'
+        ' stroke-width="1"/>'
+    )
+    uv = rig.picture_place.mesh.uv.reshape(-1, 2)
+    try:
+        image = rig.picture.image
+    except RigError:
+        return frame
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    if low.min() < -1e-6 or high.max() > 1 + 1e-6:
+        return frame
+
+    height, width = image.shape[:2]
+    columns, rows = (
+        np.clip((a + (b - a) * (np.arange(n) + 0.5) / n) * full, 0, full - 1).astype(int)
+        for a, b, full in ((low[0], high[0], width), (1 - high[1], 1 - low[1], height))
+        for n in [min(MOST_PIXELS, full)]
+    )
+    some = np.broadcast_to(image[np.ix_(rows, columns)][..., :3], (len(rows), len(columns), 3))
+    data = base64.b64encode(png(quantised(np.ascontiguousarray(some), "uint8"))).decode()
+    return (
+        f'<image width="{size[0]:.2f}" height="{size[1]:.2f}" preserveAspectRatio="none"'
+        f' opacity="{FADED}" href="data:image/png;base64,{data}"/>{frame}'
+    )
+
+
+def png(pixels: NDArray[np.uint8]) -> bytes:
+    """A PNG file of pixels (h, w, 3), sRGB, row 0 at the top (ISO/IEC 15948)."""
+    height, width = pixels.shape[:2]
+    lines = np.pad(pixels.reshape(height, -1), ((0, 0), (1, 0)))  # each begins with its filter, 0
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"".join((
+        b"\x89PNG\r\n\x1a\n",
+        chunk(b"IHDR", header),
+        chunk(b"IDAT", zlib.compress(lines.tobytes())),
+        chunk(b"IEND", b""),
+    ))  # fmt: skip
+
+
+def _text(
+    at: tuple[float, float], text: str, size: float, fill: str = "black", anchor: str = "start"
+) -> str:
+    return (
+        f'<text x="{at[0]:.2f}" y="{at[1]:.2f}" font-size="{size:g}" fill="{fill}"'
+        f' text-anchor="{anchor}">{escape(text)}</text>'
+    )

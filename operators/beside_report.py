@@ -1,0 +1,155 @@
+"""What a report tells beside its costs: how far the head may go, and how two eyes see the picture.
+
+Each is told where the rig has it: a head that moves before a flat picture, a pair of eyes.
+"""
+
+import argparse
+import json
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from ..core import disk
+from ..core.atlas.heads import check_viewer
+from ..core.bench.picture_room import plane_of
+from ..core.errors import KirikoError
+from ..core.light.kept import Kept
+from ..core.measure import eye_box_curves, two_eyes_drawing
+from ..core.measure.eye_box import LEAST, LIMIT, Walk
+from ..core.measure.two_eyes import pair_of, two_eyes
+from ..core.messages import Message
+from ..core.rig import Rig
+from ..core.steps import within
+from . import folder, solve_to_folder, work
+
+NUMBERS = "eyes.json"  # of the verb, where a report has report.json
+
+FOUND = 0.8  # of the progress of an eye box: the rest is its curves
+
+
+@dataclass
+class Beside:
+    """Numbers by the names that report.json has for them, and drawings by their files."""
+
+    numbers: dict[str, Any] = field(default_factory=dict)
+    drawings: dict[str, str] = field(default_factory=dict)
+
+
+def check_head(rig: Rig) -> None:
+    """Raise RigError where a rig's first viewer has no head that moves before a flat picture."""
+    check_viewer(rig.viewer, rig.picture_place)
+    plane_of(rig)
+
+
+def check_pair(rig: Rig) -> None:
+    """Raise RigError where a rig's viewers are no pair of eyes before a flat picture."""
+    pair_of(rig)
+    plane_of(rig)
+
+
+def _has(check: Callable[[Rig], None], rig: Rig) -> bool:
+    try:
+        rig.check()
+        check(rig)
+    except KirikoError:
+        return False
+    return True
+
+
+def names(rig: Rig) -> tuple[str, ...]:
+    """The files that `beside` finds drawings for."""
+    found = ((check_head, eye_box_curves.FILE), (check_pair, two_eyes_drawing.FILE))
+    return tuple(name for check, name in found if _has(check, rig))
+
+
+def beside(
+    context: bpy.types.Context, rig: Rig, limit: float = LIMIT, least: float = LEAST
+) -> Generator[float, None, Beside]:
+    """Find all that a report tells beside its costs; yields progress 0..1."""
+    found = Beside()
+    if _has(check_head, rig):
+        steps = eye_box_of(context, rig, limit, least)
+        told, drawing = yield from within(steps, 0.0, 0.9)
+        found.numbers["eye_box"] = told
+        found.drawings[eye_box_curves.FILE] = drawing
+    if _has(check_pair, rig):
+        kept = Kept()
+        work.session().lend(kept)
+        steps = two_eyes(rig, work.settings_of(context.scene), kept=kept)
+        eyes = yield from within(steps, 0.9, 1.0)
+        found.numbers["two_eyes"] = two_eyes_drawing.as_data(eyes)
+        found.drawings[two_eyes_drawing.FILE] = two_eyes_drawing.as_svg(rig, eyes)
+    return found
+
+
+def eye_box_of(
+    context: bpy.types.Context, rig: Rig, limit: float, least: float
+) -> Generator[float, None, tuple[dict[str, Any], str]]:
+    """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
+    plan = work.session().plan(rig, work.settings_of(context.scene))
+    walk = Walk(plan, limit, least)
+    box = yield from within(walk.box(), 0.0, FOUND)
+    curves = yield from within(eye_box_curves.curves_of(walk, box), FOUND, 1.0)
+    viewer = rig.viewer.name
+    return eye_box_curves.as_data(box, viewer, curves), eye_box_curves.as_svg(box, viewer, curves)
+
+
+def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
+    """Add `eyes` to the command line."""
+    eyes = verbs.add_parser(
+        "eyes",
+        parents=[shared],
+        help="tell how far the head may go, as curves, and how two eyes see the picture",
+    )
+    eyes.add_argument(
+        "--limit",
+        type=_limit,
+        default=LIMIT,
+        metavar="ARCMIN",
+        help=f"by which a point of the picture may be off ({LIMIT:g})",
+    )
+    eyes.add_argument(
+        "--share",
+        type=_share,
+        default=LEAST,
+        metavar="SHARE",
+        help=f"of what is seen from the viewer's own place that has to be seen ({LEAST:g})",
+    )
+    eyes.set_defaults(run=_eyes)
+
+
+def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Write what is told beside costs, alone; yields lines of progress."""
+    context = bpy.context
+    rig = work.read(context).rig
+    rig.check()
+    files = (*names(rig), NUMBERS)
+    if len(files) == 1:
+        check_head(rig)  # tells why there is nothing
+    if not arguments.overwrite:
+        folder.refuse_existing(arguments.out, files, "add --overwrite")
+
+    found = yield from solve_to_folder.told_in_tenths(
+        beside(context, rig, arguments.limit, arguments.share)
+    )
+    texts = {**found.drawings, NUMBERS: json.dumps(found.numbers, indent=2) + "\n"}
+    with disk.together(arguments.out) as scratch:
+        for name, text in texts.items():
+            disk.write_text(scratch / name, text)
+    yield Message("wrote {names} to '{folder}'", names=", ".join(files), folder=arguments.out)
+
+
+def _limit(text: str) -> float:
+    number = float(text)
+    if not 0 < number < float("inf"):
+        raise ValueError(f"{number} is no angle")
+    return number
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0 < number <= 1:
+        raise ValueError(f"{number} is no share")
+    return number
