@@ -16,9 +16,10 @@ from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.steps import within
 from . import long_work, needed, work
+from .surfaces import EYE_BOX as NAME
+from .surfaces import MADE_FOR
 from .visible_range import Remove
 
-NAME = "Kiriko Eye Box"
 DISPLACEMENT = "displacement"  # arcmin, at the surface's points
 NUMBERS = "kiriko_eye_box"  # the surface's own property that keeps them, as text
 FOUND = 0.7  # of the progress: the rest is the surface
@@ -68,6 +69,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         rig = work.read(context).rig
+        made_for = work.rig_now(context).as_text()
         walk = Walk(work.session().plan(rig, work.settings_of(scene)), self.limit, self.share)
         yield 0.0
         box = yield from within(walk.box(), 0.0, FOUND)
@@ -91,7 +93,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         off = {DISPLACEMENT: surface.off}
         thing = surface_object(scene, NAME, positions, surface.triangles, off)
         numbers = numbers_of(box, viewer)
-        thing[NUMBERS] = Numbers(numbers).text()
+        thing[NUMBERS], thing[MADE_FOR] = Numbers(numbers).text(), made_for
         return Message(
             "Within {limit} arcmin the head of '{viewer}' may go {ways}: '{name}'.",
             limit=number(self.limit),

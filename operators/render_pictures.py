@@ -6,7 +6,7 @@ import bpy
 
 from ..core.blender.scene import read_viewers
 from ..core.blender.viewer import frame_of, own_images, seats_of
-from ..core.blender.viewer_render import RENDERED, render_for
+from ..core.blender.viewer_render import RENDERED, eye_of, render_for
 from ..core.errors import RigError
 from ..core.messages import Message
 from ..core.viewers import check_together
@@ -42,25 +42,22 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
         depsgraph = context.evaluated_depsgraph_get()
         # refuses those that are none, or twice there
         check_together(read_viewers(depsgraph, scene), (), has_mirrors=True)
-        views = [
-            (one.camera, one.camera.evaluated_get(depsgraph).matrix_world.copy())
-            for one in seats_of(scene)
-        ]
+        eyes = [eye_of(one.camera, depsgraph) for one in seats_of(scene)]
 
         images: dict[str, bpy.types.Image] = {}
         is_done = False
         try:
             yield 0.0
-            for n, (camera, place) in enumerate(views):
-                image = render_for(other, camera, place, frame_of(camera, scene.render))
-                images[camera.name] = image
-                yield (n + 1) / len(views)
+            for n, eye in enumerate(eyes):
+                image = render_for(other, eye, frame_of(eye.camera, scene.render))
+                images[eye.camera.name] = image
+                yield (n + 1) / len(eyes)
+            _replace(scene, images)
             is_done = True
         finally:
             if not is_done:
                 bpy.data.batch_remove(list(images.values()))
 
-        _replace(scene, images)
         return Message(
             "Viewers that see '{scene}' now, each as rendered from its camera: {n}.",
             n=len(images),

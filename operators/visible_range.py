@@ -12,8 +12,8 @@ from ..core.errors import RigError
 from ..core.messages import Message
 from ..core.words import percent
 from . import long_work, needed, work
-
-NAME = "Kiriko Visible Range"
+from .surfaces import MADE_FOR
+from .surfaces import RANGE as NAME
 
 
 class Remove:
@@ -71,6 +71,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         rig = work.read(context).rig
+        made_for = work.rig_now(context).as_text()
         plan = work.session().plan(rig, work.settings_of(scene))
         yield 0.0
         found = yield from visible_range(plan, self.share)
@@ -88,6 +89,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         positions = found.positions.reshape(-1, 3) / length_of_unit(scene)
         brightness = {"brightness": found.brightness.ravel()}
         thing = surface_object(scene, NAME, positions, shown_quads(is_seen), brightness)
+        thing[MADE_FOR] = made_for
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(

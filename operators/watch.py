@@ -1,12 +1,13 @@
 """Watch: tells when the scene is no longer the one that
-the result was solved for, and when it is again.
+the result was solved for, and when it is again. So it does of surfaces that were made for a rig.
 
 Handlers only note that something may have changed. A timer of the application waits until nothing
 has changed for a while and no work is under way, and then reads the scene as
 `core/blender/solved_for.py` does, which puts no mesh into the world. Nothing is read where there is
-no result. Only numbers and session uids are remembered.
+no result and no such surface. Only numbers and session uids are remembered.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic, perf_counter, thread_time
 
@@ -17,8 +18,8 @@ from ..core.blender.made_for_rig import read_images_anew
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
 from ..core.messages import Message
-from ..core.solve.solved_for import from_text
-from . import chosen, live, telling, windows, work
+from ..core.solve.solved_for import SolvedFor, from_text
+from . import chosen, live, surfaces, telling, windows, work
 
 CHANGED = Message("The scene has changed since: solve again.")
 QUIET = 0.4  # s without a change before the scene is read
@@ -32,10 +33,10 @@ PATIENCE = 10.0
 
 @dataclass(eq=False)
 class Watched:
-    """A scene that has a result.
+    """A scene that has a result, or a surface.
 
-    verdicts : scenes that results were solved for, as text, and whether they have changed since:
-        of each rig's result, by the last look while it was active
+    verdicts : scenes that results were solved for, and rigs that surfaces were made for, as text,
+        and whether they have changed since: of each rig's, by the last look while it was active
     changed_at : when the last change was noticed; None where all has been looked at
     lasted : s that the last reading took, where only places and settings had changed, and else
     """
@@ -56,7 +57,8 @@ class Watched:
             return
         started = thread_time()
 
-        settings = (scene.kiriko.result.solved_for, chosen.chosen_settings(scene))
+        texts = scene.kiriko.result.solved_for, surfaces.rigs_made_for(scene)
+        settings = (texts, chosen.chosen_settings(scene))
         if settings != self.chosen:
             self.chosen = settings
             self.touch()
@@ -83,11 +85,25 @@ def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
     A result that does not know its scene is taken as it is. A scene that
     cannot be read has changed, for when it was solved it could be read.
     """
-    before = from_text(context.scene.kiriko.result.solved_for)
+    return _is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, kept)
+
+
+def has_rig_changed(context: bpy.types.Context, made_for: str, kept: Kept | None = None) -> bool:
+    """Is the rig, read now, another one than a surface was made for? As `has_changed`."""
+    return _is_another(made_for, work.rig_now, context, kept)
+
+
+def _is_another(
+    text: str,
+    now: Callable[[bpy.types.Context, Kept | None], SolvedFor],
+    context: bpy.types.Context,
+    kept: Kept | None,
+) -> bool:
+    before = from_text(text)
     if before is None:
         return False
     try:
-        return not before.is_same(work.scene_now(context, kept))
+        return not before.is_same(now(context, kept))
     except KirikoError:
         return True
 
@@ -101,6 +117,13 @@ def is_told_changed(scene: bpy.types.Scene) -> bool:
     if watched is None or is_followed(scene):
         return False
     return watched.verdicts.get(scene.kiriko.result.solved_for, False)
+
+
+def is_told_old(scene: bpy.types.Scene, name: str) -> bool:
+    """The panels' verdict on a surface, by the last look: was it made for another rig?"""
+    watched = _watched.get(scene.session_uid)
+    made_for = surfaces.made_for(scene, name)
+    return watched is not None and bool(made_for) and watched.verdicts.get(made_for, False)
 
 
 def is_followed(scene: bpy.types.Scene) -> bool:
@@ -131,7 +154,8 @@ def look() -> None:
     for uid, window in shown.items():
         scene = window.scene
         result = scene.kiriko.result
-        if result.source is None or not result.solved_for:
+        is_solved = result.source is not None and result.solved_for
+        if not is_solved and not surfaces.rigs_made_for(scene):
             _watched.pop(uid, None)
             continue
 
@@ -165,6 +189,8 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         others = (one.settings.result.solved_for for one in context.scene.kiriko_others)
         kept = {text: watched.verdicts[text] for text in others if text in watched.verdicts}
         verdicts = {**kept, result.solved_for: has_changed(context, watched.kept)}
+        for text in surfaces.rigs_made_for(context.scene):
+            verdicts[text] = has_rig_changed(context, text, watched.kept)
         watched.lasted[is_short] = perf_counter() - started
     if verdicts != watched.verdicts:
         watched.verdicts = verdicts

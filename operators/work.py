@@ -93,6 +93,16 @@ def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor
     )
 
 
+def rig_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:
+    """The fingerprint of the rig as it is now: the same, but for what is painted."""
+    context.view_layer.update()
+    scene = context.scene
+    settings = settings_of(scene).of_optics
+    return blender_solved_for.scene_now(
+        context.evaluated_depsgraph_get(), scene, settings, kept, has_pixels=False
+    )
+
+
 def settings_of(scene: bpy.types.Scene) -> Settings:
     """How the scene wants to be solved, by as many threads as may render it."""
     kernel.use_threads(scene.render.threads)

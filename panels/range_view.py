@@ -1,7 +1,6 @@
 """Draws visible range and eye box over 3D views: translucent, coloured, with legends."""
 
 from collections.abc import Callable, Iterator
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import blf
@@ -12,18 +11,17 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..core.arrays import Floats
-from ..core.blender.objects import made_surface, values_of
+from ..core.blender.objects import values_of
 from ..core.blender.viridis import viridis
 from ..core.messages import Message
 from ..core.words import arcmin, percent
+from ..operators import surfaces, watch
 from ..operators.eye_box import DISPLACEMENT
-from ..operators.eye_box import NAME as EYE_BOX
+from ..operators.surfaces import EYE_BOX, RANGE
 from ..operators.telling import in_words
-from ..operators.visible_range import NAME as RANGE
 from .overlay.view_handlers import ViewHandlers
 
 ALPHA = 0.45
-PAUSE = 0.5  # s between two looks at all objects of a scene
 LETTERS = 11.0  # px at a scale of 1
 BAR = (160.0, 10.0)  # px at a scale of 1: length and height of the legend
 CORNER = (80.0, 100.0)  # px at a scale of 1, from the lower left: above Blender's own box there
@@ -31,23 +29,34 @@ CORNER = (80.0, 100.0)  # px at a scale of 1, from the lower left: above Blender
 
 class Surface(NamedTuple):
     """A surface that is drawn: its name, the quantity of its colours, the heading of its legend,
-    and how a value is told there.
+    the same where the rig has changed since, and how a value is told there.
     """
 
     name: str
     quantity: str
     heading: Message
+    heading_if_old: Message
     told: Callable[[float], str]
 
 
 SURFACES = (
-    Surface(RANGE, "brightness", Message("Visible range: brightness"), percent),
-    Surface(EYE_BOX, DISPLACEMENT, Message("Eye box: the picture is off by"), arcmin),
+    Surface(
+        RANGE,
+        "brightness",
+        Message("Visible range: brightness"),
+        Message("Visible range, of the rig as it was: brightness"),
+        percent,
+    ),
+    Surface(
+        EYE_BOX,
+        DISPLACEMENT,
+        Message("Eye box: the picture is off by"),
+        Message("Eye box, of the rig as it was: the picture is off by"),
+        arcmin,
+    ),
 )
 STEP = 50.0  # px at a scale of 1, from one legend up to the next
 
-# by scene and name: looked at next, the object's name
-_found: dict[tuple[int, str], tuple[float, str]] = {}
 # by name: session uid of the mesh, batch, largest value
 _batches: dict[str, tuple[int, Any, float]] = {}
 
@@ -55,24 +64,13 @@ _batches: dict[str, tuple[int, Any, float]] = {}
 def shown(context: bpy.types.Context) -> Iterator[tuple[Surface, bpy.types.Object]]:
     """The surfaces of the scene that this view shows."""
     for surface in SURFACES:
-        thing = looked_up(context.scene, surface.name)
+        thing = surfaces.looked_up(context.scene, surface.name)
         if (
             thing is not None
             and context.space_data.overlay.show_overlays
             and thing.visible_get(viewport=context.space_data)
         ):
             yield surface, thing
-
-
-def looked_up(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """A surface of a scene; all objects are looked at once in a while only."""
-    key = scene.session_uid, name
-    due, of_object = _found.get(key, (0.0, ""))
-    if perf_counter() >= due:
-        found = made_surface(scene, name)
-        of_object = "" if found is None else found.name
-        _found[key] = perf_counter() + PAUSE, of_object
-    return scene.objects.get(of_object) if of_object else None
 
 
 def draw() -> None:
@@ -111,10 +109,15 @@ def draw_legend() -> None:
         for at, text in (
             ((x, y - 1.3 * LETTERS * scale), surface.told(0.0)),
             ((x + length, y - 1.3 * LETTERS * scale), surface.told(most)),
-            ((x, y + height + 0.4 * LETTERS * scale), surface.heading),
+            ((x, y + height + 0.4 * LETTERS * scale), heading_of(context.scene, surface)),
         ):
             blf.position(0, *at, 0.0)
             blf.draw(0, in_words(text))
+
+
+def heading_of(scene: bpy.types.Scene, surface: Surface) -> Message:
+    """The heading of a surface's legend."""
+    return surface.heading_if_old if watch.is_told_old(scene, surface.name) else surface.heading
 
 
 def _with_alpha(colours: Floats, alpha: float) -> NDArray[np.float32]:
@@ -160,4 +163,4 @@ def unregister() -> None:
     """Draw no more."""
     _handlers.end()
     _batches.clear()
-    _found.clear()
+    surfaces.forget()

@@ -6,12 +6,11 @@ from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
 from ..core.messages import Message, quoted
 from ..core.numbers import number
-from ..operators import needed
-from ..operators.eye_box import NAME as EYE_BOX
+from ..operators import needed, watch
 from ..operators.eye_box import box_of, ways_in_words
 from ..operators.parts import name_part
+from ..operators.surfaces import EYE_BOX, LABELS, RANGE, looked_up
 from .object import draw_resolution, draw_tone, labelled
-from .range_view import looked_up
 from .viewers import draw_images, draw_more, draw_viewers
 from .words import OfRig, sentence
 
@@ -40,6 +39,7 @@ class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("kiriko.visible_range", icon="HIDE_OFF")
         row.operator("kiriko.remove_visible_range", text="", icon="X")
+        draw_if_old(layout, context, RANGE)
         draw_eye_box(layout, context)
         layout.operator("kiriko.remove_rig", icon="TRASH")
 
@@ -108,6 +108,17 @@ def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     sentence(column, context, text, icon="INFO")
     for way in ways_in_words(context.scene, box):
         sentence(column, context, way, icon="BLANK1")
+    draw_if_old(column, context, EYE_BOX)
+
+
+def draw_if_old(layout: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
+    """A sentence where the rig is another than a surface was made for."""
+    if watch.is_told_old(context.scene, name):
+        text = Message(
+            "The scene has changed since '{label}' looked at it: press it again.",
+            label=LABELS[name],
+        )
+        sentence(layout, context, text, icon="ERROR")
 
 
 def draw_part(

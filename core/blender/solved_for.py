@@ -60,13 +60,19 @@ def scene_now(
     scene: bpy.types.Scene,
     settings: Settings,
     kept: Kept | None = None,
+    has_pixels: bool = True,
 ) -> SolvedFor:
-    """The fingerprint for a solve of the scene as it stands; raises as `scene.read` does."""
+    """The fingerprint for a solve of the scene as it stands; raises as `scene.read` does.
+
+    has_pixels : do the picture's pixels count, and not its place alone?
+    """
     kept = kept or Kept()
     notes = _Unplaced(kept)
     drawn = read_drawn(depsgraph, scene, notes)
     offset = scene.kiriko.calibration.offset
     rig = drawn.rig if offset else _in_any_order(drawn.rig)
+    if not has_pixels:
+        rig = replace(rig, pictures=tuple(one.place for one in rig.pictures))
     things = [_thing(part, notes, kept) for _, part in rig.parts()]
     return solved_for(things, (settings, offset))
 

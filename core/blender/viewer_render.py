@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 
@@ -15,15 +15,44 @@ from .reports import said_by
 from .viewer import Frame
 
 RENDERED = "kiriko_rendered"  # marks images that were rendered for a viewer
+COUPLED = {"angle", "angle_x", "angle_y"}  # which tell of the lens in other words
 NO_LAYER = Message("none of its view layers is used for rendering")
 
 
-def render_for(
-    other: bpy.types.Scene, camera: bpy.types.Object, place: Any, frame: Frame
-) -> bpy.types.Image:
-    """A new packed image: the scene as its own settings render it, seen by a copy of a camera.
+class Eye(NamedTuple):
+    """A camera as evaluated in its own scene.
 
-    place : the camera's matrix in the world, as evaluated in its own scene
+    place : its matrix in the world
+    lens : its data's values, by their paths
+    number : of that scene's frame
+    """
+
+    camera: bpy.types.Object
+    place: Any
+    lens: dict[str, Any]
+    number: int
+
+
+def eye_of(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Eye:
+    """A camera as evaluated by its own scene's depsgraph."""
+    evaluated = camera.evaluated_get(depsgraph)
+    lens = {
+        f"{path}{p.identifier}": getattr(owner, p.identifier)
+        for path, owner in (("", evaluated.data), ("dof.", evaluated.data.dof))
+        for p in owner.bl_rna.properties
+        if p.type in {"BOOLEAN", "INT", "FLOAT", "ENUM"}
+        and not (p.is_readonly or getattr(p, "is_array", False))
+        and p.identifier not in COUPLED
+        and p.identifier not in bpy.types.ID.bl_rna.properties
+    }
+    number = depsgraph.scene.frame_current
+    return Eye(camera, evaluated.matrix_world.copy(), lens, number)
+
+
+def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Image:
+    """A new packed image: the scene as its own settings render it, seen by a copy of a camera, at
+    the frame of the camera's own scene.
+
     frame : pixels of the image
 
     Raises
@@ -35,7 +64,8 @@ def render_for(
         why = NO_LAYER
         # Blender 5.2 ends with a signal where it has no layer to render
         if any(layer.use for layer in other.view_layers):
-            why = _rendered(other, camera, place, frame, path)
+            why = _rendered(other, eye, frame, path)
+        camera = eye.camera
         if not path.is_file():
             raise ImageError(
                 "The scene '{scene}' rendered no image for the viewer '{viewer}' ({why}): render it"
@@ -54,11 +84,9 @@ def render_for(
         return image
 
 
-def _rendered(
-    other: bpy.types.Scene, camera: bpy.types.Object, place: Any, frame: Frame, path: Path
-) -> str:
+def _rendered(other: bpy.types.Scene, eye: Eye, frame: Frame, path: Path) -> str:
     """Render a scene to a file; the reason where Blender tells one why there is none."""
-    with _copied(other, camera, place) as copy, _changed(_wanted(other, copy, frame, path)):
+    with _copied(other, eye) as copy, _changed(_wanted(other, copy, eye.number, frame, path)):
         try:
             bpy.ops.render.render(scene=other.name, write_still=True)
         except RuntimeError as reason:
@@ -67,24 +95,30 @@ def _rendered(
 
 
 @contextmanager
-def _copied(
-    other: bpy.types.Scene, camera: bpy.types.Object, place: Any
-) -> Iterator[bpy.types.Object]:
-    """A copy of a camera in another scene, in the very place, for as long as the code within."""
-    copy = camera.copy()
+def _copied(other: bpy.types.Scene, eye: Eye) -> Iterator[bpy.types.Object]:
+    """A copy of a camera in another scene, in the very place and with its lens as it is now, for as
+    long as the code within.
+    """
+    copy, lens = eye.camera.copy(), eye.camera.data.copy()
     try:
-        copy.animation_data_clear()
+        for one in (copy, lens):
+            one.animation_data_clear()
+        for path, value in eye.lens.items():
+            owner, _, name = path.rpartition(".")
+            setattr(getattr(lens, owner) if owner else lens, name, value)
+        copy.data = lens
         copy.constraints.clear()
         copy.parent = None
-        copy.matrix_world = place
+        copy.matrix_world = eye.place
         other.collection.objects.link(copy)
         yield copy
     finally:
         bpy.data.objects.remove(copy)
+        bpy.data.cameras.remove(lens)
 
 
 def _wanted(
-    other: bpy.types.Scene, camera: bpy.types.Object, frame: Frame, path: Path
+    other: bpy.types.Scene, camera: bpy.types.Object, number: int, frame: Frame, path: Path
 ) -> list[tuple[Any, str, Any]]:
     """The settings of a scene by which it is rendered to a file: owner, name and value."""
     render = other.render
@@ -107,9 +141,33 @@ def _wanted(
         (render, "use_multiview", False),
         (render, "use_sequencer", False),
         (other, "camera", camera),
+        # Blender renders the frame of the scene that is open, and leaves the other one there
+        (other, "frame_current", number),
+        (other, "frame_subframe", 0.0),
         # markers would have another camera rendered
         *((marker, "camera", None) for marker in other.timeline_markers if marker.camera),
+        # each viewer's would overwrite the files of the one before
+        *((node, "mute", True) for node in _file_outputs(_compositing(other))),
     ]
+
+
+def _compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """The nodes that a scene's render goes through."""
+    name = "compositing_node_group" if bpy.app.version >= (5, 0) else "node_tree"
+    return getattr(scene, name)
+
+
+def _file_outputs(
+    tree: bpy.types.NodeTree | None, known: frozenset[int] = frozenset()
+) -> Iterator[bpy.types.Node]:
+    """The nodes of a tree, and of groups in it, that write files."""
+    if tree is None or tree.session_uid in known:
+        return
+    for node in tree.nodes:
+        if node.bl_idname == "CompositorNodeOutputFile":
+            yield node
+        elif node.type == "GROUP":
+            yield from _file_outputs(node.node_tree, known | {tree.session_uid})
 
 
 @contextmanager

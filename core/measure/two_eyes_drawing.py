@@ -24,12 +24,7 @@ from .places_seen import grid_of
 from .two_eyes import Sights, TwoEyes
 
 FILE = "two_eyes.svg"
-WAYS = {
-    "uncompensated": "uncompensated",
-    "for_left": "solved for '{left}'",
-    "for_right": "solved for '{right}'",
-    "for_both": "solved for both",
-}
+WAYS = ("uncompensated", "for_left", "for_right", "for_both")  # fields of TwoEyes
 # px
 WIDTH = 330  # of the picture
 GAP = 30
@@ -73,12 +68,17 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
     across, up = length_of(plane_of(rig).sides)
     size = np.array([WIDTH, WIDTH * up / across])
     picture = _embedded(rig, size)
-    sights = {name: getattr(found, name) for name in WAYS}
-    scales = _scales(list(sights.values()))
+    sights = [getattr(found, name) for name in WAYS]
+    scales = _scales(sights)
+    titles = (
+        "uncompensated",
+        f"solved for '{found.left}'",
+        f"solved for '{found.right}'",
+        "solved for both",
+    )
 
     parts = []
-    for column, (name, one) in enumerate(sights.items()):
-        title = WAYS[name].format(left=found.left, right=found.right)
+    for column, (title, one) in enumerate(zip(titles, sights, strict=True)):
         for row, (words, marks) in enumerate((
             (_vertical_words(one), _arrows(one, size, scales[0])),
             (_depth_words(one), _discs(one, size, scales[1])),

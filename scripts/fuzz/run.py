@@ -182,13 +182,20 @@ SHOWS_RANGE = re.compile(
     r"(objects|meshes) Kiriko Visible Range is new|collections .* objects|scenes \S+"
     r" (objects|collection)"
 )
+SHOWS_BOX = re.compile(SHOWS_RANGE.pattern.replace("Visible Range", "Eye Box"))
+GIVES_PICTURES = re.compile(r"images .* (is new|users)|scenes \S+ kiriko")
 # glass is made see-through in Solid, too
 ADDS = re.compile(
     r".* is new|objects .* (kiriko|display_type)|materials .* (kiriko|diffuse_color)|scenes .*"
     r"|collections .*"
 )
 # the others the work of a solve
-MAY_CHANGE = {"KIRIKO_OT_visible_range": SHOWS_RANGE, "KIRIKO_OT_add_rig": ADDS}
+MAY_CHANGE = {
+    "KIRIKO_OT_visible_range": SHOWS_RANGE,
+    "KIRIKO_OT_eye_box": SHOWS_BOX,
+    "KIRIKO_OT_render_pictures": GIVES_PICTURES,
+    "KIRIKO_OT_add_rig": ADDS,
+}
 
 
 # Ends that an operator may come to
@@ -460,6 +467,31 @@ def also(dice: Dice, outcome: Outcome) -> None:
         outcome.also["add rig"] = add_rig_around(dice)
         if not outcome.also["add rig"]:
             check_result(scene)
+
+    also_of_viewers(dice, outcome, n_faces)
+
+
+def also_of_viewers(dice: Dice, outcome: Outcome, n_faces: int) -> None:
+    """Operators on what viewers see, and shall see."""
+    scene = bpy.context.scene
+    if dice.chance(0.04) and n_faces < FEW_FACES:
+        scene.kiriko.max_events = min(scene.kiriko.max_events, FEW_EVENTS)
+        limit, share = dice.log(1e-2, 1e3), dice.rng.uniform(0.01, 1.0)
+        outcome.also["eye box"] = call(bpy.ops.kiriko.eye_box, limit=limit, share=share)
+    if dice.chance(0.05):
+        outcome.also["render pictures"] = render_pictures()
+
+
+def render_pictures() -> str:
+    """Render another scene, of a world alone, for each viewer."""
+    other = bpy.data.scenes.new("Other")
+    other.render.engine, other.cycles.samples = "CYCLES", 1
+    text = call(bpy.ops.kiriko.render_pictures)
+    if not text:
+        ours = bpy.context.scene.kiriko
+        images = [one.image for one in ours.viewers if one.is_on] or [ours.picture_image]
+        need(all(image and image.has_data for image in images), "a viewer has no picture")
+    return text
 
 
 def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from math import inf
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -21,7 +22,15 @@ import pytest
 from small_rigs import cube, inventory, pixels, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
-LONG = ("solve", "simulate", "visible_range", "report", "export_maps")
+LONG = (
+    "solve",
+    "simulate",
+    "visible_range",
+    "eye_box",
+    "render_pictures",
+    "report",
+    "export_maps",
+)
 SAMPLES = 5  # of the steps at which long work is stopped, the first and the last among them
 MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 
@@ -64,6 +73,20 @@ STAGES = {
         "core.solve.session.planning",
         "core.bench.visible_range.trace_all",
         "operators.visible_range.surface_object",
+    ),
+    "eye_box": (
+        "core.blender.scene.read",
+        "core.solve.session.planning",
+        "core.measure.eye_box.places_seen",
+        "core.measure.eye_box_surface.grid",
+        "operators.eye_box.surface_object",
+    ),
+    "render_pictures": (
+        "operators.render_pictures.read_viewers",
+        "operators.render_pictures.eye_of",
+        "core.blender.viewer_render._wanted",
+        "core.blender.viewer_render._copied",
+        "operators.viewer_images.give",
     ),
     "report": (
         "core.blender.scene.read",
@@ -189,6 +212,12 @@ def product(name: str) -> object:
         return [tuple(v.co) for v in mesh.vertices], [
             d.value for d in mesh.attributes["brightness"].data
         ]
+    if name == "eye_box":
+        thing = bpy.data.objects["Kiriko Eye Box"]
+        values = thing.data.attributes["displacement"].data
+        return [tuple(v.co) for v in thing.data.vertices], [d.value for d in values]
+    if name == "render_pictures":
+        return pixels(bpy.context.scene.kiriko.picture_image).tobytes()
     if name == "export_maps":
         folder = Path(bpy.context.scene.kiriko.report_folder)
         read = part("core.image_io").read  # for the file has the hour in it, too
@@ -217,6 +246,11 @@ class Asked:
         self.is_in_dialogue = False
         self.overwrite = True
         self.seconds = 1.0
+
+    def __getattr__(self, name: str) -> Any:  # its own functions
+        if name == "real" or name.startswith("__"):
+            raise AttributeError(name)
+        return partial(getattr(self.real, name), self)
 
     def report(self, levels: set[str], text: str) -> None:
         self.said.append((*levels, text))
@@ -298,6 +332,9 @@ def rig(
     scene.kiriko.export_overwrite = True
     scene.kiriko.export_path = str(tmp_path / "report" / "source.png")
     bpy.ops.kiriko.solve()
+    other = bpy.data.scenes.new("Other")  # of Render Pictures: a world alone
+    other.render.engine, other.cycles.samples = "CYCLES", 1
+    other.world = bpy.data.worlds.new("Other")
     rig["GLASS"].rotation_euler.z = 0.1
     bpy.context.view_layer.update()
     part("operators.work").forget()
@@ -347,6 +384,7 @@ def run(name: str) -> Callable[[], object]:
     options = {
         "simulate": ("samples",),
         "visible_range": ("share",),
+        "eye_box": ("share",),
         "report": ("seconds", "overwrite"),
         "export_maps": ("directory", "overwrite"),
     }.get(name, ())
@@ -1162,7 +1200,7 @@ def test_another_file_in_the_middle_is_not_written_to(
             bpy.context.scene.kiriko.margin += 1
             bpy.ops.ed.undo_push(message="margin")
             operator = pressed(name, window)
-            for _ in range(3):
+            for _ in range(1 if name == "render_pictures" else 3):  # which has a turn a viewer
                 assert operator.modal(window, TIMER) == {"PASS_THROUGH"}, operator.said
             happen()
             before = everything()

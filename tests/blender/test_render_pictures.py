@@ -157,15 +157,15 @@ def test_what_goes_wrong_leaves_all_as_before(
     calls: list[str] = []
 
     def second_is_stopped(*arguments: Any) -> bpy.types.Image:
-        calls.append(arguments[1].name)
+        calls.append(arguments[1].camera.name)
         if len(calls) == 2:  # as Esc has it: the file is not written
             monkeypatch.setattr(viewer_render, "_wanted", nowhere)
         return render_for(*arguments)
 
     wanted = viewer_render._wanted
 
-    def nowhere(other: bpy.types.Scene, camera: Any, frame: Any, path: Path) -> list:
-        return wanted(other, camera, frame, path.with_name("another"))
+    def nowhere(*arguments: Any) -> list:
+        return wanted(*arguments[:-1], arguments[-1].with_name("another"))
 
     monkeypatch.setattr(module, "render_for", second_is_stopped)
     words = r"The scene 'world' rendered no image for the viewer 'mine' \(it was stopped\)"
@@ -188,6 +188,87 @@ def test_viewers_of_one_name_are_refused(rig: dict, tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="The viewer 'mine' is in the list 2 times: keep one"):
         bpy.ops.kiriko.render_pictures()
     assert not any(one.image for one in ours().viewers)
+
+
+def test_all_is_rendered_at_the_frame_of_the_viewers_scene(kiriko: ModuleType, rig: dict) -> None:
+    """A lens with keyframes is that which the viewer is solved for, and what moves in the other
+    scene is where it is then, whatever frame that one is at; there it is left. The camera's data
+    stay one, with their keyframes.
+    """
+    other = other_scene()
+    middle_of_rig = rig["PICTURE"].matrix_world.translation.copy()
+    disc = bpy.data.objects["disc"]
+    for frame, x in ((1, 0.005), (9, 0.0)):
+        disc.location = middle_of_rig
+        disc.location.x += x
+        disc.keyframe_insert("location", frame=frame)
+    scene, camera = bpy.context.scene, bpy.data.objects["mine"]
+    for frame, lens, shift in ((1, camera.data.lens, -0.05), (9, 1.3 * camera.data.lens, -0.12)):
+        camera.data.lens, camera.data.shift_x = lens, shift
+        for name in ("lens", "shift_x"):
+            camera.data.keyframe_insert(name, frame=frame)
+    scene.frame_set(9)
+    other.frame_current, other.frame_subframe = 1, 0.25
+    n = len(bpy.data.cameras), len(bpy.data.objects)
+    assert bpy.ops.kiriko.render_pictures() == {"FINISHED"}
+    assert (len(bpy.data.cameras), len(bpy.data.objects)) == n
+    assert camera.data.animation_data.action is not None
+    assert (other.frame_current, other.frame_subframe) == (1, 0.25)
+
+    scene.render.resolution_x, scene.render.resolution_y = SIZES["mine"]
+    wanted = world_to_camera_view(scene, camera, middle_of_rig)
+    off = (middle(ours().viewers[1].image) - wanted[:2]) * SIZES["mine"]
+    assert np.abs(off).max() < 0.15
+    scene.frame_set(1)
+    elsewhere = world_to_camera_view(scene, camera, middle_of_rig)
+    assert np.abs(np.array((elsewhere - wanted)[:2]) * SIZES["mine"]).max() > 1
+
+
+def with_file_outputs(scene: bpy.types.Scene, folder: Path) -> list[bpy.types.Node]:
+    """Compositing nodes of a scene that write files to a folder, one of them within a group."""
+    if bpy.app.version < (5, 0):
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        out = tree.nodes.new("CompositorNodeComposite")
+    else:
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("c", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        out = tree.nodes.new("NodeGroupOutput")
+    render = tree.nodes.new("CompositorNodeRLayers")
+    render.scene = scene
+    tree.links.new(render.outputs[0], out.inputs[0])
+    made = [tree.nodes.new("CompositorNodeOutputFile")]
+    group = bpy.data.node_groups.new("g", "CompositorNodeTree")
+    group.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
+    within = tree.nodes.new("CompositorNodeGroup")
+    within.node_tree = group
+    tree.links.new(render.outputs[0], within.inputs[0])
+    made.append(group.nodes.new("CompositorNodeOutputFile"))
+    inside = group.nodes.new("NodeGroupInput")
+    for node, of, to in ((made[0], render, tree), (made[1], inside, group)):
+        if bpy.app.version < (5, 0):
+            node.base_path = str(folder)
+        else:
+            node.directory = str(folder)
+            node.file_output_items.new("RGBA", "Image")
+        to.links.new(of.outputs[0], node.inputs[0])
+    return made
+
+
+def test_nodes_that_write_files_are_mute_meanwhile(
+    kiriko: ModuleType, rig: dict, tmp_path: Path
+) -> None:
+    """Each viewer's render would overwrite what they wrote. By itself the scene goes on writing."""
+    other = other_scene()
+    folder = tmp_path / "written"
+    nodes = with_file_outputs(other, folder)
+    nodes[1].mute = False
+    assert bpy.ops.kiriko.render_pictures() == {"FINISHED"}
+    assert not folder.exists() or not list(folder.iterdir())
+    assert [node.mute for node in nodes] == [False, False]
+    bpy.ops.render.render(scene=other.name)
+    assert list(folder.iterdir())
 
 
 def test_a_scene_without_a_layer_to_render_is_told(kiriko: ModuleType, rig: dict) -> None:

@@ -27,6 +27,9 @@ def watch(
     monkeypatch.setattr(module, "QUIET", 0.0)
     monkeypatch.setattr(module, "SHARE", 0.0)
     monkeypatch.setattr(module, "POLLING", 0.0)
+    surfaces = importlib.import_module(f"{kiriko.__name__}.operators.surfaces")
+    monkeypatch.setattr(surfaces, "PAUSE", 0.0)
+    surfaces.forget()
     yield module
     kiriko.operators.live.stop()
 
@@ -185,6 +188,102 @@ def test_what_leaves_the_source_image_as_it_is_does_not_count(
     change(rig)
     bpy.context.view_layer.update()
     assert not is_stale(watch)
+
+
+SURFACES = {"visible_range": "Kiriko Visible Range", "eye_box": "Kiriko Eye Box"}
+AS_IT_WAS = ", of the rig as it was: "
+
+
+@pytest.fixture
+def surface(
+    watch: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], dict[str, bpy.types.Object]]:
+    """Make a surface of a rig that was never solved; the objects by role."""
+    eye_box = importlib.import_module(f"{kiriko.__name__}.core.measure.eye_box")
+    monkeypatch.setattr(eye_box, "N_POINTS", 3)
+
+    def make(name: str) -> dict[str, bpy.types.Object]:
+        rig = small_rig(viewer_resolution=32, display_resolution=(32, 32))
+        getattr(bpy.ops.kiriko, name)()
+        return rig
+
+    return make
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
+    watch: ModuleType,
+    surface: Callable,
+    kiriko: ModuleType,
+    drawn: Callable,
+    tmp_path: Path,
+    name: str,
+) -> None:
+    """In the panel and in its legend, without a result; moved back, it is of the rig again. What
+    is painted does not count; a file that was saved knows; made anew, it is of the rig.
+    """
+    range_view = importlib.import_module(f"{kiriko.__name__}.panels.range_view")
+    legend = next(one for one in range_view.SURFACES if one.name == SURFACES[name])
+    label = {"visible_range": "Visible Range", "eye_box": "Eye Box"}[name]
+    words = f"since '{label}' looked at it: press it again"
+
+    def is_old() -> bool:
+        bpy.context.view_layer.update()
+        watch.tick()
+        found = watch.is_told_old(bpy.context.scene, SURFACES[name])
+        assert (AS_IT_WAS in range_view.heading_of(bpy.context.scene, legend)) == found
+        return found
+
+    def is_in_panel() -> bool:
+        return words in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
+
+    rig = surface(name)
+    assert not is_old()
+    paint(rig)
+    ours().margin = 2
+    ours().disagreement = "BLENDED"
+    assert not is_old()
+    assert not is_in_panel()
+    for owner, setting, value in (
+        (rig["GLASS"], "location", (0.001, 0.0, 0.0)),
+        (rig["GLASS"].kiriko, "ior", 1.6),
+        (ours(), "max_events", 31),
+    ):
+        before = getattr(owner, setting)
+        before = tuple(before) if setting == "location" else before
+        setattr(owner, setting, value)
+        assert is_old()
+        assert is_in_panel()
+        setattr(owner, setting, before)
+        assert not is_old()
+
+    move(ours().viewer)
+    assert is_old()
+    getattr(bpy.ops.kiriko, name)()
+    assert not is_old()
+    rig["GLASS"].location.x += 0.001
+    path = str(tmp_path / "rig.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert is_old()
+    bpy.data.objects["Cube"].location.x -= 0.001
+    assert not is_old()
+    getattr(bpy.ops.kiriko, f"remove_{name}")()
+    move(bpy.data.objects["Cube"])
+    assert not is_old()
+    assert not watch._watched  # nothing is read any more
+
+
+def test_a_surface_of_an_earlier_version_is_taken_as_it_is(
+    watch: ModuleType, surface: Callable
+) -> None:
+    """It does not know its rig."""
+    rig = surface("eye_box")
+    del bpy.data.objects[SURFACES["eye_box"]]["kiriko_made_for"]
+    move(rig["GLASS"])
+    bpy.context.view_layer.update()
+    watch.tick()
+    assert not watch.is_told_old(bpy.context.scene, SURFACES["eye_box"])
 
 
 def test_saved_and_opened_again_it_is_known(watch: ModuleType, rig: dict, tmp_path: Path) -> None:
