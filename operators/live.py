@@ -8,6 +8,7 @@ window, and holds up neither undo nor auto-save. One turn is a matter of `live_f
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.blender.conflict import pack_conflict
 from ..core.blender.result import pack_source
 from ..core.messages import Message
 from . import live_follower, needed, telling, work
@@ -76,6 +77,7 @@ def pack_if_needed(live: live_follower.Live) -> None:
     scene = next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
     if live.is_unpacked and scene is not None:
         pack_source(scene)
+        pack_conflict(scene)
         live.is_unpacked = False
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.blender.conflict import write_conflict
 from ..core.blender.on_display import MATERIAL_MARK
 from ..core.blender.result import (
     update_solution,
@@ -19,6 +20,7 @@ from ..core.blender.result import (
     write_helps,
     write_viewers,
 )
+from ..core.blender.result_images import images_of
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError, one_line
@@ -254,8 +256,12 @@ class Live:
         self._optics = optics
         self.seconds = (first, perf_counter() - started)
         self._show_problem("")
-        reports = yield from self._stepped(VIEWERS, reports_of(found))
-        write_viewers(scene_by_uid(scene_uid), reports)
+        reports = yield from self._stepped(VIEWERS, reports_of(found, settings))
+        scene = scene_by_uid(scene_uid)
+        write_viewers(scene, reports.numbers)
+        write_conflict(scene, reports.conflict, is_packed=False)
+        self.is_unpacked = True
+        self._note_ours(scene)
         helps = yield from self._stepped(REMEDIES, remedies_for(rig, settings, found))
         write_helps(scene_by_uid(scene_uid), helps)
         redraw()
@@ -299,7 +305,7 @@ class Live:
         display = bpy.data.objects.get(self._reading.display_object)
         materials = [] if display is None else [slot.material for slot in display.material_slots]
         self.ours = {
-            uid(scene.kiriko.result.source),
+            *map(uid, images_of(scene.kiriko.result)),
             *(uid(m) for m in materials if m is not None and m.get(MATERIAL_MARK)),
         }
 

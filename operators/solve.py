@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.blender.conflict import write_conflict
 from ..core.blender.result import write_coarse, write_helps, write_solution, write_viewers
 from ..core.messages import Message
 from ..core.solve.coarse import solve_in_sight
@@ -48,13 +49,14 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         else:
             steps = work.session().solve(reading.rig, settings)
         solution = yield from within(steps, 0.0, SOLVED)
-        reports = yield from within(reports_of(solution), SOLVED, SOLVED)
+        reports = yield from within(reports_of(solution, settings), SOLVED, SOLVED)
         helps = None
         if self.is_watched:  # a script reads no checklist
             helps = yield from within(remedies_for(reading.rig, settings, solution), SOLVED, 1.0)
 
         text = write_solution(scene, reading, solution)
-        write_viewers(scene, reports)
+        write_viewers(scene, reports.numbers)
+        write_conflict(scene, reports.conflict, is_packed=True)
         write_helps(scene, helps)
         show_image(scene.kiriko.result.source, scene.kiriko.result)
         return text

@@ -74,10 +74,12 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield from products_given(context, arguments)
     reading = work.read_to_solve(context)
     yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
-    solution = yield from told_in_tenths(work.session().solve(reading.rig, work.settings_of(scene)))
+    settings = work.settings_of(scene)
+    solution = yield from told_in_tenths(work.session().solve(reading.rig, settings))
     text = write_solution(scene, reading, solution)
     yield text
-    write_viewers(scene, (yield from told_in_tenths(viewer_reports.reports_of(solution))))
+    told = yield from told_in_tenths(viewer_reports.reports_of(solution, settings))
+    write_viewers(scene, told.numbers)
 
     yield "looking beside the glass"
     yield from told_in_tenths(solution.look_beside())
@@ -108,7 +110,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     if arguments.simulate:
         yield "simulating the plate's mirrors"
-        plan = work.session().plan(reading.rig, work.settings_of(scene))
+        plan = work.session().plan(reading.rig, settings)
         found = yield from told_in_tenths(simulate(plan, solution.source, arguments.simulate))
         jobs.append(("simulated", found.image, "PNG8", None))
         numbers["simulated"] = {

@@ -2,17 +2,21 @@
 
 from collections.abc import Generator
 from dataclasses import asdict
-from typing import Any
+from functools import reduce
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.blender.conflict import Conflict
 from ..core.blender.viewer import seats_of
 from ..core.errors import RigError
 from ..core.measure.two_eyes import TIRES_FROM, sights_of
-from ..core.measure.viewers import viewer_reports
+from ..core.measure.viewers import conflict_in_light, viewer_reports
 from ..core.messages import Message, quoted
+from ..core.settings import Settings
+from ..core.solve.disagreement import is_sharp
 from ..core.solve.solution import Solution
 from .farm_verbs import ALL
 from .folder import names_for
@@ -20,16 +24,24 @@ from .folder import names_for
 CONFLICT = "conflict"
 
 
-def reports_of(solution: Solution) -> Generator[float, None, dict[str, Any]]:
-    """What is told of several viewers, by the names under which a result keeps it; nothing where
-    there is one. Yields progress 0..1.
+class Told(NamedTuple):
+    """What is told of several viewers: by the names under which a result keeps it, and an image."""
+
+    numbers: dict[str, Any]
+    conflict: Conflict | None = None
+
+
+def reports_of(solution: Solution, settings: Settings) -> Generator[float, None, Told]:
+    """What is told of several viewers; nothing where there is one. Yields progress 0..1.
 
     viewers : a report for each, the worst first; of a picture that is no flat rectangle only
         coverage is told
+    conflict : its unit and the largest; of places where a pixel shows the mean of these, else of
+        colours
     two_eyes : as `pair_seen` tells of it, where they are a pair
     """
     if len(solution.channels) < 2:
-        return {}
+        return Told({})
     if solution.settled is None and not solution.rig.has_own_images:
         told = [
             {
@@ -39,11 +51,22 @@ def reports_of(solution: Solution) -> Generator[float, None, dict[str, Any]]:
             }
             for channel in solution.channels
         ]
-        return {"viewers": sorted(told, key=lambda one: one["coverage"])}
+        return Told({"viewers": sorted(told, key=lambda one: one["coverage"])})
 
-    found = yield from viewer_reports(solution)
+    off, in_light = yield from conflict_in_light(solution)
+    found = yield from viewer_reports(solution, off)
+    is_asked = reduce(np.logical_or, (one.coverage.weight > 0 for one in solution.channels))
+    conflict = (
+        Conflict(solution.settled.conflict, is_asked, "px")
+        if is_sharp(solution.rig, settings)
+        else Conflict(in_light, is_asked, "white")
+    )
+    numbers = {
+        "viewers": [asdict(one) for one in found],
+        "conflict": {"largest": conflict.largest, "unit": conflict.unit},
+    }
     pair = pair_seen(solution)
-    return {"viewers": [asdict(one) for one in found], **({"two_eyes": pair} if pair else {})}
+    return Told({**numbers, **({"two_eyes": pair} if pair else {})}, conflict)
 
 
 def pair_seen(solution: Solution) -> dict[str, Any] | None:

@@ -15,6 +15,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.made_for_rig import read_images_anew
+from ..core.blender.result_images import images_of
 from ..core.blender.shapes import Kept
 from ..core.errors import KirikoError
 from ..core.messages import Message
@@ -160,7 +161,7 @@ def look() -> None:
             continue
 
         watched = _watched.setdefault(uid, Watched())
-        watched.ours = frozenset(map(chosen.uid, (result.source, result.seen, result.preview)))
+        watched.ours = frozenset(map(chosen.uid, images_of(result)))
         watched.poll(scene)
 
         if watched.is_due and not is_followed(scene) and not is_busy(watched):

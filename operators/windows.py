@@ -2,6 +2,8 @@
 
 import bpy
 
+from ..core.blender.result_images import images_of
+
 
 def all_windows() -> list[bpy.types.Window]:
     """All windows of Blender."""
@@ -17,11 +19,11 @@ def redraw() -> None:
 
 
 def show_image(image: bpy.types.Image, result: bpy.types.PropertyGroup) -> None:
-    """Show a new image of a result where the artist looks: in the panel, and in image editors
+    """Show an image of a result where the artist looks: in the panel, and in image editors
     that show none, a render, or another image of that result.
     """
     result.shown = image
-    ours = {None, result.source, result.seen, result.preview}
+    ours = {None, *images_of(result)}
     for window in all_windows():
         for area in window.screen.areas:
             space = area.spaces.active

@@ -35,6 +35,7 @@ CLASSES = (
     result.VIEW3D_PT_kiriko_result,
     viewers.KIRIKO_UL_viewers,
     viewers.VIEW3D_MT_kiriko_scenes,
+    result.VIEW3D_MT_kiriko_result_images,
     viewers.VIEW3D_PT_kiriko_seen_by,
     result.VIEW3D_PT_kiriko_details,
     rigs.VIEW3D_MT_kiriko_rigs,

@@ -7,6 +7,7 @@ import bpy
 from ..core.blender.rigs import rigs
 from ..operators import live, needed
 from .add_menu import add_rig
+from .result import VIEW3D_MT_kiriko_result_images
 
 
 class VIEW3D_MT_kiriko(bpy.types.Menu):
@@ -29,6 +30,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator("kiriko.look_through", icon="VIEW_CAMERA")
         layout.operator("kiriko.simulate", icon="IMAGE_DATA")
         layout.operator("kiriko.preview", icon="RENDER_STILL")
+        layout.menu(VIEW3D_MT_kiriko_result_images.bl_idname, icon="IMAGE_DATA")
         layout.operator("kiriko.before_after", icon="ARROW_LEFTRIGHT")
         layout.operator("kiriko.save_comparison", icon="FILE_TICK")
         layout.operator("kiriko.visible_range", icon="HIDE_OFF")

@@ -8,6 +8,7 @@ from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.look import evaluated
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
+from ..core.blender.result_images import images_of
 from ..core.blender.rigs import is_left_over
 from ..core.blender.viewer import frame_of
 from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
@@ -24,8 +25,7 @@ class VIEW3D_MT_kiriko_images(bpy.types.Menu):
     bl_label = "Image"
 
     def draw(self, context: bpy.types.Context) -> None:
-        result = context.scene.kiriko.result
-        made = {result.source, result.seen, result.preview}
+        made = images_of(context.scene.kiriko.result)
 
         for image in bpy.data.images:
             if image.type not in UNREADABLE and image not in made:

@@ -3,6 +3,7 @@
 import bpy
 
 from ..core.blender.kept import Numbers, Sentences
+from ..core.blender.result_images import images_of
 from ..core.messages import Message, as_message, joined
 from ..core.numbers import number
 from ..core.words import percent, pixels, shares_in_words
@@ -39,14 +40,28 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         image = result.shown or result.source
         if image is not None:
             layout.template_icon(image.preview_ensure().icon_id, scale=icons_across(context))
-            if image != result.source:
-                layout.label(text=image.name, icon="IMAGE_DATA", translate=False)
+            if images_of(result) != [image]:
+                menu = VIEW3D_MT_kiriko_result_images.bl_idname
+                layout.menu(menu, text=image.name, translate=False, icon="IMAGE_DATA")
 
         warnings, _ = notes_of(result)
         for note in warnings:
             sentence(layout, context, said.message(note), icon="ERROR")
 
         draw_remedies(layout, context)
+
+
+class VIEW3D_MT_kiriko_result_images(bpy.types.Menu):
+    """The images of the result, to be shown."""
+
+    bl_idname = "VIEW3D_MT_kiriko_result_images"
+    bl_label = "Show Image"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for image in images_of(context.scene.kiriko.result):
+            self.layout.operator(
+                "kiriko.show_image", text=image.name, translate=False, icon="IMAGE_DATA"
+            ).image = image.name
 
 
 def icons_across(context: bpy.types.Context) -> float:

@@ -126,6 +126,9 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         for one in told_of(context):
             sentence(self.layout, context, words_on(one), icon="OUTLINER_OB_CAMERA")
+        conflict = told_of(context, "conflict")
+        if conflict:
+            sentence(self.layout, context, conflict_words(conflict), icon="IMAGE_DATA")
         pair = told_of(context, "two_eyes")
         if pair:
             sentence(self.layout, context, depth_words(context.scene, pair), icon="CAMERA_STEREO")
@@ -163,6 +166,15 @@ def depth_words(scene: bpy.types.Scene, pair: dict) -> Message:
         mean=mean,
         largest=largest,
     )
+
+
+def conflict_words(conflict: dict) -> Message:
+    """By how much viewers disagree about the pixel that they disagree about most."""
+    if conflict["unit"] == "px":
+        return Message(
+            "Conflict at most {largest} px of the picture", largest=number(conflict["largest"])
+        )
+    return Message("Conflict at most {share} of white", share=percent(conflict["largest"]))
 
 
 def words_on(one: dict) -> Message:

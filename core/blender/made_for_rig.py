@@ -10,22 +10,20 @@ from .kept import Changed
 from .objects import OBJECT_MARK
 from .on_display import MATERIAL_MARK
 from .result import SOURCE
+from .result_images import images_of
 from .rig_names import name_for
 from .rig_record import KEPT_MARK
 from .rigs import active_rig, mark_of, rigs_of
 
 DATA = ("meshes", "cameras", "materials", "images")  # kinds that Add Rig makes beside objects
 RESULT = "kiriko.result."  # path of the panel's numbers in the scene
-IMAGES = ("source", "seen", "preview")  # of a result
 
 
 def read_images_anew(scene: bpy.types.Scene) -> None:
     """Have the images of a scene's results be those that are packed, after undo."""
     for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others)):
-        for name in IMAGES:
-            image = getattr(settings.result, name)
-            if image is not None:
-                read_anew(image)
+        for image in images_of(settings.result):
+            read_anew(image)
 
 
 def made_objects(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
@@ -75,7 +73,7 @@ def made_data(
         if slot.material is not None and MATERIAL_MARK in slot.material
     ]
     meshes = [thing.data for thing in objects if OBJECT_MARK in thing]
-    images = [getattr(scene.kiriko.result, name) for name in IMAGES if has_result(scene, rig)]
+    images = images_of(scene.kiriko.result) if has_result(scene, rig) else []
     names = {SOURCE, name_for(scene, SOURCE)}
     if rig == active_rig(scene):  # also one that a newer rig, gone by now, has left on the display
         images += [

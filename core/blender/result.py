@@ -16,6 +16,7 @@ from ..words import NO_PLATE, summary
 from .image import image_from_pixels, or_none, pack, set_pixels
 from .kept import Numbers, Sentences
 from .on_display import is_on_display, put_on_display
+from .result_images import images_of
 from .result_numbers import numbers_of
 from .rig_names import name_for
 from .scene import Reading
@@ -28,6 +29,21 @@ def replace_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) ->
     name of an old one, but of one that another result has, too.
     """
     return _take_place(_packed(name, pixels), old, name)
+
+
+def unpacked_image(old: bpy.types.Image | None, name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """The same, but not packed, for images that follow each other fast."""
+    return _take_place(image_from_pixels(f"{name} (new)", pixels), old, name)
+
+
+def let_go(result: bpy.types.PropertyGroup, image: bpy.types.Image) -> None:
+    """Remove an image that a result had, unless anything but windows uses it."""
+    if result.shown == image:
+        result.shown = result.source
+    shown = bpy.types.Screen | bpy.types.WorkSpace | bpy.types.WindowManager
+    users = bpy.data.user_map(subset=[image])[image]
+    if not image.use_fake_user and all(isinstance(user, shown) for user in users):
+        bpy.data.images.remove(image)
 
 
 def _packed(name: str, pixels: np.ndarray) -> bpy.types.Image:
@@ -56,7 +72,7 @@ def _is_shared(image: bpy.types.Image) -> bool:
         for scene in bpy.data.scenes
         for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others))
     ]
-    return sum(image in (one.source, one.seen, one.preview) for one in results) > 1
+    return sum(image in images_of(one) for one in results) > 1
 
 
 def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:
@@ -70,19 +86,18 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     image = scene.kiriko.result.source
     scene.kiriko.result.seen_summary = ""  # the simulation is of another one
 
-    if _has_size_of(image, pixels):
+    if has_size_of(image, pixels):
         set_pixels(image, pixels)
     else:
         name = name_for(scene, SOURCE)
-        image = _take_place(image_from_pixels(f"{name} (new)", pixels), image, name)
-        scene.kiriko.result.source = image
+        scene.kiriko.result.source = image = unpacked_image(image, name, pixels)
 
     scene.kiriko.result.shown = image
     image.update_tag()  # for renderers in the viewport, which keep a copy
     return image
 
 
-def _has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
+def has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
     """Can an image, of one result alone, take these pixels as it is?"""
     fits = image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
     return fits and not _is_shared(image)
@@ -118,7 +133,7 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
     """
     numbers = numbers_of(scene, reading, solution)
     image = scene.kiriko.result.source
-    if _has_size_of(image, solution.source):
+    if has_size_of(image, solution.source):
         display = bpy.data.objects.get(reading.display_object)
         is_shown = display is None or is_on_display(display, image)
         remarks = [] if is_shown else put_on_display(display, image)

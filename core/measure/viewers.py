@@ -64,8 +64,12 @@ class ViewerReport:
     unremovable: float
 
 
-def viewer_reports(solution: Solution) -> Generator[float, None, tuple[ViewerReport, ...]]:
+def viewer_reports(
+    solution: Solution, off: tuple[float, ...] | None = None
+) -> Generator[float, None, tuple[ViewerReport, ...]]:
     """A report for each viewer, the one with the largest displacement first; yields progress 0..1.
+
+    off : for each viewer as `conflict_in_light` has found it; None: it is looked for here
 
     Raises
     ------
@@ -78,7 +82,8 @@ def viewer_reports(solution: Solution) -> Generator[float, None, tuple[ViewerRep
             picture=solution.rig.picture_place.name,
         )
 
-    off, _ = yield from conflict_in_light(solution)
+    if off is None:
+        off, _ = yield from conflict_in_light(solution)
     reports = []
     for number, unremovable in enumerate(off):
         reports.append(_report(solution, number, unremovable))

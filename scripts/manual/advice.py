@@ -161,6 +161,11 @@ RIG = Section(
             "ずれは最初の視点の軸に沿って記録されます。",
         ),
         Advice(
+            "The result has no image '{image}': choose another in its menu.",
+            "It was removed, or renamed. The conflict's goes where one viewer alone is on.",
+            "削除されたか、名前が変わっています。オンの視点が一つだけになると、不一致の画像は消えます。",
+        ),
+        Advice(
             "The rig has no viewer '{name}': there are {names}.",
             "Viewers have the names of their cameras. One that is off is not there.",
             "視点の名前はカメラの名前です。オフの視点は含まれません。",

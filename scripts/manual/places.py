@@ -47,6 +47,7 @@ PLACES = {
         "kiriko.viewer_grid",
         "kiriko.eye_box",
         "kiriko.remove_eye_box",
+        "kiriko.show_image",
         "kiriko.render_pictures",
         "KirikoScene.disagreement",
         "KirikoViewer.image",

@@ -381,6 +381,7 @@ def test_each_verb_is_in_a_menu(
         "add_asset_library",
         "choose_picture",
         "choose_rig",
+        "show_image",
     }  # elsewhere in menus
     parts = importlib.import_module(f"{kiriko.__name__}.operators.parts")
     named = {c.bl_idname for c in classes if issubclass(c, parts.NamesPart)}

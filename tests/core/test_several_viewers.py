@@ -164,6 +164,10 @@ def test_sharp_paints_the_place_in_the_middle(way):
     found = solution.source[row, column]
     np.testing.assert_allclose(found[:, 0], place[:, 0], atol=1e-5)
     np.testing.assert_allclose(found[:, 1], 1 - place[:, 1], atol=1e-5)
+    # sqrt(1 * 3) / (1 + 3) is the deviation of two values by these weights, for a difference of 1
+    apart = np.linalg.norm(left - right, axis=1) / 0.03 * a_rig.picture.image.shape[1]
+    conflict = solution.settled.conflict[row, column]
+    np.testing.assert_allclose(conflict, np.sqrt(3) / 4 * apart, rtol=1e-4)
 
 
 @STATISTICS

@@ -33,9 +33,15 @@ class KirikoResult(bpy.types.PropertyGroup):
         description="The viewer's image, as last rendered by Cycles",
         type=bpy.types.Image,
     )
+    conflict: PointerProperty(
+        name="Conflict",
+        description="How far apart is what several viewers ask of each pixel of the display: from"
+        " dark for 0 to bright for the largest",
+        type=bpy.types.Image,
+    )
     shown: PointerProperty(
         name="Shown Image",
-        description="The image of this result that was made last",
+        description="The image of this result that is shown",
         type=bpy.types.Image,
     )
     coverage: FloatProperty(
