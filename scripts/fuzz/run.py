@@ -486,6 +486,8 @@ def render_pictures() -> str:
     """Render another scene, of a world alone, for each viewer."""
     other = bpy.data.scenes.new("Other")
     other.render.engine, other.cycles.samples = "CYCLES", 1
+    # Blender names a new scene's colour space as its form is first set
+    other.render.image_settings.file_format = "PNG"
     text = call(bpy.ops.kiriko.render_pictures)
     if not text:
         ours = bpy.context.scene.kiriko
