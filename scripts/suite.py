@@ -62,7 +62,7 @@ SLOWEST_OF_ALL = 8  # tests named at the end
 # 4.2.23 ends with a signal now and then: it frees copies of node trees that it evaluated, after
 # another scene was shown. Runs of few files never did.
 PARTS = 4
-WITHOUT_KERNEL = 1  # the part that the oldest Blender runs with numpy alone
+WITHOUT_KERNEL = 2  # the part that the oldest Blender runs with numpy alone
 
 
 @dataclass(frozen=True)
