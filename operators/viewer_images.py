@@ -16,8 +16,19 @@ MARK = "{viewer}"
 def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
     """The files of the viewers that are on, by their cameras' names, as these are or as every disk
     takes them; RigError where several viewers would have the same.
+
+    file : a name with the mark where a viewer's is, the file of one of them, or a folder that has
+        an image of each viewer's name, whatever its kind
     """
     names = names_of(scene)
+    folder = Path(bpy.path.abspath(file))
+    if folder.is_dir():
+        return {
+            name: _in_folder(folder, (name, safe))
+            for name, safe in zip(names, names_for(names), strict=True)
+        }
+    if MARK not in file and len(names) > 1:
+        file = _with_mark(file, [*names, *names_for(names)])
     if MARK not in file and len(names) > 1:
         raise RigError(
             "The file '{file}' is the same for {n} viewers: put {mark} where their names are.",
@@ -32,13 +43,27 @@ def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
     return found
 
 
+def _with_mark(file: str, names: list[str]) -> str:
+    """A file's name with the mark where a viewer's name is, the longest one; else as it is."""
+    place = Path(file)
+    found = max((name for name in names if name in place.name), key=len, default="")
+    return str(place.with_name(place.name.replace(found, MARK))) if found else file
+
+
+def _in_folder(folder: Path, names: tuple[str, ...]) -> Path:
+    """The image in a folder that has one of these names, the first by its kind."""
+    known = bpy.path.extensions_image
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in known)
+    return next((path for path in files if path.stem in names), folder / f"{names[-1]}.png")
+
+
 def names_of(scene: bpy.types.Scene) -> list[str]:
     """The names of the viewers that are on; that an entry has no camera is told when it is read."""
     return [seat.camera.name for seat in seats_of(scene) if seat.camera is not None]
 
 
-def open_images(scene: bpy.types.Scene, file: str) -> None:
-    """Give each viewer that is on the image in its file.
+def open_images(scene: bpy.types.Scene, file: str) -> int:
+    """Give each viewer that is on the image in its file, and return how many these are.
 
     Raises ImageError, and changes nothing, where one cannot be read; RigError as `files_of` does.
     """
@@ -49,6 +74,7 @@ def open_images(scene: bpy.types.Scene, file: str) -> None:
         bpy.data.batch_remove([one for one in bpy.data.images if one not in before])
         raise
     give(scene, images)
+    return len(images)
 
 
 def give(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:

@@ -86,6 +86,7 @@ class VIEW3D_MT_kiriko_viewers(bpy.types.Menu):
         layout.operator("kiriko.two_eyes", icon="CAMERA_STEREO")
         layout.operator("kiriko.viewer_grid", text="Grid of Viewers", icon="LIGHTPROBE_VOLUME")
         layout.operator("kiriko.render_pictures", icon="RENDER_STILL")
+        layout.operator("kiriko.open_pictures", icon="FILE_FOLDER")
         layout.operator("kiriko.move_viewer")
         layout.operator("kiriko.remove_viewer", icon="X")
 

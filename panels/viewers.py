@@ -99,6 +99,7 @@ def draw_images(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     shared.template_ID(ours, "picture_image", open="image.open", text="Of All")
     chosen = ours.viewers[number_shown(context.scene)]
     layout.template_ID(chosen, "image", open="image.open", text="Own Image")
+    layout.operator("kiriko.open_pictures", icon="FILE_FOLDER")
 
 
 def draw_more(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -49,6 +49,7 @@ PLACES = {
         "kiriko.remove_eye_box",
         "kiriko.show_image",
         "kiriko.render_pictures",
+        "kiriko.open_pictures",
         "KirikoScene.disagreement",
         "KirikoViewer.image",
     ),
