@@ -7,11 +7,12 @@ growth : time and rays for 1, 2, 9 and 49 viewers. Mark: rays grow in proportion
 agree : with index 1 viewers ask for the same. Mark: conflict below 1e-9 picture px, by
     orthographic viewers, whose maps are affine.
 conflict : by the distance between two eyes: the deviation of what they ask of a display pixel
-    (mean and largest, picture px), and which way to settle it has the higher PSNR.
+    (mean and largest, picture px), and which way to settle it has the higher PSNR and MTF50.
 settled : sharp and blended, two eyes of 64 mm and a 3 x 3 grid of 60 mm: for each viewer coverage,
-    displacement of 7 x 7 points (viewer px, arcmin), PSNR against the ideal, and the error that no
-    source image removes (rms, linear). Mark: where the seen image of a lattice of dots can be
-    measured, its dots are displaced as predicted, to 0.05 px on the mean.
+    displacement of 7 x 7 points (viewer px, arcmin), PSNR against the ideal, the error that no
+    source image removes (rms, linear), and the MTF50 of a slanted edge (cycles / viewer px).
+    Mark: where the seen image of a lattice of dots can be measured, its dots are displaced as
+    predicted, to 0.05 px on the mean.
 pair : at which depth two eyes of 64 mm see 7 x 7 points of the picture, mm before its plane, and
     their vertical disparity, arcmin: uncompensated, solved for one eye, for both. Mark: with index
     1 the depth is the plane's, to 1e-9 m.
@@ -39,6 +40,7 @@ from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.eye_box import off_by
 from kiriko.core.measure.places_seen import Look, grid_of
+from kiriko.core.measure.sharpness import sharpness
 from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
 from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
 from kiriko.core.rig import Rig, Viewer
@@ -121,7 +123,7 @@ def turned(viewer: Viewer, angle: float) -> Viewer:
 def conflict(pixels: int) -> bool:
     """What two eyes disagree on, by their distance."""
     print(f"\n{'apart mm':<10} {'conflict px':>12} {'largest':>9}", end="")
-    print(f" {'sharp dB':>9} {'blended dB':>11}")
+    print(f" {'sharp dB':>9} {'blended dB':>11} {'sharp MTF50':>12} {'blended':>8}")
     a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, image=lattice_image(512))
     for apart in APART:
         both = grid(a_rig, 2, 1, apart)
@@ -129,9 +131,10 @@ def conflict(pixels: int) -> bool:
         of = sharp.settled.conflict[sharp.settled.conflict > 0]
         decibels = [statistics.mean(r.psnr for r in finish(viewer_reports(s)))
                     for s in (sharp, blended)]  # fmt: skip
+        edges = [statistics.mean(known(edges_of(both, way))) for way in ("sharp", "blended")]
         print(
             f"{1e3 * apart:<10.0f} {of.mean():12.3f} {of.max():9.3f} {decibels[0]:9.2f}"
-            f" {decibels[1]:11.2f}",
+            f" {decibels[1]:11.2f} {edges[0]:12.3f} {edges[1]:8.3f}",
             flush=True,
         )
     return True
@@ -150,10 +153,24 @@ def settled(pixels: int) -> bool:
             off = [predicted_beside_seen(solution, k) for k in range(len(many.viewers))]
             print(f"\n{name}, {way}")
             print(*lines(finish(viewer_reports(solution))), sep="\n", flush=True)
-            known = [one for one in off if np.isfinite(one)]
-            print(f"dots beside their prediction: {np.mean(known):.3f} px on the mean")
-            is_right &= mark(f"{name}, {way}", np.mean(known) < MOST_OFF)
+            edges = known(edges_of(many, way))
+            print(
+                f"MTF50: {min(edges):.3f} to {max(edges):.3f} cycles / viewer px, of {len(edges)}"
+            )
+            off = [one for one in off if np.isfinite(one)]
+            print(f"dots beside their prediction: {np.mean(off):.3f} px on the mean")
+            is_right &= mark(f"{name}, {way}", np.mean(off) < MOST_OFF)
     return is_right
+
+
+def edges_of(many: Rig, way: str) -> tuple[float | None, ...]:
+    """MTF50 of a slanted edge, cycles / viewer px, as each viewer sees it."""
+    return finish(sharpness(Session(), many, Settings(disagreement=way)))
+
+
+def known(values: tuple[float | None, ...]) -> list[float]:
+    """Those that could be measured; NaN alone where none could."""
+    return [value for value in values if value is not None] or [np.nan]
 
 
 def pair(pixels: int) -> bool:
