@@ -1,13 +1,15 @@
-"""What a report tells beside its costs: how far the head may go, and how two eyes see the picture.
+"""What a report tells beside its costs: how far the head may go, how two eyes see the picture, and
+which way to settle the viewers' disagreement serves each of them better.
 
-Each is told where the rig has it: a head that moves before a flat picture, a pair of eyes.
+Each is told where the rig has it: a head that moves before a flat picture, a pair of eyes, several
+viewers.
 """
 
 import argparse
 import json
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, get_args
 
 import bpy
 
@@ -18,9 +20,12 @@ from ..core.errors import KirikoError
 from ..core.light.kept import Kept
 from ..core.measure import eye_box_curves, two_eyes_drawing
 from ..core.measure.eye_box import LEAST, LIMIT, Walk
+from ..core.measure.sharpness import sharpness
 from ..core.measure.two_eyes import pair_of, two_eyes
+from ..core.measure.viewers import viewer_reports
 from ..core.messages import Message
 from ..core.rig import Rig
+from ..core.settings import Disagreement
 from ..core.steps import within
 from . import folder, solve_to_folder, work
 
@@ -49,7 +54,12 @@ def check_pair(rig: Rig) -> None:
     plane_of(rig)
 
 
-def _has(check: Callable[[Rig], None], rig: Rig) -> bool:
+def _has_several(rig: Rig) -> bool:
+    """Are there several viewers of one flat picture?"""
+    return len(rig.viewers) > 1 and not rig.has_own_images and _has(plane_of, rig)
+
+
+def _has(check: Callable[[Rig], object], rig: Rig) -> bool:
     try:
         rig.check()
         check(rig)
@@ -71,17 +81,39 @@ def beside(
     found = Beside()
     if _has(check_head, rig):
         steps = eye_box_of(context, rig, limit, least)
-        told, drawing = yield from within(steps, 0.0, 0.9)
+        told, drawing = yield from within(steps, 0.0, 0.8)
         found.numbers["eye_box"] = told
         found.drawings[eye_box_curves.FILE] = drawing
     if _has(check_pair, rig):
         kept = Kept()
         work.session().lend(kept)
         steps = two_eyes(rig, work.settings_of(context.scene), kept=kept)
-        eyes = yield from within(steps, 0.9, 1.0)
+        eyes = yield from within(steps, 0.8, 0.9)
         found.numbers["two_eyes"] = two_eyes_drawing.as_data(eyes)
         found.drawings[two_eyes_drawing.FILE] = two_eyes_drawing.as_svg(rig, eyes)
+    if _has_several(rig):
+        found.numbers["disagreement"] = yield from within(ways_to_settle(context, rig), 0.9, 1.0)
     return found
+
+
+def ways_to_settle(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, dict[str, list[dict[str, Any]]]]:
+    """For each way to settle the viewers' disagreement a report on each viewer, the one with the
+    largest displacement first, and how sharp it sees the picture. Yields progress 0..1.
+    """
+    session = work.session()
+    ways = get_args(Disagreement)
+    told = {}
+    for k, way in enumerate(ways):
+        settings = replace(work.settings_of(context.scene), disagreement=way)
+        start, half, end = (k / len(ways), (k + 0.5) / len(ways), (k + 1) / len(ways))
+        sharp = yield from within(sharpness(session, rig, settings), start, half)
+        of_viewer = {viewer.name: mtf for viewer, mtf in zip(rig.viewers, sharp, strict=True)}
+        solution = yield from within(session.solve(rig, settings), half, end)
+        reports = yield from within(viewer_reports(solution), end, end)
+        told[way] = [{**asdict(one), "mtf50_per_px": of_viewer[one.viewer]} for one in reports]
+    return told
 
 
 def eye_box_of(
@@ -126,7 +158,7 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     rig = work.read(context).rig
     rig.check()
     files = (*names(rig), NUMBERS)
-    if len(files) == 1:
+    if len(files) == 1 and not _has_several(rig):
         check_head(rig)  # tells why there is nothing
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, files, "add --overwrite")

@@ -233,6 +233,14 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
     assert (panel["left"], panel["right"]) == (told["two_eyes"]["left"], told["two_eyes"]["right"])
     depths = np.array(seen["depth_m"], float)
     assert np.nanmean(depths) == pytest.approx(panel["mean_depth_m"], rel=0.05)
+    # and of each viewer, by the way that is chosen, too; an edge that is seen double is less sharp
+    ways = told["disagreement"]
+    assert list(ways) == ["sharp", "blended"]
+    details = json.loads(bpy.context.scene.kiriko.result.details)["viewers"]
+    for here, there in zip(ways["sharp"], details, strict=True):
+        assert there == {key: here[key] for key in there}
+    for sharp, blended in zip(ways["sharp"], ways["blended"], strict=True):
+        assert 0 < blended["mtf50_per_px"] <= sharp["mtf50_per_px"] < 1
 
     bpy.context.scene.kiriko.picture_source = "IMAGE"
     bpy.context.scene.kiriko.picture_image = bpy.data.images["Kiriko Lattice"]
