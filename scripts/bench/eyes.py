@@ -121,23 +121,31 @@ def turned(viewer: Viewer, angle: float) -> Viewer:
 
 
 def conflict(pixels: int) -> bool:
-    """What two eyes disagree on, by their distance."""
-    print(f"\n{'apart mm':<10} {'conflict px':>12} {'largest':>9}", end="")
-    print(f" {'sharp dB':>9} {'blended dB':>11} {'sharp MTF50':>12} {'blended':>8}")
+    """What two eyes disagree on, and 3 x 3 heads, by their distance."""
     a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, image=lattice_image(512))
-    for apart in APART:
-        both = grid(a_rig, 2, 1, apart)
-        sharp, blended = (solved(both, disagreement=way) for way in ("sharp", "blended"))
-        of = sharp.settled.conflict[sharp.settled.conflict > 0]
-        decibels = [statistics.mean(r.psnr for r in finish(viewer_reports(s)))
-                    for s in (sharp, blended)]  # fmt: skip
-        edges = [statistics.mean(known(edges_of(both, way))) for way in ("sharp", "blended")]
-        print(
-            f"{1e3 * apart:<10.0f} {of.mean():12.3f} {of.max():9.3f} {decibels[0]:9.2f}"
-            f" {decibels[1]:11.2f} {edges[0]:12.3f} {edges[1]:8.3f}",
-            flush=True,
-        )
+    for name, n, m in (("two eyes", 2, 1), ("3 x 3", 3, 3)):
+        print(f"\n{f'{name}, apart mm':<18} {'conflict px':>12} {'largest':>9}", end="")
+        print(f" {'sharp dB':>9} {'blended dB':>11} {'sharp MTF50':>12} {'blended':>8}")
+        for apart in APART:
+            many = grid(a_rig, n, m, (n - 1) * apart)
+            print_ways(f"{1e3 * apart:.0f}", many)
     return True
+
+
+def print_ways(name: str, many: Rig) -> None:
+    """Print a line on both ways to settle what viewers disagree on."""
+    sharp, blended = (solved(many, disagreement=way) for way in ("sharp", "blended"))
+    of = sharp.settled.conflict[sharp.settled.conflict > 0]
+    decibels = [
+        statistics.mean(report.psnr for report in finish(viewer_reports(solution)))
+        for solution in (sharp, blended)
+    ]
+    edges = [statistics.mean(known(edges_of(many, way))) for way in ("sharp", "blended")]
+    print(
+        f"{name:<18} {of.mean():12.3f} {of.max():9.3f} {decibels[0]:9.2f} {decibels[1]:11.2f}"
+        f" {edges[0]:12.3f} {edges[1]:8.3f}",
+        flush=True,
+    )
 
 
 def settled(pixels: int) -> bool:
