@@ -140,7 +140,7 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
                 largest=number(largest),
             )
             sentence(self.layout, context, text, icon="BLANK1")
-            if tires_from and largest > tires_from:  # results of before do not have it
+            if tires_from and largest >= tires_from:  # results of before do not have it
                 text = Message("Eyes tire from {limit} arcmin on", limit=number(tires_from))
                 sentence(self.layout, context, text, icon="ERROR")
 

@@ -416,7 +416,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
     assert f"{1e3 * told['mean_depth_m']:.3g} mm in front of its plane on the mean" in text
     assert "Vertical disparity" in text
-    for largest, is_warned in ((14.9, False), (15.1, True)):
+    for largest, is_warned in ((14.9, False), (15.0, True)):
         changed = {**details(), "two_eyes": {**told, "largest_vertical_arcmin": largest}}
         bpy.context.scene.kiriko.result.details = json.dumps(changed)
         texts = drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts
