@@ -28,7 +28,7 @@ COLUMNS = {"UI": (0.45, 0.84, 0.2), "EXECUTE": (0.93,)}
 MOMENT = 0.04  # s in which Blender handles an event
 BREATH = 0.5  # s in which it draws
 PAGE = 8  # turns of the wheel by which a sidebar is scrolled when a button is not found
-PAGES = 6
+PAGES = 10  # a third of them down, and then up, beyond the place where the search began
 EDGE = 16  # px at a region's lower end, where a click would size it
 HEADER = 28  # px from one closed panel to the next
 ROW = 21  # px from one row of a panel to the next
@@ -147,7 +147,7 @@ class Player:
                         return
             yield from self.move(where.x + where.width / 2, where.y + where.height / 2)
             for _ in range(PAGE):
-                self.event("WHEELDOWNMOUSE" if page < PAGES // 2 else "WHEELUPMOUSE")
+                self.event("WHEELDOWNMOUSE" if page < PAGES // 3 else "WHEELUPMOUSE")
                 yield MOMENT
             self.scrolls += 1
         raise StuckError(f"No button {button} is in {region} of {area}.")
