@@ -1,7 +1,13 @@
-"""Is a PNG file whole? Its own sums tell, in a tenth of the time that decoding takes."""
+"""PNG files: is one whole? Its own sums tell, in a tenth of the time that decoding takes. And small
+ones in memory, where OpenImageIO writes to disks alone.
+"""
 
+import struct
 import zlib
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .disk import read_bytes
 
@@ -25,3 +31,21 @@ def is_whole(path: Path) -> bool:
         at = end + 4
     is_all = names[1:2] == [b"IHDR"] and b"IDAT" in names and names[-1] == b"IEND"
     return is_all and at == len(data)
+
+
+def encoded(pixels: NDArray[np.uint8]) -> bytes:
+    """A PNG file of pixels (h, w, 3), sRGB, row 0 at the top (ISO/IEC 15948)."""
+    height, width = pixels.shape[:2]
+    lines = np.pad(pixels.reshape(height, -1), ((0, 0), (1, 0)))  # each begins with its filter, 0
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"".join((
+        SIGNATURE,
+        chunk(b"IHDR", header),
+        chunk(b"IDAT", zlib.compress(lines.tobytes())),
+        chunk(b"IEND", b""),
+    ))  # fmt: skip

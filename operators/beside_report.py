@@ -107,7 +107,7 @@ def ways_to_settle(
     told = {}
     for k, way in enumerate(ways):
         settings = replace(work.settings_of(context.scene), disagreement=way)
-        start, half, end = (k / len(ways), (k + 0.5) / len(ways), (k + 1) / len(ways))
+        start, half, end = ((k + part) / len(ways) for part in (0.0, 0.5, 1.0))
         sharp = yield from within(sharpness(session, rig, settings), start, half)
         of_viewer = {viewer.name: mtf for viewer, mtf in zip(rig.viewers, sharp, strict=True)}
         solution = yield from within(session.solve(rig, settings), half, end)
@@ -133,7 +133,8 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     eyes = verbs.add_parser(
         "eyes",
         parents=[shared],
-        help="tell how far the head may go, as curves, and how two eyes see the picture",
+        help="tell how far the head may go, as curves, how two eyes see the picture, and what"
+        " several viewers see of it by each way to settle their disagreement",
     )
     eyes.add_argument(
         "--limit",

@@ -106,29 +106,32 @@ def draw(
         f' {WIDTH} {HEIGHT}"'
         f' font-family="{FONT}" font-size="12">',
         f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
-        _text((LEFT, 28), title, size=16),
-        *(_text((LEFT, 48 + 16 * n), note, fill="#555555") for n, note in enumerate(notes)),
+        text_at((LEFT, 28), title, size=16),
+        *(text_at((LEFT, 48 + 16 * n), note, fill="#555555") for n, note in enumerate(notes)),
     ]
 
     for value, text in x_axis.ticks:
         x, _ = place(value, bottom)
         parts += [
             _line(x, low[1], x, high[1]),
-            _text((x, low[1] + 18), text, "middle", css="x tick"),
+            text_at((x, low[1] + 18), text, "middle", css="x tick"),
         ]
 
     for value, text in y_axis.ticks:
         _, y = place(left, value)
-        parts += [_line(low[0], y, high[0], y), _text((LEFT - 8, y + 4), text, "end", css="y tick")]
+        parts += [
+            _line(low[0], y, high[0], y),
+            text_at((LEFT - 8, y + 4), text, "end", css="y tick"),
+        ]
 
     middle = (low[1] + high[1]) / 2
     parts += [
         f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}"'
         f' height="{low[1] - high[1]:.2f}"'
         ' fill="none" stroke="black"/>',
-        _text(((low[0] + high[0]) / 2, HEIGHT - 18), x_axis.label, "middle", size=14),
+        text_at(((low[0] + high[0]) / 2, HEIGHT - 18), x_axis.label, "middle", size=14),
         f'<g transform="translate(24 {middle:.2f})'
-        f' rotate(-90)">{_text((0, 0), y_axis.label, "middle", size=14)}</g>',
+        f' rotate(-90)">{text_at((0, 0), y_axis.label, "middle", size=14)}</g>',
     ]
 
     for n, curve in enumerate(curves):
@@ -174,7 +177,7 @@ def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]
             is_last = x > WIDTH - RIGHT - LABEL[0]
             at_x, anchor = (x - 7, "end") if is_last else (x + 7, "start")
             parts.append(
-                _text((at_x, y + (14 if n % 2 else -5)), label, anchor, size=10, fill=colour)
+                text_at((at_x, y + (14 if n % 2 else -5)), label, anchor, size=10, fill=colour)
             )
             written.append((x, y))
 
@@ -195,7 +198,7 @@ def _legend(curves: Sequence[Curve], x: float, top: float, sign: int) -> str:
         y = top + 18 * n
         parts += [
             _mark(n, x + 4 * sign, y - 4),
-            _text((x + 16 * sign, y), curve.name, anchor, fill="black"),
+            text_at((x + 16 * sign, y), curve.name, anchor, fill="black"),
         ]
         parts[-2] = parts[-2].replace("/>", f' fill="{COLOURS[n % len(COLOURS)]}"/>')
 
@@ -206,7 +209,7 @@ def _line(x0: float, y0: float, x1: float, y1: float) -> str:
     return f'<line x1="{x0:.2f}" y1="{y0:.2f}" x2="{x1:.2f}" y2="{y1:.2f}" stroke="#dddddd"/>'
 
 
-def _text(
+def text_at(
     at: tuple[float, float],
     text: str,
     anchor: str = "start",
@@ -214,6 +217,7 @@ def _text(
     fill: str = "black",
     css: str = "",
 ) -> str:
+    """A line of text; x of its start, middle or end, as anchor says, and y of its foot, px."""
     x, y = at
     kind = f' class="{css}"' if css else ""
     return (

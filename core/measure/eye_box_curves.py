@@ -54,22 +54,25 @@ def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve,
     An open way is followed as far as the picture is away.
     """
     found = []
+    own = yield from at(0.0, _at(walk, np.zeros(3)))  # where all ways begin
     for k, ((axis, sign, most), name) in enumerate(zip(WAYS, NAMES, strict=True)):
         reach = box.ends[k]
         reach = min(reach, walk.distance) if box.is_open[k] else BEYOND * reach
         reach = min(reach or AT_NONE * walk.distance, most * walk.distance)
         way = np.zeros(3)
         way[axis] = sign
-        steps = _along(walk, name, way, np.linspace(0.0, reach, N_STEPS + 1))
+        steps = _along(walk, name, way, np.linspace(0.0, reach, N_STEPS + 1), own)
         found.append((yield from at(k / len(WAYS), steps)))
     yield 1.0
     return tuple(found)
 
 
-def _along(walk: Walk, name: str, way: Floats, distances: Floats) -> Pauses[WayCurve]:
-    """The curve along one way (3,)."""
-    columns = []
-    for distance in distances.tolist():
+def _along(
+    walk: Walk, name: str, way: Floats, distances: Floats, own: tuple[float | None, ...]
+) -> Pauses[WayCurve]:
+    """The curve along one way (3,), from the head's own place, whose numbers are known, on."""
+    columns = [own]
+    for distance in distances[1:].tolist():
         columns.append((yield from _at(walk, distance * way)))
     return WayCurve(name, tuple(distances.tolist()), *zip(*columns, strict=True))
 

@@ -4,22 +4,19 @@ A panel for each of the ways to show it, before and after compensation. All have
 """
 
 import base64
-import struct
-import zlib
-from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..bench.picture_room import plane_of
 from ..encoding import quantised
 from ..errors import RigError
 from ..numbers import number
+from ..png import encoded
 from ..rig import Rig
 from ..vectors import length_of
-from .diagram import FONT
+from .diagram import FONT, text_at
 from .places_seen import grid_of
 from .two_eyes import Sights, TwoEyes
 
@@ -87,8 +84,8 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
             y = TOP + HEAD + row * (size[1] + HEAD + GAP)
             parts += [
                 f'<g transform="translate({x:.1f} {y:.1f})">',
-                _text((0, -26), title, 14),
-                _text((0, -9), words, 12, "#555555"),
+                text_at((0, -26), title, size=14),
+                text_at((0, -9), words, fill="#555555"),
                 picture,
                 *marks,
                 "</g>",
@@ -103,7 +100,7 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
         f' viewBox="0 0 {width:.0f} {height:.0f}" font-family="{FONT}">',
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
-        _text((GAP, 26), title, 15),
+        text_at((GAP, 26), title, size=15),
         *parts,
         "</svg>",
         "",
@@ -143,7 +140,7 @@ def _arrows(sights: Sights, size: Floats, scale: float) -> list[str]:
             f" M{x - abs(head):.2f},{y + way - head:.2f} L{x:.2f},{y + way:.2f}"
             f' L{x + abs(head):.2f},{y + way - head:.2f}" fill="none" stroke="{colour}"'
             f' stroke-width="2"/>',
-            _text((x + 4, y + 4), rounded(value), 8),
+            text_at((x + 4, y + 4), rounded(value), size=8),
         ]
     return parts
 
@@ -169,7 +166,7 @@ def _discs(sights: Sights, size: Floats, scale: float) -> list[str]:
             parts.append(
                 f'<circle class="disc" cx="{x:.2f}" cy="{y:.2f}" r="{radius:.2f}" {paint}/>'
             )
-        parts.append(_text((x, y + 3), text, 9, anchor="middle"))
+        parts.append(text_at((x, y + 3), text, "middle", size=9))
     return parts
 
 
@@ -212,35 +209,8 @@ def _embedded(rig: Rig, size: Floats) -> str:
         for n in [min(MOST_PIXELS, full)]
     )
     some = np.broadcast_to(image[np.ix_(rows, columns)][..., :3], (len(rows), len(columns), 3))
-    data = base64.b64encode(png(quantised(np.ascontiguousarray(some), "uint8"))).decode()
+    data = base64.b64encode(encoded(quantised(np.ascontiguousarray(some), "uint8"))).decode()
     return (
         f'<image width="{size[0]:.2f}" height="{size[1]:.2f}" preserveAspectRatio="none"'
         f' opacity="{FADED}" href="data:image/png;base64,{data}"/>{frame}'
-    )
-
-
-def png(pixels: NDArray[np.uint8]) -> bytes:
-    """A PNG file of pixels (h, w, 3), sRGB, row 0 at the top (ISO/IEC 15948)."""
-    height, width = pixels.shape[:2]
-    lines = np.pad(pixels.reshape(height, -1), ((0, 0), (1, 0)))  # each begins with its filter, 0
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        body = kind + data
-        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"".join((
-        b"\x89PNG\r\n\x1a\n",
-        chunk(b"IHDR", header),
-        chunk(b"IDAT", zlib.compress(lines.tobytes())),
-        chunk(b"IEND", b""),
-    ))  # fmt: skip
-
-
-def _text(
-    at: tuple[float, float], text: str, size: float, fill: str = "black", anchor: str = "start"
-) -> str:
-    return (
-        f'<text x="{at[0]:.2f}" y="{at[1]:.2f}" font-size="{size:g}" fill="{fill}"'
-        f' text-anchor="{anchor}">{escape(text)}</text>'
     )

@@ -12,8 +12,9 @@ import pytest
 from kiriko.core.errors import RigError
 from kiriko.core.measure.places_seen import Look, grid_of, places_seen
 from kiriko.core.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
-from kiriko.core.measure.two_eyes_drawing import as_data, as_svg, png
+from kiriko.core.measure.two_eyes_drawing import as_data, as_svg
 from kiriko.core.measure.viewers import displaced
+from kiriko.core.png import encoded
 from kiriko.core.rig import PicturePlace
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -365,7 +366,7 @@ def test_the_drawing_has_an_arrow_and_a_disc_for_each_point():
 def test_the_drawings_picture_is_a_png_of_its_pixels():
     """As zlib and the standard have it: a header, and lines that begin with 0."""
     pixels = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
-    data = png(pixels)
+    data = encoded(pixels)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert data[12:16] == b"IHDR"
     assert struct.unpack(">II", data[16:24]) == (3, 2)
