@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,13 +24,13 @@ class Eye(NamedTuple):
 
     place : its matrix in the world
     lens : its data's values, by their paths
-    number : of that scene's frame
+    frame : that scene's, and the part of the way to the next one
     """
 
     camera: bpy.types.Object
     place: Any
     lens: dict[str, Any]
-    number: int
+    frame: tuple[int, float]
 
 
 def eye_of(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Eye:
@@ -45,8 +45,9 @@ def eye_of(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Eye:
         and p.identifier not in COUPLED
         and p.identifier not in bpy.types.ID.bl_rna.properties
     }
-    number = depsgraph.scene.frame_current
-    return Eye(camera, evaluated.matrix_world.copy(), lens, number)
+    scene = depsgraph.scene
+    when = scene.frame_current, scene.frame_subframe
+    return Eye(camera, evaluated.matrix_world.copy(), lens, when)
 
 
 def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Image:
@@ -86,7 +87,7 @@ def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Imag
 
 def _rendered(other: bpy.types.Scene, eye: Eye, frame: Frame, path: Path) -> str:
     """Render a scene to a file; the reason where Blender tells one why there is none."""
-    with _copied(other, eye) as copy, _changed(_wanted(other, copy, eye.number, frame, path)):
+    with _copied(other, eye) as copy, _changed(_wanted(other, copy, eye.frame, frame, path)):
         try:
             bpy.ops.render.render(scene=other.name, write_still=True)
         except RuntimeError as reason:
@@ -118,7 +119,11 @@ def _copied(other: bpy.types.Scene, eye: Eye) -> Iterator[bpy.types.Object]:
 
 
 def _wanted(
-    other: bpy.types.Scene, camera: bpy.types.Object, number: int, frame: Frame, path: Path
+    other: bpy.types.Scene,
+    camera: bpy.types.Object,
+    when: tuple[int, float],
+    frame: Frame,
+    path: Path,
 ) -> list[tuple[Any, str, Any]]:
     """The settings of a scene by which it is rendered to a file: owner, name and value."""
     render = other.render
@@ -140,10 +145,11 @@ def _wanted(
         (render, "use_border", False),
         (render, "use_multiview", False),
         (render, "use_sequencer", False),
+        (render, "use_stamp", False),  # burns words into the picture
         (other, "camera", camera),
         # Blender renders the frame of the scene that is open, and leaves the other one there
-        (other, "frame_current", number),
-        (other, "frame_subframe", 0.0),
+        (other, "frame_current", when[0]),
+        (other, "frame_subframe", when[1]),
         # markers would have another camera rendered
         *((marker, "camera", None) for marker in other.timeline_markers if marker.camera),
         # each viewer's would overwrite the files of the one before
@@ -172,12 +178,13 @@ def _file_outputs(
 
 @contextmanager
 def _changed(values: list[tuple[Any, str, Any]]) -> Iterator[None]:
-    """Settings with other values for as long as the code within."""
+    """Settings with other values for as long as the code within; each is put back, whether or not
+    another can be.
+    """
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in values]
-    try:
+    with ExitStack() as stack:
+        for one in reversed(before):  # the kind of file is the first again
+            stack.callback(setattr, *one)
         for owner, name, value in values:
             setattr(owner, name, value)
         yield
-    finally:
-        for owner, name, value in before:
-            setattr(owner, name, value)

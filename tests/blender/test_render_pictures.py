@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -222,6 +222,57 @@ def test_all_is_rendered_at_the_frame_of_the_viewers_scene(kiriko: ModuleType, r
     scene.frame_set(1)
     elsewhere = world_to_camera_view(scene, camera, middle_of_rig)
     assert np.abs(np.array((elsewhere - wanted)[:2]) * SIZES["mine"]).max() > 1
+
+
+def test_between_two_frames_it_is_rendered_there(kiriko: ModuleType, rig: dict) -> None:
+    """Half of the way to the next frame, as the viewers are solved for."""
+    other_scene()
+    start = rig["PICTURE"].matrix_world.translation.copy()
+    disc = bpy.data.objects["disc"]
+    for frame, x in ((1, 0.0), (2, 0.008)):
+        disc.location = start
+        disc.location.x += x
+        disc.keyframe_insert("location", frame=frame)
+    scene, camera = bpy.context.scene, bpy.data.objects["mine"]
+    scene.frame_set(1, subframe=0.5)
+    bpy.ops.kiriko.render_pictures()
+    scene.render.resolution_x, scene.render.resolution_y = SIZES["mine"]
+    start.x += 0.004  # Bezier curves between keys are half of the way there, too
+    wanted = world_to_camera_view(scene, camera, start)
+    off = (middle(ours().viewers[1].image) - wanted[:2]) * SIZES["mine"]
+    assert np.abs(off).max() < 0.15
+
+
+def test_no_words_are_burnt_into_what_viewers_see(kiriko: ModuleType, rig: dict) -> None:
+    """A scene may have stamps on its own renders."""
+    other = other_scene()
+    bpy.data.objects["disc"].location = rig["PICTURE"].matrix_world.translation
+    found = []
+    for other.render.use_stamp in (False, True):
+        bpy.ops.kiriko.render_pictures()
+        found.append(pixels(ours().viewers[0].image))
+    np.testing.assert_array_equal(*found)
+    assert other.render.use_stamp
+
+
+def test_each_setting_is_put_back_where_another_cannot_be(kiriko: ModuleType) -> None:
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.viewer_render")
+
+    class Stubborn:
+        """What refuses its value of before."""
+
+        value = 0
+
+        def __setattr__(self, name: str, value: int) -> None:
+            if value == 0:
+                raise TypeError(name)
+            super().__setattr__(name, value)
+
+    first, last = SimpleNamespace(value=0), SimpleNamespace(value=0)
+    changes = [(first, "value", 1), (Stubborn(), "value", 1), (last, "value", 1)]
+    with pytest.raises(TypeError), module._changed(changes):
+        assert (first.value, last.value) == (1, 1)
+    assert (first.value, last.value) == (0, 0)
 
 
 def with_file_outputs(scene: bpy.types.Scene, folder: Path) -> list[bpy.types.Node]:
