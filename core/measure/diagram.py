@@ -4,8 +4,9 @@ lines, circles and text that any viewer shows.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from math import ceil, floor, log10
+
+from ..drawn_words import in_xml
 
 # px
 WIDTH = 760
@@ -167,7 +168,7 @@ def _power(k: int) -> str:
 def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]:
     colour = COLOURS[n % len(COLOURS)]
     line = " ".join(f"{x:.2f},{y:.2f}" for x, y in at)
-    parts = [f'<g class="curve" fill="{colour}">', f"<title>{escape(curve.name)}</title>"]
+    parts = [f'<g class="curve" fill="{colour}">', f"<title>{in_xml(curve.name)}</title>"]
     parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
 
     written: list[tuple[float, float]] = []
@@ -223,5 +224,5 @@ def text_at(
     return (
         f'<text{kind} x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}"'
         f' fill="{fill}">'
-        f"{escape(text)}</text>"
+        f"{in_xml(text)}</text>"
     )

@@ -129,3 +129,12 @@ def test_curves_are_told_apart_and_named():
     ]
     assert [mark.get("fill") for mark in legend if mark.tag != f"{SVG}text"] == list(COLOURS[:2])
     assert "x > y" in [text.text for text in svg.iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize("sign", ["\x00", "\x01", "\x1f", "\ufffe", "\ud800", "\n"])
+def test_signs_that_xml_has_not_are_blanks(sign):
+    """An object's name in Blender may hold control characters."""
+    name = f"eye{sign}1"
+    svg = read(log_log(name, "", "", [Curve(name, ((1.0, 1.0), (10.0, 10.0)))]))
+    assert [curve.find(f"{SVG}title").text for curve in curves_of(svg)] == ["eye 1"]
+    assert [text.text for text in svg.iter(f"{SVG}text")].count("eye 1") == 2

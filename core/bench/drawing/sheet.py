@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from html import escape
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...arrays import Floats
+from ...drawn_words import in_xml
 
 Paper = Literal["A4", "A3"]
 SIZES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}  # mm, lying
@@ -74,7 +74,7 @@ class Sheet:
         x, y = place
         self.parts.append(
             f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}">'
-            f"{_plain(words)}</text>"
+            f"{in_xml(words)}</text>"
         )
 
     def turned_text(self, place: Sequence[float], words: str, size: float = TEXT) -> None:
@@ -82,7 +82,7 @@ class Sheet:
         x, y = place
         self.parts.append(
             f'<text transform="translate({x:.2f} {y:.2f}) rotate(-90)" text-anchor="end"'
-            f' font-size="{size}">{_plain(words)}</text>'
+            f' font-size="{size}">{in_xml(words)}</text>'
         )
 
     def table(
@@ -123,11 +123,6 @@ class Sheet:
                 "",
             ]
         )
-
-
-def _plain(words: str) -> str:
-    """Words as XML has them, with a blank for what it has no sign for."""
-    return escape("".join(letter if letter.isprintable() else " " for letter in words))
 
 
 def decimal(number: float) -> str:
