@@ -94,7 +94,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
     numbers = _numbers(scene, text)
-    of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers)
+    of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers, told.conflict)
     for image, shown in (yield from told_in_tenths(of_viewers)).items():
         is_of_display = image == viewer_reports.CONFLICT
         form = "EXR_FLOAT" if is_of_display else "PNG8"

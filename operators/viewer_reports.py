@@ -126,10 +126,10 @@ def file_names(scene: bpy.types.Scene, names: list[str]) -> dict[str, str]:
 
 
 def images_of(
-    solution: Solution, scene: bpy.types.Scene, names: list[str]
+    solution: Solution, scene: bpy.types.Scene, names: list[str], conflict: Conflict | None
 ) -> Generator[float, None, dict[str, NDArray[np.float32]]]:
     """What viewers see, by the names of `file_names`: the picture as they would see it straight,
-    and what they do see; and by how many pixels of the picture they disagree at each display pixel.
+    and what they do see; and the numbers of the conflict that is told of them, where there is one.
     Yields progress 0..1.
     """
     asked = asked_for(scene, names)
@@ -140,6 +140,6 @@ def images_of(
             yield from channel.look_beside()
             found[f"ideal {name}"] = channel.ideal()
             found[f"seen {name}"] = channel.seen(solution.source, beside=True)
-    if asked and solution.settled is not None:
-        found[CONFLICT] = solution.settled.conflict.astype(np.float32)
+    if asked and conflict is not None:
+        found[CONFLICT] = conflict.of_pixel.astype(np.float32)
     return found

@@ -633,6 +633,25 @@ def test_the_command_line_writes_what_each_sees(
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.parametrize(("way", "unit"), [("SHARP", "px"), ("BLENDED", "white")])
+def test_the_conflict_s_file_has_the_numbers_that_are_told(
+    run: Callable[..., int], rig: dict, tmp_path: Path, way: str, unit: str
+) -> None:
+    """Of places where these are settled, else of colours, of which two that count alike are half of
+    white apart from their mean at most.
+    """
+    add(camera(0.02))
+    bpy.context.scene.kiriko.disagreement = way
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    out = tmp_path / "out"
+    assert run("solve", "--out", out, "--viewers", "all") == 0
+    told = json.loads((out / "report.json").read_text())["conflict"]
+    largest = pixels(bpy.data.images.load(str(out / "conflict.exr")))[..., 0].max()
+    assert told == {"largest": pytest.approx(largest, rel=1e-6), "unit": unit}
+    assert largest > 0
+    assert unit == "px" or largest <= 0.5
+
+
 def test_a_photograph_is_of_the_first_viewer(rig: dict, tmp_path: Path) -> None:
     """Amounts are kept along its axes: calibration by another one is refused."""
     path = tmp_path / "points.csv"
