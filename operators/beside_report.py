@@ -27,7 +27,7 @@ from ..core.messages import Message
 from ..core.rig import Rig
 from ..core.settings import Disagreement
 from ..core.steps import within
-from . import folder, solve_to_folder, work
+from . import folder, solve_to_folder, telling, work
 
 NUMBERS = "eyes.json"  # of the verb, where a report has report.json
 
@@ -36,10 +36,20 @@ FOUND = 0.8  # of the progress of an eye box: the rest is its curves
 
 @dataclass
 class Beside:
-    """Numbers by the names that report.json has for them, and drawings by their files."""
+    """Numbers by the names that report.json has for them, and drawings by their files; of what is
+    missing the errors, by the labels of the work.
+    """
 
     numbers: dict[str, Any] = field(default_factory=dict)
     drawings: dict[str, str] = field(default_factory=dict)
+    errors: dict[str, Exception] = field(default_factory=dict)
+
+    def missing(self, translate: telling.Translate | None = None) -> list[str]:
+        """A sentence on each part that is missing, as `telling.sentence` has it."""
+        return [
+            telling.sentence(error, label, translate=translate)
+            for label, error in self.errors.items()
+        ]
 
 
 def check_head(rig: Rig) -> None:
@@ -77,30 +87,49 @@ def names(rig: Rig) -> tuple[str, ...]:
 def beside(
     context: bpy.types.Context, rig: Rig, limit: float = LIMIT, least: float = LEAST
 ) -> Generator[float, None, Beside]:
-    """Find all that a report tells beside its costs; yields progress 0..1."""
+    """Find all that a report tells beside its costs; yields progress 0..1.
+
+    A part that goes wrong is missing, and takes nothing of the others along.
+    """
+    parts = (
+        ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.8),
+        ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.9),
+        ("disagreement", "Disagreement", _has_several(rig), ways_to_settle(context, rig), 1.0),
+    )
     found = Beside()
-    if _has(check_head, rig):
-        steps = eye_box_of(context, rig, limit, least)
-        told, drawing = yield from within(steps, 0.0, 0.8)
-        found.numbers["eye_box"] = told
-        found.drawings[eye_box_curves.FILE] = drawing
-    if _has(check_pair, rig):
-        kept = Kept()
-        work.session().lend(kept)
-        steps = two_eyes(rig, work.settings_of(context.scene), kept=kept)
-        eyes = yield from within(steps, 0.8, 0.9)
-        found.numbers["two_eyes"] = two_eyes_drawing.as_data(eyes)
-        found.drawings[two_eyes_drawing.FILE] = two_eyes_drawing.as_svg(rig, eyes)
-    if _has_several(rig):
-        found.numbers["disagreement"] = yield from within(ways_to_settle(context, rig), 0.9, 1.0)
+    start = 0.0
+    for name, label, is_there, steps, end in parts:
+        if is_there:
+            try:
+                told, drawings = yield from within(steps, start, end)
+            except Exception as error:
+                found.errors[label] = error
+                missing = found.numbers.setdefault("missing", {})
+                missing[name] = str(error) or type(error).__name__
+            else:
+                found.numbers[name] = told
+                found.drawings |= drawings
+        start = end
     return found
+
+
+def _two_eyes_of(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
+    """How a pair of eyes sees the picture: numbers and a drawing. Yields progress 0..1."""
+    kept = Kept()
+    work.session().lend(kept)
+    eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=kept)
+    return two_eyes_drawing.as_data(eyes), {
+        two_eyes_drawing.FILE: two_eyes_drawing.as_svg(rig, eyes)
+    }
 
 
 def ways_to_settle(
     context: bpy.types.Context, rig: Rig
-) -> Generator[float, None, dict[str, list[dict[str, Any]]]]:
+) -> Generator[float, None, tuple[dict[str, list[dict[str, Any]]], dict[str, str]]]:
     """For each way to settle the viewers' disagreement a report on each viewer, the one with the
-    largest displacement first, and how sharp it sees the picture. Yields progress 0..1.
+    largest displacement first, and how sharp it sees the picture; no drawing. Yields progress 0..1.
     """
     session = work.session()
     ways = get_args(Disagreement)
@@ -113,19 +142,20 @@ def ways_to_settle(
         solution = yield from within(session.solve(rig, settings), half, end)
         reports = yield from within(viewer_reports(solution), end, end)
         told[way] = [{**asdict(one), "mtf50_per_px": of_viewer[one.viewer]} for one in reports]
-    return told
+    return told, {}
 
 
 def eye_box_of(
     context: bpy.types.Context, rig: Rig, limit: float, least: float
-) -> Generator[float, None, tuple[dict[str, Any], str]]:
+) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
     """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
     plan = work.session().plan(rig, work.settings_of(context.scene))
     walk = Walk(plan, limit, least)
     box = yield from within(walk.box(), 0.0, FOUND)
     curves = yield from within(eye_box_curves.curves_of(walk, box), FOUND, 1.0)
     viewer = rig.viewer.name
-    return eye_box_curves.as_data(box, viewer, curves), eye_box_curves.as_svg(box, viewer, curves)
+    drawing = eye_box_curves.as_svg(box, viewer, curves)
+    return eye_box_curves.as_data(box, viewer, curves), {eye_box_curves.FILE: drawing}
 
 
 def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
@@ -167,6 +197,8 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     found = yield from solve_to_folder.told_in_tenths(
         beside(context, rig, arguments.limit, arguments.share)
     )
+    for error in found.errors.values():
+        raise error
     texts = {**found.drawings, NUMBERS: json.dumps(found.numbers, indent=2) + "\n"}
     with disk.together(arguments.out) as scratch:
         for name, text in texts.items():

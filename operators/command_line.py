@@ -325,9 +325,10 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     found, beside = yield from solve_to_folder.told_in_tenths(
         report.measured(bpy.context, rig, arguments.out, arguments.seconds)
     )
-    report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, beside)
+    files = report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, beside)
     yield from report.table(found).splitlines()
-    yield Message("wrote {n} files to '{folder}'", n=len(report.names(rig)), folder=arguments.out)
+    yield from beside.missing(str)
+    yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
 
 
 def _drawing(arguments: argparse.Namespace) -> Generator[str, None, None]:

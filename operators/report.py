@@ -28,7 +28,7 @@ from ..core.measure.report import (
 )
 from ..core.measure.rungs import WorkPrecision
 from ..core.measure.work_precision import BUDGET, Ladders, measure
-from ..core.messages import Message
+from ..core.messages import Message, joined
 from ..core.rig import Plate, Rig
 from ..core.settings import Settings
 from ..core.steps import finish, within
@@ -43,8 +43,12 @@ __all__ = ["measured", "names", "table", "write"]
 
 def names(rig: Rig) -> tuple[str, ...]:
     """The files of a rig's report."""
-    of_plate = () if _array_plate(rig) is None else PLATE_NAMES
-    return (*NAMES, *of_plate, *beside_report.names(rig))
+    return (*_own_names(rig), *beside_report.names(rig))
+
+
+def _own_names(rig: Rig) -> tuple[str, ...]:
+    """Of them, those that tell of costs and of the plate."""
+    return NAMES if _array_plate(rig) is None else (*NAMES, *PLATE_NAMES)
 
 
 def _array_plate(rig: Rig) -> Plate | None:
@@ -87,9 +91,11 @@ def _can_write() -> bool:
     return True
 
 
-def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: Beside) -> None:
+def write(
+    target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: Beside
+) -> tuple[str, ...]:
     """Write the report's files to a folder, all of them or
-    none; ImageError when they cannot be written.
+    none, and return their names; ImageError when they cannot be written.
     """
     about = {
         "file": Path(bpy.data.filepath).name,
@@ -108,11 +114,12 @@ def write(target: Path, rig: Rig, settings: Settings, found: WorkPrecision, besi
     plate = _array_plate(rig)
     if plate is not None:
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
-    texts += beside.drawings.values()
+    files = dict(zip(_own_names(rig), texts, strict=True)) | beside.drawings
 
     with disk.together(target) as scratch:
-        for name, text in zip(names(rig), texts, strict=True):
+        for name, text in files.items():
             disk.write_text(scratch / name, text)
+    return tuple(files)
 
 
 class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
@@ -161,7 +168,10 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
             if not (self.overwrite or scene.kiriko.export_overwrite):
                 folder.refuse_existing(target, names(rig), Message("allow overwriting"))
             found, beside = yield from measured(context, rig, target, self.seconds)
-            write(target, rig, work.settings_of(scene), found, beside)
+            files = write(target, rig, work.settings_of(scene), found, beside)
 
         write_ladder(scene, found.ladder)
-        return Message("Wrote {files} to '{target}'.", files=", ".join(names(rig)), target=target)
+        missing = beside.missing()
+        self.level = "WARNING" if missing else "INFO"
+        text = Message("Wrote {files} to '{target}'.", files=", ".join(files), target=target)
+        return joined([text, *missing])

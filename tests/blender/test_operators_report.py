@@ -252,6 +252,51 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
         assert run("eyes", "--out", three, wrong) == 2
 
 
+def test_what_goes_wrong_beside_a_report_does_not_lose_it(
+    run: Callable[..., int],
+    kiriko: ModuleType,
+    rig: dict,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture,
+) -> None:
+    """All else is there; the missing is told in sentences and in report.json, whether its error was
+    foreseen or not. The verb that tells nothing else ends with the error.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+
+    def no_eyes(*_: object, **__: object) -> None:
+        raise errors.RigError("The eyes are shut: open them.")
+
+    def no_edges(*_: object) -> None:
+        raise ZeroDivisionError
+
+    bpy.ops.kiriko.two_eyes()
+    monkeypatch.setattr(module, "two_eyes", no_eyes)
+    monkeypatch.setattr(module, "sharpness", no_edges)
+    out = tmp_path / "out"
+    assert bpy.ops.kiriko.report(directory=str(out), seconds=0) == {"FINISHED"}
+    assert names(out) == NAMES
+    report = json.loads((out / "report.json").read_text())
+    why = {"two_eyes": "The eyes are shut: open them.", "disagreement": "ZeroDivisionError"}
+    assert report["missing"] == why
+    assert "eye_box" in report
+    assert not {"two_eyes", "disagreement"} & {*report}
+    told = capfd.readouterr().out
+    assert "Warning: Wrote report.csv, report.json, report.svg, eye_box.svg to" in told
+    assert "The eyes are shut: open them. Disagreement failed (ZeroDivisionError: )" in told
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert run("report", "--out", tmp_path / "again", "--seconds", 0) == 0
+    assert names(tmp_path / "again") == NAMES
+    told = capfd.readouterr().out
+    assert "The eyes are shut" in told
+    assert f"wrote {len(NAMES)} files" in told
+    assert run("eyes", "--out", tmp_path / "eyes") == 1
+    assert not (tmp_path / "eyes").exists()
+
+
 def test_command_on_a_broken_rig_is_one_sentence(
     run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
