@@ -80,9 +80,8 @@ AT_BOTH_ENDS = tuple(
     )
 )
 SLOWEST_OF_ALL = 8  # tests named at the end
-# Processes into which the tests in Blender are dealt. Where one process runs them all, Blender
-# 4.2.23 ends with a signal now and then: it frees copies of node trees that it evaluated, after
-# another scene was shown. Runs of few files never did.
+# Processes into which the tests in Blender are dealt: few files each, so that two processes are at
+# work to the end, and a fault of one that stays in memory meets few others.
 PARTS = 4
 WITHOUT_KERNEL = 2  # the part that the oldest Blender runs with numpy alone
 

@@ -37,6 +37,16 @@ def new_object(data: bpy.types.ID | None, role: str = "NONE") -> bpy.types.Objec
     return thing
 
 
+def show_scene(scene: bpy.types.Scene) -> None:
+    """Have the window show a scene.
+
+    Not by `context.window`: in Blender 4.2 the context, once asked for its `tool_settings`, takes
+    the scene of that moment for the owner of its window. Setting the window's scene then tags that
+    one, freed or not, and so wrote into arrays of a kept view map.
+    """
+    bpy.context.window_manager.windows[0].scene = scene
+
+
 def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Object]:
     """A rig around a cube; the objects by role."""
     glass = cube()

@@ -130,7 +130,7 @@ def test_open_edges_are_selected_and_filled(look: Callable[[], list]) -> None:
     assert told(entries) == ["'Cube' is not closed: 8 edges."]
     press(entries, "not closed")
     assert bpy.context.mode == "EDIT_MESH"
-    assert tuple(bpy.context.tool_settings.mesh_select_mode) == (False, True, False)
+    assert tuple(bpy.context.scene.tool_settings.mesh_select_mode) == (False, True, False)
     shape = bmesh.from_edit_mesh(glass.data)
     chosen = {edge for edge in shape.edges if edge.select}
     assert chosen == {edge for edge in shape.edges if edge.is_boundary}

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import pixels
+from small_rigs import pixels, show_scene
 from test_rigs import choose, two
 
 
@@ -81,7 +81,7 @@ def test_a_preview_is_kept_with_its_own_rig(kiriko: ModuleType, scene: bpy.types
     made = preview._prepare(in_window())
     made.render()
     choose(second)
-    bpy.context.window.scene = bpy.data.scenes.new("Other")
+    show_scene(bpy.data.scenes.new("Other"))
     preview._finish(made)
     made.close()
     assert bpy.context.scene.kiriko.result.preview is None

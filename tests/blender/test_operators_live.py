@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import new_object, pixels, primitive, small_rig
+from small_rigs import new_object, pixels, primitive, show_scene, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
 MANY = 2000  # turns of which none of these rigs needs a tenth
@@ -468,7 +468,7 @@ def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
     for _ in range(n_turns):
         live.tick()
     other = bpy.data.scenes.new("other")
-    bpy.context.window.scene = other
+    show_scene(other)
     assert live.tick() is None
     assert not live.is_on()
     assert traces(live) == []

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import new_object, primitive, small_rig
+from small_rigs import new_object, primitive, show_scene, small_rig
 
 
 @pytest.fixture
@@ -395,9 +395,9 @@ def test_nothing_is_drawn_where_it_is_not_asked_for(
     assert drawn(overlay)
 
     mine = bpy.context.scene
-    bpy.context.window.scene = bpy.data.scenes.new("other")
+    show_scene(bpy.data.scenes.new("other"))
     assert not drawn(overlay)
-    bpy.context.window.scene = mine
+    show_scene(mine)
     monkeypatch.setattr(sketcher, "is_looked_at", lambda area: False)
     assert not drawn(overlay)
 

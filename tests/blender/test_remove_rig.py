@@ -3,7 +3,7 @@ from typing import Any
 import bpy
 import pytest
 
-from small_rigs import cube, inventory, new_object, primitive, small_rig
+from small_rigs import cube, inventory, new_object, primitive, show_scene, small_rig
 
 KINDS = (
     "scenes",
@@ -199,7 +199,7 @@ def test_there_is_a_way_to_add_another_rig(scene: bpy.types.Scene) -> None:
 def another_with_all_linked(scene: bpy.types.Scene) -> str:
     """A scene that shares all things, as New Scene > Linked Copy makes it."""
     bpy.ops.scene.new(type="LINK_COPY")
-    bpy.context.window.scene = scene
+    show_scene(scene)
     return "The rig is in the scene 'Scene.001', too"
 
 
@@ -250,11 +250,11 @@ def test_glass_of_another_scenes_rig_stays_its_glass(scene: bpy.types.Scene) -> 
     glass = small_rig()["GLASS"]
     other = bpy.data.scenes.new("Other")
     other.collection.objects.link(glass)
-    bpy.context.window.scene = other
+    show_scene(other)
     glass.select_set(True)
     bpy.ops.kiriko.add_rig(**SMALL)
     for one in (scene, other):
-        bpy.context.window.scene = one
+        show_scene(one)
         assert glass.kiriko.role == "GLASS"
         assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
 

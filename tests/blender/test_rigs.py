@@ -12,7 +12,7 @@ import pytest
 from mathutils import Matrix
 
 from panel_layout import Layout
-from small_rigs import cube, new_object, pixels, primitive
+from small_rigs import cube, new_object, pixels, primitive, show_scene
 from test_remove_rig import differences, snapshot
 
 SMALL = {
@@ -352,7 +352,7 @@ def test_a_copied_scene_has_rigs_of_its_own(scene: bpy.types.Scene) -> None:
     assert copy.kiriko.viewer in set(copied.objects)
     copy.kiriko.tolerance = 0.7
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
-    bpy.context.window.scene = scene
+    show_scene(scene)
     assert scene.kiriko.result.source is None
     assert scene.kiriko.tolerance == pytest.approx(0.3)
     choose(first)

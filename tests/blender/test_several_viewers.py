@@ -14,7 +14,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 from panel_layout import Layout
-from small_rigs import inventory, pixels, small_rig
+from small_rigs import inventory, pixels, show_scene, small_rig
 
 LEFT, RIGHT = "Kiriko Left Eye", "Kiriko Right Eye"
 
@@ -708,7 +708,7 @@ def test_eyes_that_are_used_elsewhere_stay(
     first = bpy.context.scene
     is_there = use(bpy.data.objects[LEFT])
     if bpy.context.scene != first:
-        bpy.context.window.scene = first
+        show_scene(first)
     assert bpy.ops.kiriko.two_eyes() == {"FINISHED"}
     assert is_there()
     assert sum(one.is_on for one in first.kiriko.viewers) == 2

@@ -1,3 +1,5 @@
+import re
+
 import house
 
 
@@ -24,3 +26,15 @@ def test_what_is_counted_is_there(tmp_path) -> None:
     # two docstrings; def f ( a ) :; b = a; return b
     assert (found.n_tokens, found.n_code_lines, found.n_blank_lines) == (2 + 6 + 3 + 2, 5, 1)
     assert " ".join(found.prose).lower().count("what") == 2
+
+
+def test_nothing_is_set_by_the_context_s_window() -> None:
+    """Blender 4.2 would tag a scene of before for it, perhaps a freed one: see `show_scene`."""
+    files = [
+        path
+        for folder in ("core", "operators", "panels", "scripts", "tests")
+        for path in sorted((house.ROOT / folder).rglob("*.py"))
+    ]
+    assert len(files) > 100
+    setting = re.compile(r"context\.window\.\w+(\.\w+)* = ")
+    assert [path.name for path in files if setting.search(path.read_text("utf-8"))] == []
