@@ -37,20 +37,28 @@ def made(folder: Path) -> Iterator[None]:
 
 
 def names_for(things: Iterable[str]) -> list[str]:
-    """A folder's name for each of some things, as every system allows it, and each another."""
-    names: list[str] = []
+    """A folder's name for each of some things, as every system allows it, and each another. What
+    can have its own name has it, whatever others were shortened to.
+    """
+    things = list(things)
+    allowed = [_allowed(thing) for thing in things]
+    names: dict[int, str] = {}
     taken: set[str] = set()  # disks may not tell capitals from small letters
-    for thing in things:
-        whole = bpy.path.clean_name(thing)
-        # half a letter at the cut goes, too
-        name = short = whole.encode(errors="ignore")[:LONGEST].decode(errors="ignore")
-        number = 1
+    for n in sorted(range(len(things)), key=lambda n: allowed[n] != things[n]):
+        name, number = allowed[n], 1
         while name.casefold() in taken:
             number += 1
-            name = f"{short}_{number}"
+            name = f"{allowed[n]}_{number}"
         taken.add(name.casefold())
-        names.append(name)
-    return names
+        names[n] = name
+    return [names[n] for n in range(len(things))]
+
+
+def _allowed(thing: str) -> str:
+    """A name that every system allows."""
+    # half a letter at the cut goes, too
+    whole = bpy.path.clean_name(thing)
+    return whole.encode(errors="ignore")[:LONGEST].decode(errors="ignore")
 
 
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:

@@ -116,11 +116,12 @@ def asked_for(scene: bpy.types.Scene, names: list[str]) -> list[str]:
 
 def file_names(scene: bpy.types.Scene, names: list[str]) -> dict[str, str]:
     """The files of viewers that a command asks for, by the image in them."""
-    asked = asked_for(scene, names)
+    asked, known = asked_for(scene, names), asked_for(scene, [ALL])
     found = {
         f"{kind} {name}": f"{kind}_{of_name}.png"
-        for name, of_name in zip(asked, names_for(asked), strict=True)
+        for name, of_name in zip(known, names_for(known), strict=True)
         for kind in ("ideal", "seen")
+        if name in asked
     }
     return {**found, CONFLICT: "conflict.exr"} if asked else {}
 

@@ -370,3 +370,26 @@ def test_a_file_name_has_the_viewer_in_it(
         assert not (tmp_path / "no").exists()
         assert len(bpy.data.images) == n
         assert ours().picture_source == "PLANE"
+
+
+def test_a_file_is_of_one_viewer(kiriko: ModuleType, rig: dict, tmp_path: Path) -> None:
+    """Whose name it has as it is, though another's is like it where signs are not allowed: such
+    a one has a number. The files of `solve --viewers` are named alike.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.operators.viewer_images")
+    for old, new in zip(NAMES, ("an eye", "an_eye"), strict=True):
+        bpy.data.objects[old].name = new
+    for n, name in enumerate(("an_eye", "an_eye_2")):
+        write(tmp_path / f"{name}.png", n)
+    for file in (tmp_path / "{viewer}.png", tmp_path):
+        found = module.files_of(bpy.context.scene, str(file))
+        assert {name: path.stem for name, path in found.items()} == {
+            "an eye": "an_eye_2",
+            "an_eye": "an_eye",
+        }
+    reports = importlib.import_module(f"{kiriko.__name__}.operators.viewer_reports")
+    files = reports.file_names(bpy.context.scene, ["an eye"])
+    assert files["seen an eye"] == "seen_an_eye_2.png"
+    (tmp_path / "an_eye_2.png").unlink()
+    with pytest.raises(RuntimeError, match="of the viewer 'an eye' cannot be read"):
+        bpy.ops.kiriko.open_pictures(filepath=str(tmp_path / "{viewer}.png"))
