@@ -5,7 +5,7 @@ and Blender draws panels whenever something changes. Meshes are looked at one by
 been left alone for a while, and again only when Blender tells that they changed.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import monotonic, perf_counter
 
@@ -87,6 +87,7 @@ def _look(looked: Looked, scene: bpy.types.Scene) -> None:
         looked.meshes,
         watch.is_told_changed(scene),
     )
+    look = replace(look, is_followed=watch.is_followed(scene))
     looked.entries = entries(look, partial(length_text, scene))
     looked.asked = False
     looked.rests_until = monotonic() + RESTING * (perf_counter() - started)

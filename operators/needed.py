@@ -27,6 +27,7 @@ NO_MIRRORS = Message(
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave edit mode first")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
+COMING = Message("This is a first, coarse source image: the final one follows.")
 LINKED = Message("The scene is linked from another file: open that file, or make the scene local")
 LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
 RESTING = 30.0  # times as long as it took

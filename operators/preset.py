@@ -34,6 +34,9 @@ class GivesProduct:
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             given = self.given(context, context.active_object)
+            result = context.scene.kiriko.result
+            if result.source is None:
+                result.summary = ""  # of Add Rig, whose part is another one now
             telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
             return {"FINISHED"}
 

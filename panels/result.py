@@ -7,7 +7,7 @@ from ..core.blender.result_images import images_of
 from ..core.messages import Message, as_message, joined
 from ..core.numbers import number
 from ..core.words import percent, pixels, shares_in_words
-from ..operators import needed, watch
+from ..operators import needed, watch, work
 from ..operators.telling import in_words
 from .remedies import draw_remedies
 from .words import MARGIN, OfRig, sentence
@@ -25,7 +25,9 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         layout = self.layout
         result = context.scene.kiriko.result
         said = Sentences.read(result.sentences)
-        if result.is_coarse:
+        if result.is_coarse and (work.is_busy() or watch.is_followed(context.scene)):
+            sentence(layout, context, needed.COMING, icon="INFO")
+        elif result.is_coarse:
             sentence(layout, context, Message("{reason}.", reason=needed.COARSE), icon="ERROR")
         elif not result.summary:
             layout.label(text="Not solved yet.")

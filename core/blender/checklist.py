@@ -217,7 +217,8 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
     if look.missing:
         return
     if look.is_coarse:
-        yield Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
+        if not look.is_followed:
+            yield Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
         return
     if look.is_stale:
         yield Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
@@ -267,9 +268,9 @@ def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]
 
     factor = meant_factor(widest.width)
     text = Message(
-        "'{name}' is {width} wide: meant as {meant}?",
+        "'{name}' measures {length}: meant as {meant}?",
         name=widest.named.name,
-        width=length_text(widest.width),
+        length=length_text(widest.width),
         meant=millimetres(factor * widest.width),
     )
     label = Message("Scene in {times} of Its Size", times=f"1/{round(1 / factor)}")

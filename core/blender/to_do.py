@@ -79,6 +79,7 @@ class Look:
     cameras : names of the scene's cameras
     misses : shares of the picture by the reason why they are lost, of the last result
     helps : remedies that were found for them, the most helpful first; None where none were sought
+    is_followed : does Live follow the scene, so that the final image comes by itself?
     """
 
     things: tuple[Thing, ...] = ()
@@ -89,3 +90,4 @@ class Look:
     is_coarse: bool = False
     is_stale: bool = False
     is_solved: bool = False
+    is_followed: bool = False

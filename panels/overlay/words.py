@@ -10,7 +10,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ...core.arrays import Floats
-from ...core.blender.units import length_text
+from ...core.blender.units import length_of_unit, length_text
 from ...operators.sketcher import Drawing
 from ...operators.telling import in_words
 from . import colours
@@ -61,7 +61,7 @@ def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> N
             continue
         text = in_words(label.text)
         if label.length is not None:
-            text = length_text(context.scene, label.length)
+            text = length_text(context.scene, length_now(context.scene, drawing, label.length))
         box = _free_box(place[0], np.array(blf.dimensions(FONT, text)), size, scale, text, taken)
         if box is None:
             continue
@@ -70,6 +70,13 @@ def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> N
         blf.position(FONT, *box[0], 0)
         blf.draw(FONT, text)
     blf.disable(FONT, blf.SHADOW)
+
+
+def length_now(scene: bpy.types.Scene, drawing: Drawing, length: float) -> float:
+    """A length of a drawing, m, by the scene's unit as it is now: the
+    drawing may have been made before the unit was changed.
+    """
+    return length * length_of_unit(scene) / drawing.metres
 
 
 def _free_box(

@@ -86,8 +86,8 @@ def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> 
     bpy.context.view_layer.update()
     before = glass.matrix_world.copy()
     entries = look()
-    assert "'Cube' is 2 m wide: meant as 20 mm?" in told(entries)
-    press(entries, "2 m wide")
+    assert "'Cube' measures 2 m: meant as 20 mm?" in told(entries)
+    press(entries, "measures 2 m")
     units = bpy.context.scene.unit_settings
     assert units.scale_length == pytest.approx(0.01)
     assert units.length_unit == "MILLIMETERS"
@@ -452,6 +452,14 @@ def test_an_old_result_is_solved_again(core: ModuleType, state: str) -> None:
     look = to_do.Look(misses={"missed the plate": 0.3}, **{state: True})
     (entry,) = checklist.entries(look, str)
     assert [button.operator for button in entry.buttons] == ["kiriko.solve"]
+
+
+def test_nobody_is_to_solve_what_live_is_solving(core: ModuleType) -> None:
+    """A coarse image is no task while Live follows: the final one comes by itself."""
+    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
+    to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
+    look = to_do.Look(misses={"missed the plate": 0.3}, is_coarse=True, is_followed=True)
+    assert checklist.entries(look, str) == []
 
 
 def test_every_button_is_an_operator_with_its_properties(

@@ -369,6 +369,14 @@ def test_words_are_distances_in_the_scenes_unit_and_reasons(
     looked(sketcher)
     drawn(overlay)
     assert sorted(PAPER.words) == ["150 mm", "150 mm", "aerial plane"]
+
+    # a smaller unit counts at once, for the drawing of before, too
+    units = bpy.context.scene.unit_settings
+    units.scale_length = 0.01
+    drawn(overlay)
+    assert sorted(PAPER.words) == ["1.5 mm", "1.5 mm", "aerial plane"]
+    units.scale_length = 1.0
+
     rig["PLATE"].scale = (0.02, 0.02, 0.02)
     looked(sketcher)
     drawn(overlay)

@@ -262,6 +262,14 @@ def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.t
     result.summary = result.details = result.notes = ""
     assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
 
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    coming = "This is a first, coarse source image: the final one follows."
+    assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == coming
+    entries = " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    assert "coarse" not in entries
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
+
 
 def test_the_result_tells_brightness_and_blur_of_mirrors(
     drawn: Callable[..., Layout], scene: bpy.types.Scene

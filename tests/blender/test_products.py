@@ -52,6 +52,23 @@ def test_a_display_becomes_a_phone_in_its_place(
     assert corners(display).mean(axis=0) == pytest.approx(middle, abs=SINGLE / unit)
 
 
+def test_what_add_rig_told_of_another_display_is_told_no_more(scene: bpy.types.Scene) -> None:
+    """A result that was solved is told to be old instead, and stays."""
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
+    activate(display)
+    assert "wide, takes all the light" in scene.kiriko.result.summary
+    assert bpy.ops.kiriko.display_preset(preset="iPhone 15") == {"FINISHED"}
+    assert scene.kiriko.result.summary == ""
+
+    display.kiriko.resolution = (64, 64)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    solved = scene.kiriko.result.summary
+    assert solved
+    assert bpy.ops.kiriko.display_preset(preset="iPhone 15 Plus") == {"FINISHED"}
+    assert scene.kiriko.result.summary == solved
+
+
 def test_an_object_shows_the_product_that_it_is(
     scene: bpy.types.Scene, drawn: Callable[..., Layout]
 ) -> None:
