@@ -121,15 +121,17 @@ def ball() -> None:
     in_place_of_cube(mesh, "Glass Ball")
 
 
-# radius and height of a goblet's outer side, mm, from the middle of its foot to its rim
+# radius and height of a goblet's outer side, mm, from the middle of its foot to its rim; the foot
+# is thicker than twice the wall, or its two sides, each with a wall of its own, would cut each
+# other; the stem is short, so that the bowl fills the viewer's sight
 OUTLINE = (
-    (0, 0), (28, 0), (30, 2), (12, 5), (5, 9), (4, 20), (4, 45), (6, 56), (18, 64), (30, 78),
-    (35, 95), (36, 112), (34, 130),
+    (0, 0), (26, 0), (30, 3), (26, 6), (12, 8), (6, 11), (5, 15), (5, 20), (7, 26), (18, 31),
+    (30, 42), (36, 59), (37, 78), (35, 97),
 )  # fmt: skip
 
 
 def goblet() -> None:
-    """A wine glass: an outline with Screw, Solidify and Subdivision."""
+    """A wine glass: an outline with Screw, Solidify, whose wall is inside it, and Subdivision."""
     mesh = bpy.data.meshes.new("Goblet")
     places = [(radius / 1000, 0.0, height / 1000) for radius, height in OUTLINE]
     mesh.from_pydata(places, [(k, k + 1) for k in range(len(places) - 1)], [])
@@ -137,6 +139,7 @@ def goblet() -> None:
     screw = thing.modifiers.new("Screw", "SCREW")
     screw.steps = screw.render_steps = 32
     screw.use_merge_vertices = True
+    screw.merge_threshold = 1e-5  # m: by default 10 mm, which draws a thin stem into a line
     screw.use_smooth_shade = True
     solidify = thing.modifiers.new("Solidify", "SOLIDIFY")
     solidify.thickness = 0.002
