@@ -6,13 +6,15 @@ chords between those points. Each face is cut into k^2 parts, as many as its tur
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..arrays import Bools, Floats
 from ..products import combine
+from ..steps import Pauses
 from ..vectors import length_of
-from .curved import FACES_AT_ONCE, HIGHER, CurvedFaces
+from .curved import HIGHER, CurvedFaces
 from .quartics import N_TERMS, grid, monomials
 
 
@@ -34,6 +36,7 @@ class HullKnobs:
 
 
 HULL = HullKnobs()
+POINTS_AT_ONCE = 1 << 17  # on faces, that are worked on together: between two pauses
 
 
 def count_parts(faces: CurvedFaces, angle: float, most: int) -> int:
@@ -56,13 +59,21 @@ def count_hull_parts(faces: CurvedFaces) -> int:
     return max(count_parts(faces, HULL.angle, HULL.most_parts), least)
 
 
-def make_hull(faces: CurvedFaces, k: int) -> Floats:
-    """Triangles (p k^2, 3, 3), m, that lie just in front of all faces: k^2 for each.
+class Hull(NamedTuple):
+    """Triangles (p k^2, 3, 3), m, that lie just in front of p faces: k^2 for each.
 
     Next to straight edges, which faces share with flat ones, they lie on the faces instead.
     """
+
+    k: int
+    corners: Floats
+
+
+def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
+    """Make the hull of curved faces, with pauses."""
+    k = count_hull_parts(faces)
     weights, parts = grid(k)
-    points, sag = _find_points(faces, k)
+    points, sag = yield from _find_points(faces, k)
 
     # around each vertex all faces are lifted alike, or the hull would have gaps
     lift = np.zeros(len(faces.vertex_normal))
@@ -75,16 +86,23 @@ def make_hull(faces: CurvedFaces, k: int) -> Floats:
     is_held[faces.vertex[on_edge]] = True
     is_held[np.roll(faces.vertex, -1, axis=1)[on_edge]] = True
 
-    for first in range(0, len(points), FACES_AT_ONCE):
-        some = slice(first, first + FACES_AT_ONCE)
+    corners = np.empty((len(points), *parts.shape, 3))
+    for some in _portions(len(points), len(weights)):
         raised = np.matmul(weights, lifted[faces.vertex[some]])
         _hold_edges(raised, weights, is_held[faces.vertex[some]], on_edge[some])
-        points[some] += raised
+        corners[some] = (points[some] + raised)[:, parts]
+        yield 0
 
-    return points[:, parts].reshape(-1, 3, 3)
+    return Hull(k, corners.reshape(-1, 3, 3))
 
 
-def _find_points(faces: CurvedFaces, k: int) -> tuple[Floats, Floats]:
+def _portions(n_faces: int, n_points: int) -> list[slice]:
+    """Faces that are worked on together, of so many points each."""
+    at_once = max(1, POINTS_AT_ONCE // n_points)
+    return [slice(first, first + at_once) for first in range(0, n_faces, at_once)]
+
+
+def _find_points(faces: CurvedFaces, k: int) -> Pauses[tuple[Floats, Floats]]:
     """Points (p, n, 3), m, of the faces at those of grid(k), and by how
     much (p,), m, faces stand out of the chords between these at most.
     """
@@ -105,13 +123,13 @@ def _find_points(faces: CurvedFaces, k: int) -> tuple[Floats, Floats]:
     points = np.empty((len(triangle), len(weights), 3))
     sag = np.zeros(len(triangle))
 
-    for first in range(0, len(triangle), FACES_AT_ONCE):
-        some = slice(first, first + FACES_AT_ONCE)
+    for some in _portions(len(triangle), len(fine)):
         at = np.matmul(terms, faces.coefficients[some])
         for i, m, j in chords:
             missed = length_of(at[:, m] - (at[:, i] + at[:, j]) / 2).max(axis=1)
             sag[some] = np.maximum(sag[some], missed)
         points[some] = np.matmul(weights, faces.corners[triangle[some]]) + at[:, coarse]
+        yield 0
 
     return points, sag
 

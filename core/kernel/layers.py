@@ -6,17 +6,16 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays import Floats
 from ..glass.curved import CurvedFaces
 from ..glass.quartics import LOWER
 from ..light.rescue import count_starts
-from ..steps import Pauses
+from ..steps import Pauses, finish
 from .structures import (
     CurvedStructure,
     LayerStructure,
     Made,
 )
-from .trees import face_tree_of, frames_of, hull_of, kept
+from .trees import frames_of, kept, making_face_tree, making_hull
 
 if TYPE_CHECKING:
     from ..light.plan import PlannedLayer
@@ -50,17 +49,13 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
-def _face_tree(layer: "Layer") -> tuple[Made, Floats]:
-    return face_tree_of(layer, None if layer.curved is None else layer.curved.whole)
-
-
 def growing_trees(layer: "Layer") -> Pauses[None]:
-    """Make the trees that a layer will need; pauses after each, which may take 0.2 s."""
+    """Make the trees that a layer will need."""
     if layer.has_engine:
-        _face_tree(layer)
+        yield from making_face_tree(layer)
         yield 0
     if layer.curved is not None:
-        hull_of(layer.asked)
+        yield from making_hull(layer.asked)
         yield 0
 
 
@@ -91,14 +86,14 @@ def make_layer(held: "PlannedLayer") -> Made:
     )
 
     if layer.has_engine:
-        tree, facets = _face_tree(layer)
+        tree, facets = finish(making_face_tree(layer))
         made.set(over_faces=tree.structure)
         made.point("facets", facets, float)
         made.keep(tree)
 
     if curved is not None:
         faces = _make_curved(curved)
-        hull = hull_of(layer.asked)
+        hull = finish(making_hull(layer.asked))
         made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
         made.keep(faces, hull)
 

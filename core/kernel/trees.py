@@ -16,16 +16,14 @@ from ..light.asked import Asked
 from ..light.engines import Found
 from ..light.ray_engine import Layer
 from ..products import combine
+from ..steps import Pauses, finish
 from ..vectors import length_of
+from .growing import making_tree
 from .loading import loaded, n_threads
-from .structures import (
-    NODE,
-    HullStructure,
-    Made,
-    TreeStructure,
-)
+from .structures import HullStructure, Made
 
 BEZIER_AT_ONCE = 1 << 12  # faces
+BOXES_AT_ONCE = 1 << 16  # of triangles
 BOX_SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
 # (14,) bound of the way that Bezier points of a face go when it is lowered, per coefficient
 BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.values()]).max(
@@ -45,27 +43,19 @@ def kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
     return cache[key]
 
 
+def keeping(
+    cache: WeakKeyDictionary, key: object, making: Callable[[], Pauses[Any]]
+) -> Pauses[Any]:
+    """What a cache keeps of a key, made once, with pauses."""
+    if key not in cache:
+        made = yield from making()
+        cache[key] = made
+    return cache[key]
+
+
 def stack_frames(frames: Frames) -> Floats:
     """Corner, normal and both axes (t, 4, 3) of each triangle, side by side."""
     return np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1)
-
-
-def _make_tree(boxes: Floats) -> tuple[Made, NDArray[np.int32]]:
-    """A tree over boxes (n, 2, 3), which are about 1 in size.
-
-    And the box (n,) that stands at each position.
-    """
-    boxes = np.ascontiguousarray(boxes, float)
-    nodes = np.empty(len(boxes), NODE)
-    items = np.empty(len(boxes), np.int32)
-    n_nodes = loaded().kiriko_make_tree(len(boxes), *(a.ctypes.data for a in (boxes, nodes, items)))
-    if not n_nodes:
-        raise MemoryError
-
-    tree = Made(TreeStructure)
-    tree.point("nodes", nodes[:n_nodes].copy(), NODE)
-    tree.point("items", items, np.int32)
-    return tree, items
 
 
 def _boxes(corners: NDArray[np.floating]) -> Floats:
@@ -82,7 +72,7 @@ def _grown(boxes: Floats) -> Floats:
     return boxes
 
 
-def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
+def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Pauses[Floats]:
     """Boxes (t, 2, 3) that hold a layer's faces, curved ones of
     lower degrees too, in its radii from its centre.
     """
@@ -100,21 +90,28 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Floats:
                 2, 3, -1
             )
             boxes[some] = bounds.transpose(2, 0, 1) + curved.corners[some, :1]
+            yield 0
 
     return _grown((boxes - layer.centre) / layer.radius)
 
 
-def _make_face_tree(layer: Layer, curved: CurvedFaces | None) -> tuple[Made, Floats]:
-    """A tree over a layer's faces.
+def _making_face_tree(layer: Layer, curved: CurvedFaces | None) -> Pauses[tuple[Made, Floats]]:
+    """Make a tree over a layer's faces.
 
     And the frames (t, 4, 3) of the facets, in the order of its positions.
     """
-    tree, items = _make_tree(_face_boxes(layer, curved))
+    tree, items = yield from making_tree((yield from _face_boxes(layer, curved)))
     return tree, taken(stack_frames(layer.frames), items)
 
 
-def _make_hull(asked: Asked) -> Made:
-    tree, items = _make_tree(_grown(_boxes(asked.corners.astype(float))))
+def _making_hull(asked: Asked) -> Pauses[Made]:
+    boxes = np.empty((len(asked.corners), 2, 3))
+    for first in range(0, len(boxes), BOXES_AT_ONCE):
+        some = slice(first, first + BOXES_AT_ONCE)
+        boxes[some] = _grown(_boxes(asked.corners[some].astype(float)))
+        yield 0
+
+    tree, items = yield from making_tree(boxes)
     made = Made(HullStructure)
     made.point("corners", asked.corners[items], np.float32)
     made.point("owner", asked.owner, np.int64)
@@ -129,14 +126,15 @@ def frames_of(frames: Frames) -> Floats:
     return kept(_frames, frames, lambda: stack_frames(frames))
 
 
-def face_tree_of(layer: Layer, whole: CurvedFaces | None) -> tuple[Made, Floats]:
-    """A tree over a layer's faces, and their frames in its order; `whole` are its curved ones."""
-    return kept(_trees, whole or layer.frames, lambda: _make_face_tree(layer, whole))
+def making_face_tree(layer: Layer) -> Pauses[tuple[Made, Floats]]:
+    """Make a tree over a layer's faces; and their frames in its order."""
+    whole = None if layer.curved is None else layer.curved.whole
+    return keeping(_trees, whole or layer.frames, lambda: _making_face_tree(layer, whole))
 
 
-def hull_of(asked: Asked) -> Made:
-    """Triangles that are asked for hits, with a tree over them."""
-    return kept(_hulls, asked, lambda: _make_hull(asked))
+def making_hull(asked: Asked) -> Pauses[Made]:
+    """Make triangles that are asked for hits known to the kernel, with a tree over them."""
+    return keeping(_hulls, asked, lambda: _making_hull(asked))
 
 
 class HullEngine:
@@ -145,7 +143,7 @@ class HullEngine:
     name = "the kernel's tree"
 
     def __init__(self, asked: Asked) -> None:
-        self._made = hull_of(asked)
+        self._made = finish(making_hull(asked))
 
     def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
         origins, directions = (

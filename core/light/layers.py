@@ -4,7 +4,9 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..glass.curved import CurvedFaces
+from ..glass.curved_hull import making_hull
 from ..glass.surfaces import Surface
+from ..steps import Pauses
 from .media import boxes_touch
 from .ray_engine import FEW_TRIANGLES, Layer
 
@@ -54,14 +56,16 @@ def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
     return groups
 
 
-def make_layer(surfaces: list[Surface]) -> Layer:
-    """The layer of several surfaces."""
-    if len(surfaces) == 1:
-        return Layer(surfaces[0].corners, surfaces[0].curved)
-    corners = [surface.corners for surface in surfaces]
-    return Layer(
-        np.concatenate(corners), CurvedFaces.join([surface.curved for surface in surfaces], corners)
-    )
+def making_layer(surfaces: list[Surface]) -> Pauses[Layer]:
+    """Make the layer of several surfaces, with pauses."""
+    corners, curved = surfaces[0].corners, surfaces[0].curved
+    if len(surfaces) > 1:
+        of_each = [surface.corners for surface in surfaces]
+        corners = np.concatenate(of_each)
+        curved = CurvedFaces.join([surface.curved for surface in surfaces], of_each)
+
+    hull = None if curved is None else (yield from making_hull(curved))
+    return Layer(corners, curved, hull)
 
 
 def grown(boxes: Floats) -> Floats:

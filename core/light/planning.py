@@ -1,7 +1,7 @@
 """Makes a rig ready to be traced, as far as its parts ask for it."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from .contact import NEAR
 from .display import display_plane
 from .engines import engine_kind
 from .kept import Kept
-from .layers import group_parts, grown, make_layer, triangles_of_boxes
+from .layers import group_parts, grown, making_layer, triangles_of_boxes
 from .media import Media, boxes_touch, make_media
 from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
@@ -124,7 +124,7 @@ def _make_layers(
             members = [parts.surfaces[i] for i in group]
             names = [parts.keys[i] for i in group]
 
-        layer = kept.get("+".join(names), lambda members=members: make_layer(members))
+        layer = yield from kept.making("+".join(names), partial(making_layer, members))
         yield 0
 
         # its solids' bits in the masks of their clusters

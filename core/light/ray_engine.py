@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import FLOAT32, Bools, Floats, Ints
 from ..glass.curved import FACES_AT_ONCE, CurvedFaces
 from ..glass.curved_hits import find_roots
-from ..glass.curved_hull import count_hull_parts, make_hull
+from ..glass.curved_hull import Hull, making_hull
 from ..glass.curved_roots import Lines, Spots
 from ..glass.meshes import Frames, box_of
 from ..glass.motion import Motion
@@ -37,7 +37,10 @@ class Layer:
     it was moved to.
     """
 
-    def __init__(self, corners: Floats, curved: CurvedFaces | None = None) -> None:
+    def __init__(
+        self, corners: Floats, curved: CurvedFaces | None = None, hull: Hull | None = None
+    ) -> None:
+        """A layer of triangles (t, 3, 3), m; the hull of its curved faces may be there already."""
         self.motion: Motion | None = None
         self.corners = corners
         self.frames = Frames.of(corners)
@@ -50,13 +53,14 @@ class Layer:
         n_whole = len(corners)
         parts = np.eye(3)[None]
         if curved is not None:
-            k = count_hull_parts(curved)
+            hull = hull or finish(making_hull(curved))
+            k = hull.k
             weights, of_one = grid(k)
             flat = np.flatnonzero(curved.row < 0)
             owner = np.concatenate([flat, np.repeat(curved.triangle, k * k)])
             parts = weights[of_one]
             n_whole = len(flat)
-            corners = np.concatenate([corners[flat], make_hull(curved, k)])
+            corners = np.concatenate([corners[flat], hull.corners])
 
         # in units and from a place in which float32 loses least
         self.bounds = box_of(corners)

@@ -299,7 +299,7 @@ def test_one_tree_holds_faces_of_all_degrees(make):
     in the boxes of the tree that all of them share.
     """
     (layer,) = (held.layer for held in make_plan(rig(make()), DEFAULT).layers if held.layer.curved)
-    boxes = trees._face_boxes(layer, layer.curved)
+    boxes = finish(trees._face_boxes(layer, layer.curved))
     k = np.repeat(layer.curved.triangle, 15)
     u, v = np.random.default_rng(0).dirichlet(np.ones(3), len(k))[:, :2].T
     for degree in (4, 3, 2):
