@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
+from ..steps import Pauses
 from ..vectors import length_of, normalise
 from .curved import FACES_AT_ONCE
 from .meshes import Edges
@@ -87,7 +88,7 @@ class Beside:
         return cls(row, triangle, edge, is_drawn)
 
 
-def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Agreed:
+def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Pauses[Agreed]:
     """Normals that neighbours agree on.
 
     On an edge it is the mean of both sides, and a facet's own where it runs on as drawn; inside it
@@ -142,6 +143,7 @@ def agree(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Agre
         # others keep their own normals
         differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREEMENT.agree / 10)
         agreed[k + differ, N_ON_EDGES:] += np.matmul(INWARD, change[differ])
+        yield 0
 
     return Agreed(agreed, jump)
 
@@ -185,7 +187,9 @@ class Trial(NamedTuple):
         return is_fine.all(axis=1) | (is_fine.any(axis=1) & is_believed(*both))
 
 
-def on_trial(corners: Floats, coefficients: Floats, at_corners: Floats, agreed: Agreed) -> Trial:
+def on_trial(
+    corners: Floats, coefficients: Floats, at_corners: Floats, agreed: Agreed
+) -> Pauses[Trial]:
     """Curved faces on trial, as far as the fit can tell by itself.
 
     The jump of normals between neighbours is about their error. The gain of a face is the angle by
@@ -196,12 +200,17 @@ def on_trial(corners: Floats, coefficients: Floats, at_corners: Floats, agreed: 
     corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals
     agreed : normals that neighbours agree on
     """
-    away = agreed.normals - normalise(np.matmul(NODES, at_corners))
-    turned = np.einsum("nkc,nkc->n", away, away) / N_NODES
+    gained, turn = np.empty((2, len(corners)))
+    for k in range(0, len(corners), FACES_AT_ONCE):
+        some = slice(k, k + FACES_AT_ONCE)
+        ends = corners[some], at_corners[some]
+        away = agreed.normals[some] - normalise(np.matmul(NODES, ends[1]))
+        turned = np.einsum("nkc,nkc->n", away, away) / N_NODES
 
-    # a ray that meets the face later, by its height, finds it turned by so much more
-    height = length_of(np.matmul(AT_NODES, coefficients)).max(axis=1)
-    along, turn = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in (corners, at_corners))
+        # a ray that meets the face later, by its height, finds it turned by so much more
+        height = length_of(np.matmul(AT_NODES, coefficients[some])).max(axis=1)
+        along, turn[some] = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in ends)
+        gained[some] = (np.sqrt(turned) + height * turn[some] / along) ** 2
+        yield 0
 
-    gained = (np.sqrt(turned) + height * turn / along) ** 2
     return Trial((agreed.jump**2).mean(axis=1), gained, turn)

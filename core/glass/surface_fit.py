@@ -15,14 +15,14 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints, taken
 from ..steps import Pauses
 from ..vectors import length_of
-from .agreement import AGREEMENT, Agreed, Beside, agree, on_trial
+from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
 from .fitted_faces import Faces, fit_faces
 from .grid_lines import find_scatter
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
 from .vertex_fields import fit_fields
-from .vertex_normals import contradicted, find_normals
+from .vertex_normals import contradicted, finding_normals
 from .vertices import Vertices, find_vertices
 
 
@@ -107,7 +107,7 @@ def make_curved(
     # normals that agree at the edges, and faces that are trusted for it
     area = areas_of(corners)
     at_corners = taken(v.normal, v.of_corner[faces.chosen])
-    agreed = agree(faces.own, at_corners, area[faces.chosen], beside)
+    agreed = yield from agreeing(faces.own, at_corners, area[faces.chosen], beside)
     yield 0
     is_doubted = np.zeros(n_triangles, bool)
 
@@ -127,7 +127,7 @@ def make_curved(
 
     if len(faces.chosen) < n_triangles:
         yield 0
-        agreed = agree(faces.own, taken(normal, vertex), area[faces.chosen], beside)
+        agreed = yield from agreeing(faces.own, taken(normal, vertex), area[faces.chosen], beside)
 
     yield 0
     return _put_together(corners, vertex, normal, faces, agreed, beside), is_doubted
@@ -161,7 +161,8 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses
     yield 0
 
     if has_mean_normals:
-        v = replace(v, normal=find_normals(v, is_used))
+        v = replace(v, normal=(yield from finding_normals(v, is_used)))
+        yield 0
         cosine = np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), drawn.facets)
         wanted &= (cosine > FIT.least_cosine).all(axis=1)
 
@@ -223,7 +224,8 @@ def _are_trusted(
     """
     vertex = v.of_corner[faces.chosen]
     at = taken(corners, faces.chosen)
-    trial = on_trial(at, faces.coefficients, taken(v.normal, vertex), agreed)
+    trial = yield from on_trial(at, faces.coefficients, taken(v.normal, vertex), agreed)
+    yield 0
     is_near = trial.trusted(vertex)
     if (~is_near & trial.is_coarse).any():
         yield 0

@@ -131,6 +131,7 @@ def making_surface(
 
     # curved faces over them, where they turn far enough
     is_joined = find_joined(by_corner, edges)
+    yield 0
     if is_bent.any() and mesh.surface != "facets":
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
         # the effect of rounding on the slopes of faces through the

@@ -9,6 +9,7 @@ import numpy as np
 from .. import kernel
 from ..arrays import Bools, Floats, taken
 from ..products import solve_symmetric
+from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
 from .quartics import N_TERMS
 from .vertex_fields import RIDGE, Fields, gradients, system, tangent_planes
@@ -49,7 +50,7 @@ class NormalKnobs:
 NORMALS = NormalKnobs()
 
 
-def find_normals(v: Vertices, wanted: Bools) -> Floats:
+def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
     """Normals (f, 3) of the surface through the vertices, where
     the given ones are only means of the faces around.
 
@@ -63,6 +64,7 @@ def find_normals(v: Vertices, wanted: Bools) -> Floats:
         fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
     else:
         _settle_normals(v, tangent_planes(v), wanted, normal)
+    yield 0
 
     # where the mesh is too irregular to tell, the mean is the better guess
     turn = length_of(taken(v.normal, v.end) - taken(v.normal, v.start))

@@ -104,9 +104,11 @@ class _Cutting:
         self.chaotic.append(corners[is_given_up])
         cells = cells.at(np.flatnonzero(~is_given_up))
         square = square[~is_given_up]
+        yield 0
 
         # calm where few are in doubt: not by cells that are only bent by more than the tolerance
         found = yield from self._cut(cells, 0)
+        yield 0
         in_doubt = found.has_gaps | np.isinf(found.off)
         n_in_doubt = np.bincount(square, in_doubt)
         is_calm = (n_in_doubt <= CUT.n_doubtful)[square] | (not dense)
@@ -123,14 +125,17 @@ class _Cutting:
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
         self.chaotic.append(corners[is_given_up])
         cells = cells.at(np.flatnonzero(~is_given_up))
+        yield 0
 
         found = yield from self._cut(cells, depth)
+        yield 0
         return self._settled(cells, found, depth)
 
     def finished(self) -> Generator[int, None, Pieces]:
         """Cut what is not looked into any further."""
         last = np.concatenate(self.last)
         self._expect(last, CUT.quarterings + 1, 0)
+        yield 0
         self.points, of_last = yield from _cut_last(self.plan, self.points, last)
         return Pieces(
             self.points,
@@ -148,6 +153,7 @@ class _Cutting:
         middle = yield from trace_points(self.plan, mean_at(self.points.view, corners))
         number = len(self.points) + np.arange(len(corners))
         self.points = self.points.and_more(middle)
+        yield 0
         return _Parts(corners, number, is_calm)
 
     def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
@@ -168,14 +174,18 @@ class _Cutting:
             0.0 if plan.is_flat else CUT_RAYS.mixed_again
         ) * len(mixed)
         self._expect(cells.corners, depth, 4 * n_again)
+        yield 0
 
         # on several
         self.points, pieces, owner = yield from cut_cells(plan, self.points, cells.corners[mixed])
+        yield 0
         off[mixed] = missed_by_pieces(
             plan, self.points, pieces, owner, self.points.at(cells.middle[mixed])
         )
+        yield 0
         gaps = np.zeros(len(is_one), bool)
         gaps[mixed] = has_gaps(self.points, cells.corners[mixed], pieces, owner)
+        yield 0
 
         n_met = n_branches(self.points, np.column_stack([cells.corners, cells.middle]))
         return Doubts(
@@ -237,6 +247,7 @@ def _cut_last(
     branch = points.branch[triangles]
     is_one = (branch == branch[:, :1]).all(axis=1)
     points, pieces, _ = yield from cut_cells(plan, points, triangles[~is_one])
+    yield 0
     return points, np.concatenate([triangles[is_one & (branch[:, 0] != 0)], pieces])
 
 
@@ -261,6 +272,7 @@ def _quartered(
     # they lie on a grid so fine: whole numbers are told apart faster than places
     column, row = np.moveaxis(2**CUT.quarterings * halfway, 2, 0).astype(np.int64)
     _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
+    yield 0
     found = yield from trace_points(plan, taken(halfway.reshape(-1, 2), first))
 
     number = len(points) + number.reshape(cells.shape)

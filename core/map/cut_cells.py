@@ -36,6 +36,7 @@ def cut_cells(
         np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
     ])  # fmt: skip
     key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
+    yield 0
     ends, border = yield from both_ways(plan, points, key // n, key % n)
     strips = yield from find_strips(plan, points, key, ends)
 
@@ -47,11 +48,14 @@ def cut_cells(
     places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
     places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
 
+    yield 0
     group = yield from _groups(plan, points, cells)
+    yield 0
     of_place = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2)
     points = points.and_more(border)
     on_edges = strips.on_edges(cells, following, n, len(points))
     points = points.and_more(strips.points)
+    yield 0
 
     # cells with strips have more places
     has_strips = (on_edges > 0).any(axis=(1, 2))
@@ -63,7 +67,10 @@ def cut_cells(
         (plain, places[plain], of_place[plain]),
         (others, _between(places[others], on_edges), _between(of_place[others], of_strip)),
     ]
-    pieces = [_pieces(*some) for some in found]
+    pieces = []
+    for some in found:
+        pieces.append(_pieces(*some))
+        yield 0
     triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
 
     return points, triangles - 1, owner

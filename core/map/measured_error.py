@@ -52,7 +52,9 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     display_size = view_map.display_size
 
     # where the map has them
+    yield 0
     expected = view_map.lookup.by_cells(places.at)
+    yield 0
     is_sampled = np.zeros(len(places.at), bool)
     is_sampled[view_map.lookup.nearest_samples(places.at, np.isnan(expected[:, 0]))[0]] = True
 

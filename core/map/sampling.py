@@ -123,6 +123,8 @@ class Sampling:
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
 
+            yield 0
+
             # what passes the checks is a cell
             missed = self._missed(checking, first + len(missing))
             # of the smallest, the rest of their error is compared with
@@ -253,6 +255,7 @@ class Sampling:
         is_seen = ~is_aside & ~is_beside_glass
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
         cells = cells[is_seen]
+        yield 0
 
         pieces = yield from cut(self.plan, self.points, cells, square[is_seen], self._expect_of_cut)
         samples, sample_area = yield from sample_cells(

@@ -84,8 +84,9 @@ def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
     column, row = np.floor(view).astype(np.int64).T
     is_within = (view != np.floor(view)).all(axis=1) & (column < w) & (row < h)
     counts = np.zeros((len(Reason), w * h), np.uint16)
-    np.add.at(
-        counts, (view_map.points.reason[is_within], row[is_within] * w + column[is_within]), 1
-    )
+    reason = view_map.points.reason[is_within]
+    pixel = row[is_within] * w + column[is_within]
+    for one in np.unique(reason):
+        counts[one] = np.bincount(pixel[reason == one], minlength=w * h)
 
     return counts
