@@ -1,5 +1,6 @@
-"""What a report tells beside its costs: how far the head may go, how two eyes see the picture, and
-which way to settle the viewers' disagreement serves each of them better.
+"""What a report tells beside its costs: how far the head may go, how two eyes see the picture,
+whether the box that viewers span is served better than by its middle alone, and which way to settle
+the viewers' disagreement serves each of them better.
 
 Each is told where the rig has it: a head that moves before a flat picture, a pair of eyes, several
 viewers.
@@ -18,7 +19,7 @@ from ..core.atlas.heads import check_viewer
 from ..core.bench.picture_room import plane_of
 from ..core.errors import KirikoError
 from ..core.light.kept import Kept
-from ..core.measure import eye_box_curves, two_eyes_drawing
+from ..core.measure import eye_box_curves, head_box, two_eyes_drawing
 from ..core.measure.eye_box import LEAST, LIMIT, Walk
 from ..core.measure.sharpness import sharpness
 from ..core.measure.two_eyes import pair_of, two_eyes
@@ -80,7 +81,11 @@ def _has(check: Callable[[Rig], object], rig: Rig) -> bool:
 
 def names(rig: Rig) -> tuple[str, ...]:
     """The files that `beside` finds drawings for."""
-    found = ((check_head, eye_box_curves.FILE), (check_pair, two_eyes_drawing.FILE))
+    found = (
+        (check_head, eye_box_curves.FILE),
+        (check_pair, two_eyes_drawing.FILE),
+        (head_box.check_box, head_box.FILE),
+    )
     return tuple(name for check, name in found if _has(check, rig))
 
 
@@ -92,8 +97,9 @@ def beside(
     A part that goes wrong is missing, and takes nothing of the others along.
     """
     parts = (
-        ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.8),
-        ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.9),
+        ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.6),
+        ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.7),
+        ("head_box", "Head Box", _has(head_box.check_box, rig), _head_box_of(context, rig), 0.9),
         ("disagreement", "Disagreement", _has_several(rig), ways_to_settle(context, rig), 1.0),
     )
     found = Beside()
@@ -123,6 +129,17 @@ def _two_eyes_of(
     return two_eyes_drawing.as_data(eyes), {
         two_eyes_drawing.FILE: two_eyes_drawing.as_svg(rig, eyes)
     }
+
+
+def _head_box_of(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
+    """What solving for all viewers gives beside solving for the middle of the box that they span:
+    numbers and a drawing. Yields progress 0..1.
+    """
+    plan = work.session().plan(rig, work.settings_of(context.scene))
+    served = yield from head_box.head_box(plan)
+    return head_box.as_data(served), {head_box.FILE: head_box.as_svg(served)}
 
 
 def ways_to_settle(
@@ -163,8 +180,9 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     eyes = verbs.add_parser(
         "eyes",
         parents=[shared],
-        help="tell how far the head may go, as curves, how two eyes see the picture, and what"
-        " several viewers see of it by each way to settle their disagreement",
+        help="tell how far the head may go, as curves, how two eyes see the picture, what solving"
+        " for a box of heads gives beside solving for its middle, and what several viewers see by"
+        " each way to settle their disagreement",
     )
     eyes.add_argument(
         "--limit",

@@ -10,8 +10,10 @@ from ..core.blender.kept import Numbers
 from ..core.blender.objects import surface_object
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import RigError
+from ..core.light.plan import Plan
 from ..core.measure.eye_box import LEAST, LIMIT, EyeBox, Walk
 from ..core.measure.eye_box_surface import surface_of
+from ..core.measure.head_box import as_data, check_box, head_box
 from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.steps import within
@@ -21,8 +23,10 @@ from .surfaces import MADE_FOR
 from .visible_range import Remove
 
 DISPLACEMENT = "displacement"  # arcmin, at the surface's points
+SERVED = "head_box"  # among the numbers
 NUMBERS = "kiriko_eye_box"  # the surface's own property that keeps them, as text
-FOUND = 0.7  # of the progress: the rest is the surface
+# of the progress, when the box is found, and when its surface is: the rest is the viewers' box
+FOUND, SURFACE = 0.5, 0.7
 
 
 class KIRIKO_OT_remove_eye_box(Remove, bpy.types.Operator):
@@ -88,11 +92,12 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
                 limit=number(self.limit),
             )
 
-        surface = yield from within(surface_of(walk, box), FOUND, 1.0)
+        surface = yield from within(surface_of(walk, box), FOUND, SURFACE)
+        served = yield from within(_served(walk.plan), SURFACE, 1.0)
         positions = surface.positions / length_of_unit(scene)
         off = {DISPLACEMENT: surface.off}
         thing = surface_object(scene, NAME, positions, surface.triangles, off)
-        numbers = numbers_of(box, viewer)
+        numbers = {**numbers_of(box, viewer), **served}
         thing[NUMBERS], thing[MADE_FOR] = Numbers(numbers).text(), made_for
         return Message(
             "Within {limit} arcmin the head of '{viewer}' may go {ways}: '{name}'.",
@@ -103,6 +108,20 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         )
 
 
+def _served(plan: Plan) -> Generator[float, None, dict[str, Any]]:
+    """What solving for all viewers gives beside solving for the middle of the box that they span,
+    by the name under which a surface keeps it; nothing where they span none. Yields progress 0..1.
+    """
+    try:
+        check_box(plan.rig)
+    except RigError:
+        return {}
+    found = as_data((yield from head_box(plan)))
+    for way in ("for_all", "for_middle"):
+        del found[way]["curves"]
+    return {SERVED: found}
+
+
 def numbers_of(box: EyeBox, viewer: str) -> dict[str, Any]:
     """The numbers of an eye box, and whose it is, as its surface keeps them."""
     return {**asdict(box), "viewer": viewer}
@@ -111,6 +130,34 @@ def numbers_of(box: EyeBox, viewer: str) -> dict[str, Any]:
 def box_of(surface: bpy.types.Object | None) -> dict[str, Any] | None:
     """The numbers that a surface keeps; None where there is none."""
     return None if surface is None else Numbers.read(surface.get(NUMBERS, "")).by_name or None
+
+
+def served_in_words(box: dict[str, Any]) -> list[Message]:
+    """How the box that the viewers span is served, in three lines; nothing where they span none."""
+    served = box.get(SERVED)
+    if served is None or None in (*served["for_all"].values(), *served["for_middle"].values()):
+        return []
+    everyone, middle = served["for_all"], served["for_middle"]
+    return [
+        Message(
+            "Heads over the box of {n} viewers see the picture off by {mean} arcmin, at most"
+            " {largest}.",
+            n=served["n_viewers"],
+            mean=number(everyone["mean_arcmin"]),
+            largest=number(everyone["largest_arcmin"]),
+        ),
+        Message(
+            "Solved for the middle of the box alone: {mean} arcmin, at most {largest}.",
+            mean=number(middle["mean_arcmin"]),
+            largest=number(middle["largest_arcmin"]),
+        ),
+        Message(
+            "A head in the middle sees it off by {mean} arcmin, solved for the middle alone by"
+            " {alone}.",
+            mean=number(everyone["middle_mean_arcmin"]),
+            alone=number(middle["middle_mean_arcmin"]),
+        ),
+    ]
 
 
 def ways_in_words(scene: bpy.types.Scene, box: dict[str, Any]) -> list[Message]:

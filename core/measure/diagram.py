@@ -72,7 +72,7 @@ def linear(
 ) -> str:
     """Draw curves on linear axes from 0 on; parameters are those of `log_log` and `draw`."""
     x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
-    return draw(title, curves, _from_zero(x_label, x), _from_zero(y_label, y), notes, is_rising)
+    return draw(title, curves, from_zero(x_label, x), from_zero(y_label, y), notes, is_rising)
 
 
 def draw(
@@ -150,7 +150,7 @@ def _decades(label: str, values: Sequence[float]) -> Axis:
     return Axis(label, tuple((10.0**k, _power(k)) for k in powers), is_log=True)
 
 
-def _from_zero(label: str, values: Sequence[float]) -> Axis:
+def from_zero(label: str, values: Sequence[float]) -> Axis:
     """Round numbers from 0 to the largest value, four to ten of them."""
     most = max(values, default=1.0) or 1.0
     power = 10.0 ** floor(log10(most))

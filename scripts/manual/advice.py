@@ -1268,6 +1268,8 @@ ATLAS = Section(
                 " '{picture}', or behind it: let it move less far.",
                 "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
                 " Perspective.",
+                "The viewers are at one place and span no box: add some elsewhere, by Two Eyes or"
+                " Grid.",
             ),
         ),
         Advice(

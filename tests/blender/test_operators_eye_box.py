@@ -188,3 +188,45 @@ def test_where_there_is_none_one_sentence_tells_why(
     bpy.ops.kiriko.two_eyes()
     with pytest.raises(RuntimeError, match=r"off by more than 0\.001 arcmin"):
         bpy.ops.kiriko.eye_box(limit=1e-3)
+
+
+def test_of_several_viewers_it_tells_how_their_box_is_served(
+    scene: bpy.types.Scene, kiriko: ModuleType, drawn: Callable[..., Layout]
+) -> None:
+    """The numbers of core in the panel's words, whatever curves a report draws; nothing of them
+    where there is one viewer, or all are at one place.
+    """
+    small_rig()
+    bpy.ops.kiriko.eye_box()
+    room = of(kiriko, "operators.eye_box")
+    assert room.served_in_words(kept(kiriko)) == []
+    lines = " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
+    assert "box of" not in lines
+
+    bpy.ops.kiriko.two_eyes()
+    bpy.ops.kiriko.eye_box()
+    work = of(kiriko, "operators.work")
+    plan = work.session().plan(work.read(bpy.context).rig, work.settings_of(scene))
+    found = of(kiriko, "core.steps").finish(of(kiriko, "core.measure.head_box").head_box(plan))
+    served = kept(kiriko)["head_box"]
+    assert served["n_viewers"] == 2
+    assert served["size_m"] == pytest.approx(found.size_m, abs=1e-9)
+    for way in ("for_all", "for_middle"):
+        assert "curves" not in served[way]
+        for name, value in served[way].items():
+            assert value == pytest.approx(getattr(getattr(found, way), name), abs=1e-9), name
+    lines = " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
+    number = of(kiriko, "core.numbers").number
+    everyone = served["for_all"]
+    assert (
+        "Heads over the box of 2 viewers see the picture off by"
+        f" {number(everyone['mean_arcmin'])} arcmin, at most {number(everyone['largest_arcmin'])}."
+    ) in lines
+    assert "Solved for the middle of the box alone:" in lines
+    assert "A head in the middle sees it off by" in lines
+
+    first = scene.kiriko.viewers[1].camera
+    scene.kiriko.viewers[2].camera.matrix_world = first.matrix_world
+    bpy.context.view_layer.update()
+    bpy.ops.kiriko.eye_box()
+    assert "head_box" not in kept(kiriko)

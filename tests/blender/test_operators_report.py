@@ -222,8 +222,15 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
 
     bpy.ops.kiriko.two_eyes()
     assert run("eyes", "--out", two) == 0
-    assert names(two) == ["eye_box.svg", "eyes.json", "two_eyes.svg"]
+    assert names(two) == ["eye_box.svg", "eyes.json", "head_box.svg", "two_eyes.svg"]
     told = json.loads((two / "eyes.json").read_text())
+    box = told["head_box"]
+    assert box["n_viewers"] == 2
+    assert box["size_m"][0] == pytest.approx(0.065, rel=1e-3)
+    assert [curve["axis"] for curve in box["for_all"]["curves"]] == ["right"]
+    assert box["for_middle"]["middle_largest_arcmin"] == pytest.approx(0, abs=1e-6)
+    assert box["worse_at_middle_arcmin"] > 0
+    ET.parse(two / "head_box.svg")
     assert told["eye_box"]["ends_m"]["left"] > narrow["ends_m"]["left"]
     ET.parse(two / "two_eyes.svg")
     seen = told["two_eyes"]["for_both"]
@@ -277,22 +284,24 @@ def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     monkeypatch.setattr(module, "sharpness", no_edges)
     out = tmp_path / "out"
     assert bpy.ops.kiriko.report(directory=str(out), seconds=0) == {"FINISHED"}
-    assert names(out) == NAMES
+    assert names(out) == sorted([*NAMES, "head_box.svg"])
     report = json.loads((out / "report.json").read_text())
     why = {"two_eyes": "The eyes are shut: open them.", "disagreement": "ZeroDivisionError"}
     assert report["missing"] == why
     assert "eye_box" in report
     assert not {"two_eyes", "disagreement"} & {*report}
     told = capfd.readouterr().out
-    assert "Warning: Wrote report.csv, report.json, report.svg, eye_box.svg to" in told
+    assert (
+        "Warning: Wrote report.csv, report.json, report.svg, eye_box.svg, head_box.svg to" in told
+    )
     assert "The eyes are shut: open them. Disagreement failed (ZeroDivisionError: )" in told
 
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     assert run("report", "--out", tmp_path / "again", "--seconds", 0) == 0
-    assert names(tmp_path / "again") == NAMES
+    assert names(tmp_path / "again") == sorted([*NAMES, "head_box.svg"])
     told = capfd.readouterr().out
     assert "The eyes are shut" in told
-    assert f"wrote {len(NAMES)} files" in told
+    assert f"wrote {len(NAMES) + 1} files" in told
     assert run("eyes", "--out", tmp_path / "eyes") == 1
     assert not (tmp_path / "eyes").exists()
 
