@@ -792,6 +792,7 @@ def test_esc_at_every_step_of_add_rig_leaves_nothing(window: Window, is_given: b
     before = state()
 
     for k in range(n_steps):
+        part("operators.work").forget()  # parts kept of work that was stopped save steps
         operator = pressed("add_rig", window)
         operator.viewer_resolution = 64
         for _ in range(k):
