@@ -20,6 +20,9 @@ beside : the paper's question: by how many arcmin 7 x 7 points are off (mean, la
     some degrees beside the viewer, by the picture's size: uncompensated, solved for the middle, and
     for all of these places. *Gain* is the mean uncompensated over that of the middle, of all.
 box : the same over a box of 60 mm, solved for its middle and for 3 x 3 viewers in it.
+ends : how far the head may go each way, mm, by the eye box and by a walk in steps of a half per
+    cent that looks at all points at each: before the picture is off by 1 and by 5 arcmin, or a
+    fiftieth of it is gone. Mark: both within 2 %.
 
 `--cycles` compares predictions with renders instead: see eyes_in_cycles.py.
 """
@@ -38,7 +41,8 @@ from environments import run_in_newest_blender
 from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.light.planning import make_plan
-from kiriko.core.measure.eye_box import off_by
+from kiriko.core.measure.eye_box import WAYS, Walk, off_by
+from kiriko.core.measure.eye_box_curves import NAMES
 from kiriko.core.measure.places_seen import Look, grid_of
 from kiriko.core.measure.sharpness import sharpness
 from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
@@ -61,6 +65,9 @@ MOST_OFF = 0.05  # viewer px, mean over the dots, of the prediction from the see
 MOST_DEPTH = 1e-9  # m, with index 1
 PICTURES = (0.01, 0.02, 0.03)  # m, sides
 DEGREES = (0.0, 2.0, 5.0, 10.0)  # beside the viewer that is solved for
+LIMITS = (1.0, 5.0)  # arcmin
+STEP = 0.005  # of the eye box's end, of a walk
+MOST_BESIDE = 0.02  # of the walk's end
 
 
 def grid(a_rig: Rig, n: int, m: int, side: float = BOX) -> Rig:
@@ -240,6 +247,36 @@ def box(pixels: int) -> bool:
     return True
 
 
+def ends(pixels: int) -> bool:
+    """How far the head may go, beside a walk by steps."""
+    a_rig = ball_rig(5, pixels=pixels, display_pixels=pixels, display=0.1)
+    plan = make_plan(a_rig, Settings())
+    largest = 0.0
+    for limit in LIMITS:
+        walk = Walk(plan, limit)
+        found = finish(walk.box())
+        print(f"\n{f'{limit:g} arcmin, mm':<15} {'eye box':>9} {'walk':>9}")
+        for name, (axis, sign, _), end, is_open in zip(
+            NAMES, WAYS, found.ends, found.is_open, strict=True
+        ):
+            if is_open:
+                print(f"{name:<15} {1e3 * end:9.2f} {'open':>9}", flush=True)
+                continue
+            way = sign * np.eye(3)[axis]
+            walked = walked_to(walk, STEP * end * way) * STEP * end
+            largest = max(largest, abs(end - walked) / walked)
+            print(f"{name:<15} {1e3 * end:9.2f} {1e3 * walked:9.2f}", flush=True)
+    return mark("ends", largest < MOST_BESIDE)
+
+
+def walked_to(walk: Walk, step: np.ndarray) -> int:
+    """How many steps a head goes before the limit is passed, or too little is seen."""
+    n = 0
+    while finish(walk.part((n + 1) * step)) <= 1:
+        n += 1
+    return n
+
+
 def ways_to_show(a_rig: Rig, viewers: list[Viewer]) -> dict[str, list[Look]]:
     """For whom the display shows the picture: with no glass in the way, the viewer, all of them."""
     settings = Settings()
@@ -304,7 +341,7 @@ def main() -> None:
     parser.add_argument(
         "--only",
         nargs="+",
-        choices=("growth", "agree", "conflict", "settled", "pair", "beside", "box"),
+        choices=("growth", "agree", "conflict", "settled", "pair", "beside", "box", "ends"),
         metavar="TABLE",
     )
     parser.add_argument("--cycles", action="store_true", help="beside renders, instead")
@@ -322,6 +359,7 @@ def main() -> None:
         "pair": lambda: pair(arguments.pixels),
         "beside": lambda: beside(arguments.pixels),
         "box": lambda: box(arguments.pixels),
+        "ends": lambda: ends(arguments.pixels),
     }
     are_met = [table() for name, table in tables.items() if name in (arguments.only or tables)]
     sys.exit(0 if all(are_met) else 1)
