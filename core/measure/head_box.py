@@ -1,9 +1,9 @@
 """Is a picture better solved for all viewers of a box, or for the middle of the box alone?
 
-Solved for its middle it is right there, and off at the ends; solved for heads over all of the box
-it is off by less at the ends, and by something in the middle. Both are looked at from heads over
-the box, each of which looks at the picture's middle: over a grid, for the mean and the largest
-angle, and along each axis through the middle, as curves.
+Solved for its middle the picture is right there, and off at the ends. Solved for all viewers it is
+off in the middle, too; the ends may gain. Heads over the box tell, each looking at the picture's
+middle: on a grid, for the mean and the largest angle, and along each axis through the middle, as
+curves.
 
 The display shows the weighted mean of the places that its viewers ask for, as *Sharp* has it.
 """
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..atlas.heads import HeadBox, Offset, check_viewer, evenly, viewer_at
+from ..atlas.heads import AXES, HeadBox, Offset, check_viewer, evenly, viewer_at
 from ..bench.picture_room import plane_of
 from ..errors import RigError
 from ..image.flat_picture import view_of_picture
@@ -34,8 +34,7 @@ N_ALONG = 7  # heads along an axis, of which one is in the middle
 AT_ONCE = 8  # heads that look, beside those that it is solved for
 N_OVER = {1: 7, 2: 5, 3: 3}  # heads along each axis of the grid, by the number of axes
 IS_SPREAD = 1e-4  # of the picture's distance: a spread that a camera's float32 place may have alone
-NAMES = ("right", "up", "forward")  # of axes
-ENDS = (("left", "right"), ("bottom", "top"), ("far end", "near end"))  # of them, low and high
+ENDS = (("left", "right"), ("bottom", "top"), ("far end", "near end"))  # of AXES, low and high
 SHRUNK = 0.6  # of a diagram, within the drawing of all
 HEADROOM = 1.4  # over the curves, which are high at both ends, for their names
 
@@ -191,7 +190,7 @@ def _served(off: Floats, n_grid: int, axes: Sequence[int], size: Floats) -> Serv
         first = n_grid + k * N_ALONG
         means, largest, shares = zip(*map(_numbers, off[first : first + N_ALONG]), strict=True)
         distances = tuple(np.linspace(0.0, size[axis], N_ALONG).tolist())
-        curves.append(AxisCurve(NAMES[axis], distances, means, largest, shares))
+        curves.append(AxisCurve(AXES[axis], distances, means, largest, shares))
     middle_mean, middle_largest, _ = _numbers(off[n_grid + N_ALONG // 2])
     return Served(*_numbers(off[:n_grid]), middle_mean, middle_largest, tuple(curves))
 
@@ -219,7 +218,7 @@ def as_svg(found: BoxServed) -> str:
     ]
     parts = []
     for k, curve in enumerate(found.for_all.curves):
-        low, high = ENDS[NAMES.index(curve.axis)]
+        low, high = ENDS[AXES.index(curve.axis)]
         drawn = [
             Curve(f"{name}, {field}", _points(served.curves[k], f"{field}_arcmin"))
             for name, served in ways

@@ -107,7 +107,7 @@ def test_behind_a_slab_it_is_that_of_closed_form(counts, weights):
         middle = off_by_closed_form(of, by, own.position)
         assert served.middle_mean_arcmin == pytest.approx(middle.mean(), abs=1e-5)
         assert served.middle_largest_arcmin == pytest.approx(middle.max(), abs=1e-5)
-        assert [curve.axis for curve in served.curves] == [room.NAMES[k] for k in axes]
+        assert [curve.axis for curve in served.curves] == [room.AXES[k] for k in axes]
         for axis, curve in zip(axes, served.curves, strict=True):
             assert curve.distance_m == pytest.approx(np.linspace(0, size[axis], room.N_ALONG))
             for k, distance in enumerate(curve.distance_m):
