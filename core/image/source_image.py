@@ -34,7 +34,9 @@ class Painting:
 
     def __init__(self, display_size: tuple[int, int]) -> None:
         width, height = display_size
-        self._total = np.zeros((3, height, width))
+        # not np.zeros, whose memory comes in small pages, each fetched when shares first meet it
+        self._total = np.empty((3, height, width))
+        self._total.fill(0)
 
     def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
         """Add shares by their strokes (`find_strokes`)."""

@@ -135,15 +135,15 @@ static void add_tap(const Level *levels, const Tap *tap, double *total, int64_t 
     for (int channel = 0; channel < 3; channel++) total[channel * n_pixels + pixel] += (double)colour[channel];
 }
 
-/* Shares that are painted, or whose taps are counted or kept for the next picture: a stripe's one after another. */
+/* Shares that are painted, or whose taps are counted or kept for the next picture: a pixel's one after another. */
 typedef struct {
     const Strokes *strokes;
     Reader reader;
     double *total;   /* NULL where nothing is painted */
     int64_t n_pixels;
-    int64_t *n;      /* of taps in each stripe */
+    int64_t *n;      /* of taps of each pixel from `low` on; where they are kept the place of its next one */
+    int64_t low;
     Tap *taps;       /* NULL where they are only counted */
-    const int64_t *first;
 } Canvas;
 
 /* Go through the shares in some stripes of display pixels: each pixel adds its own up in their order. */
@@ -165,8 +165,9 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
                 continue;
             }
             taps.tap[k].pixel = (int32_t)pixel;
-            if (canvas->taps) canvas->taps[canvas->first[stripe] + canvas->n[stripe]] = taps.tap[k];
-            canvas->n[stripe]++;
+            int64_t *n = canvas->n + (pixel - canvas->low);
+            if (canvas->taps) canvas->taps[*n] = taps.tap[k];
+            ++*n;
         }
     }
 }
@@ -192,11 +193,11 @@ KIRIKO_API void kiriko_paint(const Strokes *strokes, const Level *levels, int64_
     go_through(&canvas, levels, n_levels, n_threads);
 }
 
-/* Find the taps of shares, by the levels' sizes alone: first how many each stripe has, with `taps` NULL, then the taps
-   themselves, a stripe's from `first` on. */
+/* Find the taps of shares, by the levels' sizes alone: first how many each pixel has, with `taps` NULL, then the taps
+   themselves, each pixel's from `n` on, in the order of the shares. `n` begins with the pixel `low`, the first one met. */
 KIRIKO_API void kiriko_find_taps(const Strokes *strokes, const Level *levels, int64_t n_levels, int64_t n_pixels,
-                                 int64_t *n, const int64_t *first, Tap *taps, int64_t n_threads) {
-    Canvas canvas = {.strokes = strokes, .n_pixels = n_pixels, .n = n, .first = first, .taps = taps};
+                                 int64_t *n, int64_t low, Tap *taps, int64_t n_threads) {
+    Canvas canvas = {.strokes = strokes, .n_pixels = n_pixels, .n = n, .low = low, .taps = taps};
     go_through(&canvas, levels, n_levels, n_threads);
 }
 
@@ -208,15 +209,16 @@ typedef struct {
     int64_t n_pixels;
 } Kept;
 
+/* Paint some stripes: pixels come in their order, so that sums and picture are met row by row. */
 static void paint_kept(void *context, int64_t first, int64_t last) {
     const Kept *kept = context;
     for (int64_t i = kept->first[first]; i < kept->first[last]; i++)
         add_tap(kept->levels, kept->taps + i, kept->total, kept->n_pixels, kept->taps[i].pixel);
 }
 
-/* The same as kiriko_paint, by taps that were found; `first` has one more than there are stripes. */
-KIRIKO_API void kiriko_paint_taps(const Tap *taps, const int64_t *first, const Level *levels, double *total,
-                                  int64_t n_pixels, int64_t n_threads) {
+/* The same as kiriko_paint, by taps that were found; `first` has those of each stripe of pixels, and one more. */
+KIRIKO_API void kiriko_paint_taps(const Tap *taps, const int64_t *first, int64_t n_stripes, const Level *levels,
+                                  double *total, int64_t n_pixels, int64_t n_threads) {
     Kept kept = {.taps = taps, .first = first, .levels = levels, .total = total, .n_pixels = n_pixels};
-    share_out(paint_kept, &kept, N_STRIPES, 1, n_threads < 1 ? 1 : n_threads);
+    share_out(paint_kept, &kept, n_stripes, 16, n_threads < 1 ? 1 : n_threads);
 }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..map.shares import Shares
 
 
-N_STRIPES = 16  # of display pixels, as in paint.c
+STRIPE = 1024  # display pixels that a thread paints before it looks for others
 MOST_PIXELS = 1 << 31  # of a display whose taps are kept
 STAYS_FREE = 1 << 30  # bytes that stay free: taps are kept to save time alone
 
@@ -40,12 +40,14 @@ class FlatStrokes:
         self.made = made = Made(StrokesStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
-        self.first = np.zeros(N_STRIPES + 1, np.int64)  # tap of each stripe
+        self.first = np.zeros(1, np.int64)  # tap of each stripe, and one more
 
-        is_wide = shares.display_index.dtype == np.int64
+        index = shares.display_index
+        self.span = (int(index.min()), int(index.max()) + 1) if len(index) else (0, 0)
+        is_wide = index.dtype == np.int64
         made.point(
             "wide_pixel" if is_wide else "pixel",
-            shares.display_index,
+            index,
             np.int64 if is_wide else np.int32,
         )
         made.point("view_xy", shares.view_xy, float)
@@ -82,25 +84,32 @@ def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatStr
         structure = ctypes.addressof(strokes.made.structure)
         loaded().kiriko_paint(structure, at, len(levels), *canvas)
     else:
-        loaded().kiriko_paint_taps(strokes.taps.ctypes.data, strokes.first.ctypes.data, at, *canvas)
+        first = strokes.first.ctypes.data, len(strokes.first) - 1
+        loaded().kiriko_paint_taps(strokes.taps.ctypes.data, *first, at, *canvas)
 
 
 def _keep_taps(strokes: FlatStrokes, structures: ctypes.Array, n_pixels: int) -> None:
-    """Find the taps of shares, by the sizes of levels, and let go of the shares."""
-    n = np.zeros(N_STRIPES, np.int64)
+    """Find the taps of shares, by the sizes of levels, those of a display pixel one after another
+    in the order of its shares; let go of the shares.
+    """
+    low, high = np.clip(strokes.span, 0, n_pixels)
+    if low >= high:
+        return
+    n = np.zeros(high - low, np.int64)
     asked = ctypes.addressof(strokes.made.structure), ctypes.addressof(structures), len(structures)
-    first = strokes.first.ctypes.data
 
     def find(taps: int | None) -> None:
-        loaded().kiriko_find_taps(*asked, n_pixels, n.ctypes.data, first, taps, n_threads())
+        into = n.ctypes.data, int(low), taps
+        loaded().kiriko_find_taps(*asked, n_pixels, *into, n_threads())
 
     find(None)
-    strokes.first[1:] = np.cumsum(n)
-    n[:] = 0
+    ends = np.cumsum(n)
     free = available()
-    if free is not None and TAP.itemsize * strokes.first[-1] > free - STAYS_FREE:
+    if free is not None and TAP.itemsize * ends[-1] > free - STAYS_FREE:
         return
-    strokes.taps = np.empty(strokes.first[-1], TAP)
+    strokes.taps = np.empty(ends[-1], TAP)
+    strokes.first = np.concatenate([[0], ends[STRIPE - 1 : -1 : STRIPE], ends[-1:]])
+    np.subtract(ends, n, out=n)  # from here on the place of each pixel's next tap
     find(strokes.taps.ctypes.data)
     strokes.made = Made(StrokesStructure)
 
