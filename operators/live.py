@@ -36,8 +36,10 @@ def status() -> tuple[str, bool]:
     live = _lives[0]
     if live.problem:
         return live.problem, True
-    if live.seconds is None or live.is_working:
+    if live.is_working or not live.has_read:
         return Message("Live: updating."), False
+    if live.seconds is None:  # what was there is that of the scene
+        return Message("Live: up to date."), False
 
     first, last = live.seconds
     return Message(

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..core.blender.conflict import write_conflict
-from ..core.blender.on_display import MATERIAL_MARK
+from ..core.blender.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result import (
     update_solution,
     update_source,
@@ -86,12 +86,13 @@ class Live:
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
         self.start_over()
+        self._may_keep = True  # a result that is there, at the first reading
 
     def start_over(self) -> None:
         """Take everything for changed, as after undo, which may have put back the image, too."""
         self.kept = Kept()
         self._drop()
-        self._key, self._optics = None, frozenset()
+        self._key, self._may_keep = None, False
         self.touch()
 
     def touch(self) -> None:
@@ -101,6 +102,11 @@ class Live:
     @property
     def is_working(self) -> bool:
         return self._work is not None
+
+    @property
+    def has_read(self) -> bool:
+        """Is the scene known, as it was last?"""
+        return self._key is not None
 
     def turn(self) -> float | None:
         """Do a little work; returns seconds until the next turn is
@@ -203,8 +209,23 @@ class Live:
         self._reading = replace(reading, solved_for=work.scene_now(context, self.kept).as_text())
         self._drop()
         self._key = key
+        may_keep, self._may_keep = self._may_keep, False
+        if may_keep and self._is_shown(context.scene):
+            self._note_ours(context.scene)
+            self._show_problem("")
+            return
         self._work = self._update(context.scene.session_uid, settings, optics)
         self._pending = next(self._work)
+
+    def _is_shown(self, scene: bpy.types.Scene) -> bool:
+        """Is the whole result that Solve wrote last that of the scene as it was read, and shown?"""
+        image = scene.kiriko.result.source
+        display = bpy.data.objects.get(self._reading.display_object)
+        return (
+            work.is_written(scene, self._reading.solved_for)
+            and (display is None or is_on_display(display, image))
+            and not compared.is_shown(scene)
+        )
 
     def _update(
         self, scene_uid: int, settings: Settings, optics: frozenset[str]
@@ -216,9 +237,8 @@ class Live:
         meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
-        # with the optics of the last solve a new picture costs
-        # one product: nothing coarse is faster
-        is_traced = optics <= self._optics
+        # where the light is traced, a picture costs one product: nothing coarse is faster
+        is_traced = work.session().knows(optics)
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
@@ -253,7 +273,6 @@ class Live:
             comparing = compared.comparing(scene, self._reading.rig, found, settings)
             yield from self._stepped(COMPARING, comparing)
             redraw()
-        self._optics = optics
         self.seconds = (first, perf_counter() - started)
         self._show_problem("")
         reports = yield from self._stepped(VIEWERS, reports_of(found, settings))

@@ -58,6 +58,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         write_viewers(scene, reports.numbers)
         write_conflict(scene, reports.conflict, is_packed=True)
         write_helps(scene, helps)
+        work.note_written(scene)
         show_image(scene.kiriko.result.source, scene.kiriko.result)
         return text
 

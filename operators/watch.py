@@ -209,6 +209,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 @persistent
 def on_undo(*_: object) -> None:
     """Shapes and pixels that are kept may have been put back."""
+    work.forget_written()
     for watched in _watched.values():
         watched.kept = Kept()
         watched.touch()
@@ -219,6 +220,7 @@ def on_undo(*_: object) -> None:
 @persistent
 def on_load(*_: object) -> None:
     """Another file, whose result is looked at anew."""
+    work.forget_written()
     _watched.clear()
 
 

@@ -17,6 +17,9 @@ from ..core.solve.solved_for import SolvedFor
 
 _sessions: list[Session] = []
 _running: list[Any] = []  # operators with long work
+# session uid of the scene that Solve has written a whole result to, and the scene it was solved
+# for: until undo, which puts back the image apart from its record
+_written: list[tuple[int, str]] = []
 
 
 def session() -> Session:
@@ -32,6 +35,23 @@ def forget() -> None:
         with bpy.context.temp_override(window=operator.window):
             operator.cancel(bpy.context)
     _sessions.clear()
+
+
+def note_written(scene: bpy.types.Scene) -> None:
+    """A scene's result is whole now."""
+    _written[:] = [(scene.session_uid, scene.kiriko.result.solved_for)]
+
+
+def is_written(scene: bpy.types.Scene, solved_for: str) -> bool:
+    """Is a scene's result whole, and that of a scene, as nothing has been undone since?"""
+    result = scene.kiriko.result
+    is_noted = (scene.session_uid, result.solved_for) in _written
+    return is_noted and result.solved_for == solved_for and result.source is not None
+
+
+def forget_written() -> None:
+    """Take no result for whole, as after undo."""
+    _written.clear()
 
 
 def listen(handlers: Iterable[tuple[str, Callable]]) -> None:

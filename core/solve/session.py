@@ -5,7 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import replace
 from time import perf_counter
 
@@ -67,7 +67,7 @@ class Session:
         clock.lap("fingerprint")
 
         optics, told, n_rays = self._optics, 0.0, 0
-        is_new = optics is None or not set(keys) <= set(optics.keys)
+        is_new = not self.knows(keys)
         if is_new or optics.keys != keys:
             optics, told, n_rays = yield from self._look(rig, settings, keys, clock)
 
@@ -154,6 +154,10 @@ class Session:
         rig.check()
         settings.check()
         return finish(planning(rig, settings, self._kept))
+
+    def knows(self, keys: Iterable[str]) -> bool:
+        """Are view maps of these keys known, so that a solve traces none?"""
+        return self._optics is not None and set(keys) <= set(self._optics.keys)
 
     def lend(self, kept: Kept) -> None:
         """Let other plans use the glass that is made ready; the session stays as it is."""

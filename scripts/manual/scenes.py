@@ -45,9 +45,7 @@ def is_seen() -> bool:
 def is_up_to_date() -> bool:
     """Is the source image final, and has Live, where it is on, nothing left to do?"""
     live = kiriko("operators.live").followed()
-    is_settled = live is None or (
-        live.seconds is not None and not live.is_working and not live.is_changed
-    )
+    is_settled = live is None or not (live.is_working or live.is_changed)
     return is_settled and is_solved()
 
 

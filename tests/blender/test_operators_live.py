@@ -327,6 +327,58 @@ def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> N
     assert '"rays": 0' in bpy.context.scene.kiriko.result.details
 
 
+def test_what_solve_has_written_stays(live: ModuleType, written: list[str]) -> None:
+    """Begun after Solve it writes nothing until something changes; begun after undo, which may
+    have put back the image alone, it paints anew, with the rays of before and nothing coarse.
+    """
+    rig = small_rig(viewer_resolution=192)
+    bpy.ops.ed.undo_push(message="rig")
+    bpy.ops.kiriko.solve()
+    before = shown()
+    bpy.ops.ed.undo_push(message="solved")
+    for _ in range(2):
+        bpy.ops.kiriko.live()
+        assert live.status() == ("Live: updating.", False)
+        settle(live)
+        assert written == []
+        assert live.status() == ("Live: up to date.", False)
+        assert np.array_equal(shown(), before)
+        bpy.ops.kiriko.live()
+
+    bpy.ops.kiriko.live()
+    settle(live)
+    turn(rig["GLASS"])
+    settle(live)
+    assert written[-1:] == ["update_solution"]
+    assert not np.array_equal(shown(), before)
+    live.stop()
+
+    turn(rig["GLASS"], -0.1)
+    bpy.ops.kiriko.solve()
+    bpy.ops.ed.undo_push(message="turned back")
+    bpy.ops.object.add()
+    bpy.ops.ed.undo_push(message="added")
+    bpy.ops.ed.undo()
+    written.clear()
+    bpy.ops.kiriko.live()
+    settle(live)
+    assert written == ["update_solution"]
+    assert '"rays": 0' in bpy.context.scene.kiriko.result.details
+    assert is_rounding(shown() - plain(live))
+
+
+def test_what_solve_has_put_elsewhere_is_put_back(live: ModuleType, written: list[str]) -> None:
+    """A display whose material is another one by now gets the image again."""
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    rig["DISPLAY"].material_slots[0].material = bpy.data.materials.new("Mine")
+    bpy.ops.kiriko.live()
+    settle(live)
+    assert written == ["update_solution"]
+    image = bpy.context.scene.kiriko.result.source
+    assert live.live_follower.is_on_display(rig["DISPLAY"], image)
+
+
 def test_frames_are_followed(live: ModuleType) -> None:
     """An animated part is solved where it stands at the new frame."""
     rig = small_rig()
