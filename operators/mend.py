@@ -1,5 +1,7 @@
 """Mend a part: the buttons of the checklist that change an object, its mesh or the scene's unit."""
 
+from math import radians
+
 import bmesh
 import bpy
 import numpy as np
@@ -9,6 +11,7 @@ from ..core.arrays import Ints
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.faults import faults_of
+from ..core.blender.mesh import column
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
 from ..core.messages import Message
@@ -18,6 +21,7 @@ from .parts import NamesPart
 JOINED = 1e-5  # of an object's size: vertices nearer than this are one after Weld
 THICKNESS = 0.1  # of its width: a thickness that a flat glass gets
 WELD = "Kiriko Weld"
+SHARP = radians(30)
 
 
 class MendsPart(NamesPart):
@@ -165,6 +169,29 @@ class KIRIKO_OT_turn_out(MendsPart, bpy.types.Operator):
         thing.data.flip_normals()
         thing.data.update()
         return Message("The faces of '{mesh}' look out now.", mesh=thing.data.name)
+
+
+class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
+    """Shade the faces smooth, with sharp edges between those at more than 30 degrees"""
+
+    bl_idname = "kiriko.shade_smooth"
+    bl_label = "Shade Smooth"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if thing.type != "MESH":
+            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+        mesh = thing.data
+        mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+        own = column(mesh.edges, "use_edge_sharp", 1, bool)
+        mesh.set_sharp_from_angle(angle=SHARP)
+        mesh.edges.foreach_set(
+            "use_edge_sharp", own | column(mesh.edges, "use_edge_sharp", 1, bool)
+        )
+        mesh.update()
+        for modifier in thing.modifiers:  # such as Screw, which makes faces of its own
+            if hasattr(modifier, "use_smooth_shade"):
+                modifier.use_smooth_shade = True
+        return Message("'{name}' is shaded smooth now, but for its sharp edges.", name=thing.name)
 
 
 FAULTS = (

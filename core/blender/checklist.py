@@ -161,7 +161,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
 def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
     name = thing.named.name
-    n_open, n_flat, is_inside_out, n_cut = faults
+    n_open, n_flat, is_inside_out, n_cut, n_facets = faults
     if n_flat:
         text = Message(
             "'{name}' has {n} triangle{s} without area.",
@@ -196,6 +196,13 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
             "kiriko.turn_out", Message("Turn Out"), _naming(thing.named), "NORMALS_FACE"
         )
         yield Entry(text, PROBLEM, (button,))
+
+    if n_facets and not thing.has_facets:
+        text = Message("'{name}' looks curved, but its {n} faces are flat.", name=name, n=n_facets)
+        button = Button(
+            "kiriko.shade_smooth", Message("Shade Smooth"), _naming(thing.named), "SPHERECURVE"
+        )
+        yield Entry(text, ADVICE, (button,))
 
 
 def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
@@ -254,9 +261,12 @@ def _remedy(
     return joined(clauses, " / "), tuple(mends)
 
 
-def meant_factor(width: float) -> float:
-    """The power of ten that makes a width, m, one of things that are held in a hand."""
-    return 10.0 ** -(floor(log10(width / MEANT) - 1e-9) + 1)
+def meant_factors(width: float) -> list[float]:
+    """Powers of ten that make a width, m, one of things that are held in a hand: at most MEANT
+    and, where the scene gets smaller by that, too, at most LARGEST.
+    """
+    factor = 10.0 ** -(floor(log10(width / MEANT) - 1e-9) + 1)
+    return [factor, 10 * factor] if factor < 0.05 and 10 * factor * width <= LARGEST else [factor]
 
 
 def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
@@ -266,13 +276,20 @@ def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]
     if widest is None or widest.width <= LARGEST:
         return
 
-    factor = meant_factor(widest.width)
+    factors = meant_factors(widest.width)
     text = Message(
         "'{name}' measures {length}: meant as {meant}?",
         name=widest.named.name,
         length=length_text(widest.width),
-        meant=millimetres(factor * widest.width),
+        meant=joined([millimetres(factor * widest.width) for factor in factors], " / "),
     )
-    label = Message("Scene in {times} of Its Size", times=f"1/{round(1 / factor)}")
-    button = Button("kiriko.rescale_scene", label, (("factor", factor),), "EMPTY_ARROWS")
-    yield Entry(text, ADVICE, (button,))
+    buttons = [
+        Button(
+            "kiriko.rescale_scene",
+            Message("Scene in {times} of Its Size", times=f"1/{round(1 / factor)}"),
+            (("factor", factor),),
+            "EMPTY_ARROWS",
+        )
+        for factor in factors
+    ]
+    yield Entry(text, ADVICE, tuple(buttons))

@@ -9,6 +9,7 @@ from ..bench.helps import Help
 from ..errors import ImageError
 from ..messages import Message
 from .cuts import cut_polygons
+from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
 from .material import refracts
@@ -76,6 +77,7 @@ def _thing(
         is_pictureless=_why_no_picture(scene, thing) if role == "PICTURE" else "",
         faults=None if faults is None else faults[0],
         own_faults=None if faults is None else faults[1],
+        has_facets=thing.kiriko.surface == "FACETS",
     )
 
 
@@ -137,4 +139,5 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         n_flat=faults.n_flat,
         is_inside_out=faults.is_inside_out,
         n_cut=int(np.count_nonzero(cut_polygons(mesh))) if is_glass else 0,
+        n_facets=n_facets(mesh),
     )

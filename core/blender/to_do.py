@@ -19,12 +19,14 @@ class Counts(NamedTuple):
     """How many faults a mesh has, and whether it is open and its faces look inwards.
 
     n_cut : polygons that others cut, so that nothing tells the inside
+    n_facets : polygons that are shaded flat where a curve seems meant
     """
 
     n_open: int = 0
     n_flat: int = 0
     is_inside_out: bool = False
     n_cut: int = 0
+    n_facets: int = 0
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Thing:
     width : m, the longest side of its box
     faults : of its mesh as it is read; None where not known yet, or of no interest
     own_faults : of its mesh before modifiers, which can be edited
+    has_facets : are facets wanted of it, by its setting Surface?
     """
 
     named: Named
@@ -69,6 +72,7 @@ class Thing:
     is_pictureless: str = ""
     faults: Counts | None = None
     own_faults: Counts | None = None
+    has_facets: bool = False
 
 
 @dataclass(frozen=True)

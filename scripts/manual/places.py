@@ -18,7 +18,7 @@ PLACES = {
     "index.md#picture": ("kiriko.open_picture", "kiriko.choose_picture"),
     "index.md#see": ("kiriko.look_through", "kiriko.live"),
     "index.md#export": ("kiriko.export",),
-    "goblet.md#glass": ("kiriko.make_glass", "kiriko.thicken"),
+    "goblet.md#glass": ("kiriko.make_glass", "kiriko.thicken", "kiriko.shade_smooth"),
     "goblet.md#solve": (
         "kiriko.solve",
         "kiriko.fit_picture_size",

@@ -86,7 +86,9 @@ def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> 
     bpy.context.view_layer.update()
     before = glass.matrix_world.copy()
     entries = look()
-    assert "'Cube' measures 2 m: meant as 20 mm?" in told(entries)
+    assert "'Cube' measures 2 m: meant as 20 mm / 200 mm?" in told(entries)
+    (entry,) = (entry for entry in entries if "measures" in entry.text)
+    assert [dict(button.properties)["factor"] for button in entry.buttons] == [0.01, 0.1]
     press(entries, "measures 2 m")
     units = bpy.context.scene.unit_settings
     assert units.scale_length == pytest.approx(0.01)
@@ -101,8 +103,21 @@ def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> 
 def test_the_width_that_was_meant(core: ModuleType, width: float, factor: float) -> None:
     """The largest power of ten that makes it no wider than 100 mm."""
     checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
-    assert checklist.meant_factor(width) == pytest.approx(factor)
+    assert checklist.meant_factors(width)[0] == pytest.approx(factor)
     assert 0.01 < width * factor <= 0.1 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("width", "meant"),
+    [(0.51, [0.051]), (1, [0.1]), (1.8, [0.018, 0.18]), (5, [0.05, 0.5]), (5.1, [0.051]),
+     (30, [0.03, 0.3])],
+)  # fmt: skip
+def test_a_goblet_may_be_meant_larger(core: ModuleType, width: float, meant: list[float]) -> None:
+    """Ten times as large, too, where that is at most 500 mm: no size is told that asks again."""
+    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
+    factors = checklist.meant_factors(width)
+    assert [width * factor for factor in factors] == pytest.approx(meant)
+    assert max(factors) < 0.5
 
 
 def test_a_hidden_part_is_shown(look: Callable[[], list]) -> None:
@@ -228,6 +243,7 @@ def test_faces_that_touch_cut_nothing(look: Callable[[], list]) -> None:
     glass.data = folded(1.0)
     assert told(look()) == []
     mesh = primitive("icosphere", subdivisions=3, radius=SIDE / 2)
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
     shape = bmesh.new()
     shape.from_mesh(mesh)
     again = bmesh.ops.duplicate(shape, geom=shape.faces[:])["geom"]
@@ -288,6 +304,92 @@ def test_triangles_that_a_modifier_makes_are_welded(look: Callable[[], list]) ->
     press(entries, "without area")
     assert not [text for text in told(look()) if "area" in text]
     assert glass.modifiers[-1].type == "WELD"
+
+
+def lathe(n_around: int, n_up: int) -> bpy.types.Mesh:
+    """A ball of rings of quads, closed at both poles, shaded flat."""
+    return primitive("uvsphere", u_segments=n_around, v_segments=n_up, radius=SIDE / 2)
+
+
+def test_a_curve_that_is_shaded_flat_is_told(look: Callable[[], list]) -> None:
+    """A ball as Blender adds it. Its button has no face flat and no edge sharp, and then nothing
+    is told; nor where the facets are wanted.
+    """
+    glass = glass_of(lathe(32, 16))
+    assert told(look()) == ["'Cube' looks curved, but its 512 faces are flat."]
+    glass.kiriko.surface = "FACETS"
+    assert told(look()) == []
+    glass.kiriko.surface = "AUTOMATIC"
+    press(look(), "looks curved")
+    assert told(look()) == []
+    mesh = glass.data
+    assert all(polygon.use_smooth for polygon in mesh.polygons)
+    assert not any(edge.use_edge_sharp for edge in mesh.edges)
+
+
+def test_sharp_edges_of_a_curve_stay_sharp(look: Callable[[], list]) -> None:
+    """A plug of glass: its side becomes smooth, its flat ends keep their edges, and an edge that
+    the artist has made sharp is so still.
+    """
+    mesh = primitive("cone", segments=500, radius1=0.02, radius2=0.02, depth=SIDE, cap_ends=True)
+    up = [mesh.vertices[a].co.z != mesh.vertices[b].co.z for a, b in mesh.edge_keys]
+    mesh.edges[up.index(True)].use_edge_sharp = True
+    glass = glass_of(mesh)
+    press(look(), "its 500 faces are flat")
+    is_sharp = [edge.use_edge_sharp for edge in glass.data.edges]
+    assert [k for k, one in enumerate(is_sharp) if one and up[k]] == [up.index(True)]
+    assert sum(is_sharp) == 1001
+    assert told(look()) == []
+
+
+def test_faces_that_a_screw_makes_are_shaded_smooth(look: Callable[[], list]) -> None:
+    """The mesh has none of its own, and the modifier says how its faces are shaded."""
+    angles = np.linspace(-np.pi / 2, np.pi / 2, 17)
+    profile = [(SIDE / 2 * np.cos(a), 0, SIDE / 2 * np.sin(a)) for a in angles]
+    profile[0], profile[-1] = (0, 0, -SIDE / 2), (0, 0, SIDE / 2)
+    mesh = bpy.data.meshes.new("profile")
+    mesh.from_pydata(profile, [(k, k + 1) for k in range(16)], [])
+    glass = glass_of(mesh)
+    screw = glass.modifiers.new("Screw", "SCREW")
+    screw.steps = screw.render_steps = 32
+    screw.use_merge_vertices, screw.merge_threshold = True, 1e-6
+    screw.use_smooth_shade = False
+    press(look(), "looks curved")
+    assert screw.use_smooth_shade
+    assert not [text for text in told(look()) if "curved" in text]
+
+
+def cut_crystal() -> bpy.types.Mesh:
+    """A cube whose sides are many coplanar quads, and whose edges are bevelled in eight steps."""
+    mesh = primitive("cube", size=SIDE)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    bmesh.ops.bevel(shape, geom=shape.edges[:], offset=SIDE / 20, segments=8, affect="EDGES")
+    large = [face for face in shape.faces if face.calc_area() > SIDE**2 / 2]
+    bmesh.ops.subdivide_edges(
+        shape, edges=[e for f in large for e in f.edges], cuts=9, use_grid_fill=True
+    )
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        lambda: lathe(16, 8),  # 128 facets at 22 degrees
+        lambda: primitive("icosphere", subdivisions=3, radius=SIDE / 2),  # a ball of 320 facets
+        lambda: primitive("cone", segments=32, radius1=0.02, radius2=0.02, depth=SIDE,
+                          cap_ends=True),
+        cut_crystal,
+    ],
+)  # fmt: skip
+def test_cut_glass_is_left_alone(
+    look: Callable[[], list], mesh: Callable[[], bpy.types.Mesh]
+) -> None:
+    """Few facets, facets at large angles, and flat sides however finely they are divided."""
+    glass_of(mesh())
+    assert told(look()) == []
 
 
 def test_flat_glass_gets_a_thickness(look: Callable[[], list]) -> None:
