@@ -289,7 +289,12 @@ def test(arguments: argparse.Namespace) -> None:
     found, build, install and solve from the zip.
     """
     sys.exit(
-        not run_suite(tools=newest_blender()[0], prefixes=arguments.only, need_all=arguments.all)
+        not run_suite(
+            tools=newest_blender()[0],
+            prefixes=arguments.only,
+            need_all=arguments.all,
+            everywhere=arguments.everywhere,
+        )
     )
 
 
@@ -384,6 +389,11 @@ def main() -> None:
     options = verbs.choices["test"]
     options.add_argument(
         "--all", action="store_true", help="fail when a Blender's Python is missing"
+    )
+    options.add_argument(
+        "--everywhere",
+        action="store_true",
+        help="run tests over many cases in older Blenders and with the oldest numpy, too",
     )
     options.add_argument(
         "--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so"

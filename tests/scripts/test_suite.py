@@ -61,25 +61,48 @@ def test_a_test_that_hangs_is_named_by_its_stack(
     assert "in test_that_hangs" in (logs / "step.log").read_text()
 
 
+def files_of(environment: str, kind: str, everywhere: bool) -> list[str]:
+    """The files of tests that an environment's steps of a kind run."""
+    steps = suite.steps("any", "any", everywhere)
+    of_kind = [s for s in steps if s.environment == environment and s.name.startswith(kind)]
+    words = [word for step in of_kind for word in step.arguments if word.startswith("tests/")]
+    return sorted(words)
+
+
 def test_each_blender_runs_each_file_of_its_tests_once() -> None:
-    """The parts of a Blender's tests have all files, none of them twice; one between the oldest
-    and the newest leaves some out.
+    """The parts of a Blender's tests have all files, none of them twice. The newest leaves out
+    none, an older one those over many cases, unless all is asked for.
     """
     files = sorted(
         file.relative_to(suite.ROOT).as_posix()
         for file in (suite.ROOT / "tests" / "blender").rglob("test_*.py")
     )
-    _, *between, _ = suite.BLENDERS
-    shorter = [file for file in files if Path(file).name not in suite.AT_BOTH_ENDS]
-    assert len(files) - len(shorter) == len(suite.AT_BOTH_ENDS)
+    newest, *between, oldest = suite.BLENDERS
+    both_ends = [file for file in files if Path(file).name not in suite.AT_NEWEST]
+    assert len(files) - len(both_ends) == len(suite.AT_NEWEST)
+    everywhere = [file for file in both_ends if Path(file).name not in suite.AT_BOTH_ENDS]
+    assert len(both_ends) - len(everywhere) == len(suite.AT_BOTH_ENDS)
+
+    assert files_of(newest, "blender-", everywhere=False) == files
+    assert files_of(oldest, "blender-", everywhere=False) == both_ends
+    for name in between:
+        assert files_of(name, "blender-", everywhere=False) == everywhere
     for name in suite.BLENDERS:
-        steps = [
-            step
-            for step in suite.steps("any", "any")
-            if step.environment == name and step.name.startswith("blender-")
-        ]
-        run = [word for step in steps for word in step.arguments if word.startswith("tests/")]
-        assert sorted(run) == (shorter if name in between else files)
+        assert files_of(name, "blender-", everywhere=True) == files
+
+
+def test_what_a_numpy_leaves_out_is_there() -> None:
+    """Files that are left out by name are files; those left to numpy alone are run by it."""
+    for file in (*suite.NUMPY_ALONE, *suite.AT_NEWEST_NUMPY):
+        assert (suite.ROOT / file).is_file()
+    assert not set(suite.NUMPY_ALONE) & set(suite.AT_NEWEST_NUMPY)
+    assert files_of("core", "core-numpy-alone", everywhere=False) == sorted(suite.NUMPY_ALONE)
+
+    for everywhere, n in ((False, len(suite.AT_NEWEST_NUMPY)), (True, 0)):
+        steps = suite.steps("any", "any", everywhere)
+        (step,) = [step for step in steps if step.name == "core-oldest-numpy"]
+        left_out = [word for word in step.arguments if word.startswith("--ignore=")]
+        assert len(left_out) == len(suite.NUMPY_ALONE) + n
 
 
 def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
