@@ -40,12 +40,12 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         name = row.row(align=True)
         name.active = item.is_on
         text = in_words(Message("No camera")) if camera is None else camera.name
-        shown = "ERROR" if camera is None else "OUTLINER_OB_CAMERA"
+        shown = "ERROR" if camera is None else "NONE"  # where the weight needs the room
         name.label(text=text, icon=shown, translate=False)
         if item.image is not None and context.scene.kiriko.picture_source == "IMAGE":
             name.label(text="", icon="IMAGE_DATA")
         weight = name.row(align=True)
-        weight.ui_units_x = 3
+        weight.ui_units_x = 5  # or "1.00" is cut
         weight.prop(item, "weight", text="", emboss=False)
 
 

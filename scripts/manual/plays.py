@@ -22,6 +22,8 @@ SOLVE = does("kiriko.solve")
 EXPORT = does("kiriko.export")
 DISPLAY = named("Kiriko Display")
 RESOLUTION = rf"^{DISPLAY}\.kiriko\.resolution"
+TWO_EYES = does("kiriko.two_eyes")
+EYE_BOX = does("kiriko.eye_box")
 CALIBRATE = does("kiriko.calibrate")
 PICTURE = does("kiriko.open_picture")
 TAKE_FILE = Press(does("file.execute"), area="FILE_BROWSER", region="EXECUTE")
@@ -112,6 +114,21 @@ BENCH: list[Step] = [
     Shot("bench_drawing", of="VIEW_3D", region="UI", at=does("kiriko.bench_drawing")),
 ]
 
+VIEWERS: list[Step] = [
+    Do("ball"),
+    Do("nothing_else"),
+    *SIDEBAR,
+    Press(IN_THE_GLASS),
+    Until("has_rig"),
+    Unfold("VIEW3D_PT_kiriko_rig"),
+    Press(TWO_EYES),
+    Shot("viewers_list", of="VIEW_3D", region="UI", at=TWO_EYES),
+    Press(EYE_BOX),
+    Until("has_eye_box", 400),
+    Key("HOME"),
+    Shot("viewers_eye_box", of="VIEW_3D", at=EYE_BOX),
+]
+
 CALIBRATION: list[Step] = [
     Do("ball"),
     *SIDEBAR,
@@ -129,6 +146,7 @@ MANUAL = {
     "goblet": GOBLET,
     "telephone": TELEPHONE,
     "bench": BENCH,
+    "viewers": VIEWERS,
     "calibration": CALIBRATION,
 }
 

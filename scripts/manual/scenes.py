@@ -119,6 +119,13 @@ def ball() -> None:
     in_place_of_cube(mesh, "Glass Ball")
 
 
+def nothing_else() -> None:
+    """Take away the camera and the light of Blender's own scene, which stand far away."""
+    for thing in list(bpy.data.objects):
+        if thing.type in {"CAMERA", "LIGHT"}:
+            bpy.data.objects.remove(thing)
+
+
 # radius and height of a goblet's outer side, mm, from the middle of its foot to its rim; the foot
 # is thicker than twice the wall, or its two sides, each with a wall of its own, would cut each
 # other; the stem is short, so that the bowl fills the viewer's sight
@@ -179,6 +186,12 @@ def pictures() -> Path:
     made = Path(tempfile.gettempdir()) / "Pictures"
     made.mkdir(exist_ok=True)
     return made
+
+
+def has_eye_box() -> bool:
+    """Is there an eye box, and nothing at work?"""
+    surfaces = kiriko("operators.surfaces")
+    return is_quiet() and surfaces.looked_up(bpy.context.scene, surfaces.EYE_BOX) is not None
 
 
 def has_seaside() -> bool:
