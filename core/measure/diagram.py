@@ -16,6 +16,7 @@ LEFT = 90
 RIGHT = 30
 TOP = 56
 BOTTOM = 64
+SHRUNK = 0.6  # of a diagram, on a sheet of several
 MOST_WRITTEN_OUT = 3  # powers of ten up to this, either way, are written out
 LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
 FONT = "Helvetica, Arial, sans-serif"
@@ -141,6 +142,31 @@ def draw(
     side, sign = (low[0], 1) if is_rising else (high[0], -1)
     parts.append(_legend(curves, side + 12 * sign, high[1] + 20, sign))
     return "\n".join([*parts, "</svg>", ""])
+
+
+def sheet(columns: Sequence[Sequence[str]]) -> str:
+    """One drawing of several diagrams: columns side by side, each from the top down."""
+    width, height = WIDTH * len(columns), HEIGHT * max(map(len, columns))
+    parts = [
+        diagram.replace("<svg ", f'<svg x="{x * WIDTH}" y="{y * HEIGHT}" ', 1).rstrip()
+        for x, column in enumerate(columns)
+        for y, diagram in enumerate(column)
+    ]
+    return "\n".join([
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{SHRUNK * width:g}"'
+        f' height="{SHRUNK * height:g}" viewBox="0 0 {width} {height}">',
+        *parts,
+        "</svg>",
+        "",
+    ])  # fmt: skip
+
+
+def points_mm(
+    metres: Sequence[float], values: Sequence[float | None]
+) -> tuple[tuple[float, float], ...]:
+    """Points of a curve over a distance, mm; without those that have no value."""
+    there = zip(metres, values, strict=True)
+    return tuple((1e3 * x, y) for x, y in there if y is not None)
 
 
 def _decades(label: str, values: Sequence[float]) -> Axis:

@@ -15,7 +15,7 @@ from ..atlas.heads import viewer_at
 from ..errors import RigError
 from ..numbers import number
 from ..steps import Pauses, at
-from .diagram import HEIGHT, WIDTH, Curve, linear
+from .diagram import Curve, linear, points_mm, sheet
 from .eye_box import WAYS, EyeBox, Walk, seen_by
 from .viewers import arcmin_between
 
@@ -25,7 +25,6 @@ BEYOND = 1.2  # times as far as the head may go
 AT_NONE = 0.05  # of the picture's distance: so far where it may go nowhere
 N_STEPS = 6  # of which one ends where the head may not go on
 DISTANCE = "distance of the head from its own place (mm)"
-SHRUNK = 0.6  # of a diagram, within the drawing of all
 
 
 @dataclass(frozen=True)
@@ -109,8 +108,8 @@ def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str,
 
 def as_svg(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> str:
     """Diagrams of all curves: a column for each axis, below each other angle, px and coverage."""
-    parts = []
-    for column, (one, other) in enumerate(((0, 1), (2, 3), (4, 5))):
+    columns = []
+    for one, other in ((0, 1), (2, 3), (4, 5)):
         pair = [curves[one], curves[other]]
         title = f"The head of '{viewer}': {pair[0].way} and {pair[1].way}"
         note = [
@@ -125,35 +124,18 @@ def as_svg(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> str:
             ("off by (px)", ("largest_px", "mean_px")),
             ("share of points that is seen", ("coverage",)),
         )
-        for row, (label, fields) in enumerate(rows):
+        column = []
+        for label, fields in rows:
             drawn = [
-                Curve(_name(curve.way, name), _points(curve, name))
+                Curve(_name(curve.way, name), points_mm(curve.distance_m, getattr(curve, name)))
                 for curve in pair
                 for name in fields
             ]
-            diagram = linear(title, DISTANCE, label, drawn, note, is_rising=True)
-            parts.append(_placed(diagram, column, row))
-    width, height = SHRUNK * WIDTH * 3, SHRUNK * HEIGHT * 3
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{height:g}"'
-        f' viewBox="0 0 {3 * WIDTH} {3 * HEIGHT}">',
-        *parts,
-        "</svg>",
-        "",
-    ])  # fmt: skip
+            column.append(linear(title, DISTANCE, label, drawn, note, is_rising=True))
+        columns.append(column)
+    return sheet(columns)
 
 
 def _name(way: str, field: str) -> str:
     word = field.split("_")[0]
     return way if word == "coverage" else f"{way}, {word}"
-
-
-def _points(curve: WayCurve, field: str) -> tuple[tuple[float, float], ...]:
-    """Of one field, mm; places where nothing is seen are left out."""
-    values = zip(curve.distance_m, getattr(curve, field), strict=True)
-    return tuple((1e3 * x, y) for x, y in values if y is not None)
-
-
-def _placed(diagram: str, column: int, row: int) -> str:
-    """A diagram within the drawing of all."""
-    return diagram.replace("<svg ", f'<svg x="{column * WIDTH}" y="{row * HEIGHT}" ', 1).rstrip()

@@ -24,7 +24,7 @@ from ..numbers import number
 from ..rig import Rig
 from ..steps import Pauses, at
 from ..viewer import Viewer
-from .diagram import HEIGHT, WIDTH, Curve, draw, from_zero
+from .diagram import Curve, draw, from_zero, points_mm, sheet
 from .places_seen import Look, grid_on, places_seen
 from .viewers import arcmin_between
 
@@ -35,7 +35,6 @@ AT_ONCE = 8  # heads that look, beside those that it is solved for
 N_OVER = {1: 7, 2: 5, 3: 3}  # heads along each axis of the grid, by the number of axes
 IS_SPREAD = 1e-4  # of the picture's distance: a spread that a camera's float32 place may have alone
 ENDS = (("left", "right"), ("bottom", "top"), ("far end", "near end"))  # of AXES, low and high
-SHRUNK = 0.6  # of a diagram, within the drawing of all
 HEADROOM = 1.4  # over the curves, which are high at both ends, for their names
 
 
@@ -216,13 +215,16 @@ def as_svg(found: BoxServed) -> str:
         f" at most {_or_none(served.largest_arcmin)}"
         for name, served in ways
     ]
-    parts = []
+    columns = []
     for k, curve in enumerate(found.for_all.curves):
         low, high = ENDS[AXES.index(curve.axis)]
         drawn = [
-            Curve(f"{name}, {field}", _points(served.curves[k], f"{field}_arcmin"))
+            Curve(f"{name}, {field}", points_mm(curve.distance_m, values))
             for name, served in ways
-            for field in ("largest", "mean")
+            for field, values in (
+                ("largest", served.curves[k].largest_arcmin),
+                ("mean", served.curves[k].mean_arcmin),
+            )
         ]
         x, y = ([point[i] for one in drawn for point in one.points] for i in (0, 1))
         diagram = draw(
@@ -233,21 +235,8 @@ def as_svg(found: BoxServed) -> str:
             notes,
             is_rising=True,
         )
-        parts.append(diagram.replace("<svg ", f'<svg x="{k * WIDTH}" ', 1).rstrip())
-    n = len(parts)
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{SHRUNK * WIDTH * n:g}"'
-        f' height="{SHRUNK * HEIGHT:g}" viewBox="0 0 {n * WIDTH} {HEIGHT}">',
-        *parts,
-        "</svg>",
-        "",
-    ])  # fmt: skip
-
-
-def _points(curve: AxisCurve, field: str) -> tuple[tuple[float, float], ...]:
-    """Of one field, mm; places where nothing is seen are left out."""
-    values = zip(curve.distance_m, getattr(curve, field), strict=True)
-    return tuple((1e3 * x, y) for x, y in values if y is not None)
+        columns.append([diagram])
+    return sheet(columns)
 
 
 def _or_none(value: float | None) -> str:
