@@ -4,7 +4,7 @@ wanted, as Cycles shows them. Runs inside Blender.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from kiriko.core.blender.preview import render_preview
 from kiriko.core.blender.scene import Reading
 from kiriko.core.image.ideal_image import ideal_image
-from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
+from kiriko.core.image.seen_image import LatticeShift, dot_centroids
 from kiriko.core.rig import Viewer
 
 ACROSS = 1165  # viewer pixels from the first to the last dot, as in the paper's photographs
@@ -44,6 +44,19 @@ def measuring_width(reading: Reading, ideal: np.ndarray) -> int:
     return round(reading.rig.viewer.width * ACROSS / span)
 
 
+@dataclass(frozen=True, eq=False)
+class Dots:
+    """Where a render shows the dots of the lattice, and where they are wanted: (n, n, 2) px of a
+    whole frame, NaN where a dot is not seen.
+
+    size : width and height of the frame, px
+    """
+
+    shown: np.ndarray
+    wanted: np.ndarray
+    size: tuple[int, int]
+
+
 def shift_in_cycles(
     scene: bpy.types.Scene,
     reading: Reading,
@@ -53,7 +66,21 @@ def shift_in_cycles(
     samples: int = SAMPLES,
 ) -> LatticeShift:
     """Displacement of the lattice in a Cycles render, ACROSS
-    pixels from dot to dot, against the ideal image.
+    pixels from dot to dot, against the ideal image; as `dots_in_cycles`.
+    """
+    dots = dots_in_cycles(scene, reading, source, ideal, seen, samples)
+    return LatticeShift(dots.shown - dots.wanted)
+
+
+def dots_in_cycles(
+    scene: bpy.types.Scene,
+    reading: Reading,
+    source: np.ndarray,
+    ideal: np.ndarray,
+    seen: np.ndarray,
+    samples: int = SAMPLES,
+) -> Dots:
+    """The dots of the lattice in a Cycles render, ACROSS pixels from the first to the last.
 
     source (H, W, 3) is on the display; ideal and seen (h, w, 3) are core's images of the viewer's
     own size: `seen` says which part of the frame holds the dots, so that only that is rendered.
@@ -83,4 +110,5 @@ def shift_in_cycles(
     if render.shape != wanted.shape:
         raise ValueError(f"Cycles rendered {render.shape} where {wanted.shape} was asked for")
 
-    return lattice_shift(render, wanted)
+    shown, wanted = (dot_centroids(image) + crop[:2] for image in (render, wanted))
+    return Dots(shown, wanted, (width, height))
