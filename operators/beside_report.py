@@ -27,8 +27,10 @@ from ..core.measure.viewers import viewer_reports
 from ..core.messages import Message
 from ..core.rig import Rig
 from ..core.settings import Disagreement
+from ..core.solve.picture_coverage import check_seen
 from ..core.steps import within
 from . import folder, solve_to_folder, telling, work
+from .eye_box import found_by
 
 NUMBERS = "eyes.json"  # of the verb, where a report has report.json
 
@@ -168,7 +170,7 @@ def eye_box_of(
     """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
     plan = work.session().plan(rig, work.settings_of(context.scene))
     walk = Walk(plan, limit, least)
-    box = yield from within(walk.box(), 0.0, FOUND)
+    box = yield from within(found_by(walk), 0.0, FOUND)
     curves = yield from within(eye_box_curves.curves_of(walk, box), FOUND, 1.0)
     viewer = rig.viewer.name
     drawing = eye_box_curves.as_svg(box, viewer, curves)
@@ -209,6 +211,8 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     files = (*names(rig), NUMBERS)
     if len(files) == 1 and not _has_several(rig):
         check_head(rig)  # tells why there is nothing
+    for viewer in rig.viewers:  # before minutes of work on the others
+        check_seen(rig.place_of(viewer), viewer)
     if not arguments.overwrite:
         folder.refuse_existing(arguments.out, files, "add --overwrite")
 

@@ -16,7 +16,7 @@ from ..core.measure.eye_box_surface import surface_of
 from ..core.measure.head_box import as_data, check_box, head_box
 from ..core.messages import Message, joined
 from ..core.numbers import number
-from ..core.steps import within
+from ..core.steps import at, within
 from . import long_work, needed, work
 from .surfaces import EYE_BOX as NAME
 from .surfaces import MADE_FOR
@@ -76,14 +76,8 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         made_for = work.rig_now(context).as_text()
         walk = Walk(work.session().plan(rig, work.settings_of(scene)), self.limit, self.share)
         yield 0.0
-        box = yield from within(walk.box(), 0.0, FOUND)
+        box = yield from within(found_by(walk), 0.0, FOUND)
         viewer = rig.viewers[0].name
-        if not walk.n_seen:
-            raise RigError(
-                "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
-                " enlarge the display.",
-                viewer=viewer,
-            )
         if not any(box.ends):
             raise RigError(
                 "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
@@ -106,6 +100,20 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
             ways=joined(ways_in_words(scene, numbers), ", "),
             name=thing.name,
         )
+
+
+def found_by(walk: Walk) -> Generator[float, None, EyeBox]:
+    """The eye box of a walk; RigError before it is looked for where nothing is seen to begin with.
+    Yields progress 0..1.
+    """
+    yield from at(0.05, walk.begin())
+    if not walk.n_seen:
+        raise RigError(
+            "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
+            " enlarge the display.",
+            viewer=walk.plan.viewer.name,
+        )
+    return (yield from within(walk.box(), 0.05, 1.0))
 
 
 def _served(plan: Plan) -> Generator[float, None, dict[str, Any]]:

@@ -35,7 +35,7 @@ def of_the_picture(
     lost = np.zeros(len(Reason))
     within = _reasons_within(view_map)
     cover_of_view = cover_in_view(picture, viewer)
-    shown = float(cover_of_view.sum())
+    shown = _shown(picture, viewer, cover_of_view)
 
     rows = max(1, PIXELS_AT_ONCE // w)
     for first in range(0, h, rows):
@@ -57,14 +57,6 @@ def of_the_picture(
         votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
 
-    if shown < UNSEEN_PX2:
-        raise RigError(
-            "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
-            viewer=viewer.name,
-            picture=picture.name,
-            why=why_unseen(picture, viewer),
-        )
-
     misses = {
         REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0
     }
@@ -73,6 +65,24 @@ def of_the_picture(
         misses[TOO_FINE] = between
 
     return float(1 - unseen / shown), misses
+
+
+def check_seen(picture: PicturePlace, viewer: Viewer) -> None:
+    """Raise RigError where a viewer sees nothing of a picture even with no glass in the way."""
+    _shown(picture, viewer, cover_in_view(picture, viewer))
+
+
+def _shown(picture: PicturePlace, viewer: Viewer, cover_of_view: Floats) -> float:
+    """Viewer px^2 of the picture, by how much of each pixel shows it; RigError where it is none."""
+    shown = float(cover_of_view.sum())
+    if shown < UNSEEN_PX2:
+        raise RigError(
+            "The viewer '{viewer}' does not see the picture '{picture}', {why}.",
+            viewer=viewer.name,
+            picture=picture.name,
+            why=why_unseen(picture, viewer),
+        )
+    return shown
 
 
 def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:

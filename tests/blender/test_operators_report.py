@@ -259,6 +259,41 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
         assert run("eyes", "--out", three, wrong) == 2
 
 
+def test_command_eyes_fails_before_it_works_where_an_eye_sees_nothing(
+    run: Callable[..., int],
+    kiriko: ModuleType,
+    rig: dict,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """The picture is out of the right one's frame; or no light from it comes to the first."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
+    begun = []
+
+    def count(*_: object) -> None:
+        begun.append(1)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "beside", count)
+        bpy.ops.kiriko.two_eyes()
+        eye = bpy.context.scene.kiriko.viewers[2].camera
+        eye.location.x += 3
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+        assert run("eyes", "--out", tmp_path / "eyes") == 1
+        assert f"The viewer '{eye.name}' does not see the picture" in capsys.readouterr().err
+
+    walk = importlib.import_module(f"{kiriko.__name__}.core.measure.eye_box").Walk
+    monkeypatch.setattr(walk, "part", count)
+    eye.location.x -= 3
+    rig["DISPLAY"].location.x += 3
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert run("eyes", "--out", tmp_path / "eyes") == 1
+    assert "sees nothing of the picture from its own place" in capsys.readouterr().err
+    assert not (tmp_path / "eyes").exists()
+    assert not begun
+
+
 def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     run: Callable[..., int],
     kiriko: ModuleType,
