@@ -12,7 +12,8 @@ from .viewer import Viewer
 
 
 def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirrors: bool) -> None:
-    """Raise RigError where a viewer is there twice, or a plate stands between two of them.
+    """Raise RigError where a viewer is there twice, two have one name, or a plate stands between
+    two of them.
 
     By way of mirrors the light of viewers on both sides of a plate may come to the same one.
     """
@@ -21,6 +22,14 @@ def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirro
 
     name, n = Counter(viewer.name for viewer in viewers).most_common(1)[0]
     if n > 1:
+        first, *others = (viewer for viewer in viewers if viewer.name == name)
+        if not all(_is_same(first, other) for other in others):
+            raise RigError(
+                "{n} viewers are called '{viewer}', and results tell viewers by their names: rename"
+                " all but one.",
+                n=n,
+                viewer=name,
+            )
         raise RigError(
             "The viewer '{viewer}' is in the list {n} times: keep one.", viewer=name, n=n
         )
@@ -57,6 +66,12 @@ def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
                 " the list of viewers, or take theirs away.",
                 viewer=viewer.name,
             )
+
+
+def _is_same(one: Viewer, other: Viewer) -> bool:
+    """Do two viewers look alike from one place, whatever they are called and weigh?"""
+    pairs = ((one.position, other.position), (one.axes, other.axes), (one.window, other.window))
+    return one.projection == other.projection and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def _side(viewer: Viewer, mesh: Mesh) -> float:

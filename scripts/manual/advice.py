@@ -54,6 +54,13 @@ RIG = Section(
             "より重視するには、重みを上げます。",
         ),
         Advice(
+            "{n} viewers are called '{viewer}', and results tell viewers by their names: rename all"
+            " but one.",
+            "A camera that is linked has the name that it has in its own file: rename the one of"
+            " this file.",
+            "リンクしたカメラの名前は元のファイルのものです。このファイルのカメラの名前を変更します。",
+        ),
+        Advice(
             "Two eyes are two viewers, and the rig has {n}: choose a left and a right one.",
             "Add a second camera beside the first, 64 mm to its right, and make it a viewer.",
             "1台目のカメラの右64 mmに2台目を追加し、視点にします。",

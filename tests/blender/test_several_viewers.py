@@ -280,6 +280,26 @@ def test_a_list_that_cannot_be_is_refused_in_one_sentence(rig: dict, name: str) 
     assert len(listed()) == entries
 
 
+def test_a_linked_camera_of_the_same_name_is_told_apart(rig: dict, tmp_path: Path) -> None:
+    """It is in the list once, as the viewer is: renaming the viewer helps."""
+    theirs = camera(0.01)
+    path = str(tmp_path / "theirs.blend")
+    bpy.data.libraries.write(path, {theirs})
+    bpy.data.objects.remove(theirs)
+    with bpy.data.libraries.load(path, link=True) as (_, loaded):
+        loaded.objects = ["mine"]
+    linked = loaded.objects[0]
+    bpy.context.scene.collection.objects.link(linked)
+    add(linked)
+    ours().viewer.name = "mine"
+    assert ours().viewer.name == linked.name == "mine"
+    words = "2 viewers are called 'mine', and results tell viewers by their names: rename all but"
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.solve()
+    ours().viewer.name = "other"
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
 def test_both_ways_to_settle_it_and_weights_reach_the_solve(kiriko: ModuleType, rig: dict) -> None:
     """The image in Blender is that of core for these viewers, to the bit; three ways, three."""
     session = importlib.import_module(f"{kiriko.__name__}.core.solve.session")

@@ -327,7 +327,11 @@ def test_one_viewer_is_displaced_by_nothing():
 
 
 BAD = {
-    "twice": (lambda a, b: (a, replace(b, name=a.name)), "'left' is in the list 2 times: keep one"),
+    "twice": (lambda a, b: (a, replace(a, weight=2.0)), "'left' is in the list 2 times: keep one"),
+    "of one name": (
+        lambda a, b: (a, replace(b, name=a.name)),
+        "2 viewers are called 'left', and results tell viewers by their names: rename all but one",
+    ),
     "0": (lambda a, b: (a, replace(b, weight=0.0)), "'right' has the weight 0: set one above 0"),
     "-1": (lambda a, b: (replace(a, weight=-1.0), b), "'left' has the weight -1: set one above 0"),
     "nan": (lambda a, b: (a, replace(b, weight=np.nan)), "has the weight nan: set one above 0"),
