@@ -207,7 +207,6 @@ def make_rig(
     before = scene.camera
     made = Workbench(scene, RIG)
     record = Record(scene, made.collection)
-    own_before = scene.kiriko.viewer
 
     try:
         glasses = bench.glasses or (_make_ball(scene, made),)
@@ -219,11 +218,11 @@ def make_rig(
 
         record.change(scene, {"kiriko.picture_source": "PLANE"})
         _make_parts(scene, made, proposal, display_resolution)
+        record.set_viewers_aside()
         _make_viewer(scene, made, proposal, viewer_resolution)
-        record.rig.viewer_before = own_before
         record.mark(made.made)
     except BaseException:
-        scene.camera, scene.kiriko.viewer = before, own_before
+        scene.camera = before
         record.take_back()
         made.clear()
         raise
@@ -287,7 +286,6 @@ def _make_viewer(
     if resolution is not None:
         viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
 
-    scene.kiriko.viewers.clear()  # whoever is in it may not see the new rig
     scene.kiriko.viewer = viewer
     scene.camera = scene.camera or viewer
 

@@ -21,7 +21,8 @@ from .made_for_rig import (
     unused_elsewhere,
 )
 from .rigs import RIG_MARK, active_rig, let_go, marked_key, rig_of, rigs, rigs_of
-from .viewer_list import have_viewer, take_out
+from .viewer import camera_at
+from .viewer_list import bring_back, have_viewer, take_out
 
 
 def rig_to_remove(
@@ -168,9 +169,22 @@ def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy
         for name in set(result.bl_rna.properties.keys()) - {"rna_type", "name"}:
             result.property_unset(name)
 
+    _put_viewers_back(scene, rig, going)
+
+
+def _put_viewers_back(
+    scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy.types.ID]
+) -> None:
+    """The viewer and the list as they were before; those who came since stay in it."""
+    ours = rig.kiriko
+    is_first_gone = camera_at(scene, 0) in (None, *going)
+    if scene.camera in going:
+        scene.camera = None  # no viewer of what stays
     if scene.kiriko.viewer in going:
         have_viewer(scene.kiriko, ours.viewer_before)
-    take_out(scene, going)
+    take_out(scene, going, is_first_gone)
+    if rig == active_rig(scene):
+        bring_back(scene, ours)
     for one in rigs(scene):
         if one.kiriko.viewer_before in going:
             one.kiriko.viewer_before = ours.viewer_before

@@ -12,6 +12,7 @@ from .active_rig import begin, keep_as, replace
 from .changes import Change, change, put_back
 from .kept import Changed
 from .rigs import RIG_MARK, active_rig, is_copy, let_go, take_in
+from .viewer_list import bring_back, have_viewer, set_aside
 
 OF_GLASS = ("rigs", "taken_as", "changed")  # marks of an object that a rig has taken in
 KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
@@ -27,6 +28,7 @@ class Record:
         self.rig.key = token_hex(8)
         self._done: list[tuple[Any, Any, str, list[Change]]] = []
         self._taken: list[tuple[bpy.types.Object, dict[str, str]]] = []
+        self._has_viewers = True
 
         # the first rig takes the scene's settings as they are
         if self._before is not None:
@@ -69,8 +71,16 @@ class Record:
         if added:
             self.rig.views = Changed(self.rig.key, [*kept, *added]).text()
 
+    def set_viewers_aside(self) -> None:
+        """Have the scene have no viewers, until the rig goes: they may not see it."""
+        set_aside(self._scene, self.rig)
+        self._has_viewers = False
+
     def take_back(self) -> None:
         """Put everything back, as if there had been no rig."""
+        if not self._has_viewers:
+            have_viewer(self._scene.kiriko, self.rig.viewer_before)
+            bring_back(self._scene, self.rig)
         while self._done:
             owner, keeper, before, changes = self._done.pop()
             put_back(owner, changes)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import bpy
 
+from .active_rig import copy_settings
 from .viewer import camera_at, number_shown
 
 
@@ -65,14 +66,52 @@ def add(scene: bpy.types.Scene, cameras: list[bpy.types.Object]) -> None:
             listed.add().camera = camera
 
 
-def take_out(scene: bpy.types.Scene, cameras: Container[bpy.types.Object | None]) -> None:
+def take_out(
+    scene: bpy.types.Scene,
+    cameras: Container[bpy.types.Object | None],
+    is_first_gone: bool = False,
+) -> None:
     """Take the entries of cameras out of the list, but for the first, which is on again: some of
     them may have been in its place.
+
+    is_first_gone : that has lost its camera, and goes, too, where no viewer takes its place, or one
+        that is further down in the list as well
     """
-    if not len(scene.kiriko.viewers):
+    ours = scene.kiriko
+    if not len(ours.viewers):
         return
     with changing(scene) as listed:
         for n in reversed(range(1, len(listed))):
             if listed[n].camera in cameras:
                 listed.remove(n)
                 listed[0].is_on = True
+        if is_first_gone and listed[0].camera in (None, *(one.camera for one in listed[1:])):
+            listed.remove(0)
+            ours.viewer_shown = max(ours.viewer_shown - 1, 0)
+
+
+def set_aside(scene: bpy.types.Scene, rig: bpy.types.PropertyGroup) -> None:
+    """Have a rig keep a scene's viewers, and the scene have none."""
+    ours = scene.kiriko
+    rig.viewer_before = ours.viewer
+    rig.viewers_before.clear()
+    for one in ours.viewers:
+        copy_settings(one, rig.viewers_before.add())
+    ours.viewers.clear()
+    ours.viewer = None
+
+
+def bring_back(scene: bpy.types.Scene, rig: bpy.types.PropertyGroup) -> None:
+    """Have the list be as a rig keeps it, for the viewer that the scene has, and after it whoever
+    came into the list since.
+    """
+    if not len(rig.viewers_before):
+        return
+    with changing(scene) as listed:
+        first, *before = rig.viewers_before
+        known = [one.camera for one in listed]
+        for name in ("weight", "is_on", "image"):
+            setattr(listed[0], name, getattr(first, name))
+        for n, one in enumerate([one for one in before if one.camera not in (None, *known)]):
+            copy_settings(one, listed.add())
+            listed.move(len(listed) - 1, n + 1)

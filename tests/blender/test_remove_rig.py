@@ -1,3 +1,5 @@
+import importlib
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -312,3 +314,96 @@ def test_a_rig_without_its_collection_has_another_way_out(scene: bpy.types.Scene
     scene.objects["Cube"].kiriko.role = "GLASS"
     with pytest.raises(RuntimeError, match="set the roles of its parts to None and delete them"):
         bpy.ops.kiriko.remove_rig()
+
+
+def add_viewers(*cameras: bpy.types.Object) -> None:
+    """Put cameras into the list as a click does, with each active."""
+    for camera in cameras:
+        bpy.context.view_layer.objects.active = camera
+        bpy.ops.kiriko.add_viewer()
+
+
+def viewers(scene: bpy.types.Scene) -> tuple[Any, ...]:
+    """The viewer, the list and which entry is shown."""
+    ours = scene.kiriko
+    listed = [
+        (one.camera and one.camera.name, one.weight, one.is_on, one.image and one.image.name)
+        for one in ours.viewers
+    ]
+    return ours.viewer and ours.viewer.name, listed, ours.viewer_shown
+
+
+def of_artist(name: str) -> bpy.types.Object:
+    camera = new_object(bpy.data.cameras.new(name))
+    camera.name = name
+    return camera
+
+
+CHOSEN: dict[str, Any] = {
+    "none": lambda scene, camera: None,
+    "chosen": lambda scene, camera: setattr(scene.kiriko, "viewer", camera),
+    "scene's": lambda scene, camera: setattr(scene, "camera", camera),
+}
+
+
+@pytest.mark.parametrize("choice", CHOSEN)
+def test_the_rig_leaves_no_empty_entry_in_the_list(scene: bpy.types.Scene, choice: str) -> None:
+    """An artist's own camera that came into the list is the viewer afterwards, or stays behind the
+    one that was chosen before, and is there once.
+    """
+    cube()
+    first, other = of_artist("first"), of_artist("other")
+    CHOSEN[choice](scene, first)
+    before = viewers(scene)
+    bpy.context.view_layer.objects.active = scene.objects["Cube"]
+    bpy.ops.kiriko.add_rig(**SMALL)
+    add_viewers(first)
+    bpy.ops.kiriko.two_eyes()
+    bpy.ops.kiriko.remove_rig()
+    assert viewers(scene) == (before if choice != "none" else ("first", [], 0))
+
+    bpy.context.view_layer.objects.active = scene.objects["Cube"]
+    bpy.ops.kiriko.add_rig(**SMALL)
+    add_viewers(first, other)
+    scene.kiriko.viewers[2].weight = 2.0
+    bpy.ops.kiriko.remove_rig()
+    viewer = None if choice == "scene's" else "first"
+    entries = [(None, 1.0, True, None), ("other", 2.0, True, None)]
+    assert viewers(scene) == (viewer, entries, 1)
+
+
+@pytest.mark.parametrize("then", ["removed", "with another", "gone wrong"])
+def test_a_list_of_before_the_rig_is_back(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, then: str
+) -> None:
+    """With weights, images and who is on, also where Add Rig went wrong at its end; a camera that
+    came since stands behind, and one that was deleted is in it no more.
+    """
+    cube()
+    first, second, third = map(of_artist, ("first", "second", "third"))
+    scene.kiriko.viewer = first
+    add_viewers(second, third)
+    scene.kiriko.viewers[0].weight, scene.kiriko.viewers[2].is_on = 0.5, False
+    scene.kiriko.viewers[1].image = bpy.data.images.new("own", 8, 8)
+    scene.kiriko.viewer_shown = 1
+    name, listed, shown = viewers(scene)
+    bpy.context.view_layer.objects.active = scene.objects["Cube"]
+    if then == "gone wrong":
+        record = importlib.import_module(f"{kiriko.__name__}.core.blender.rig_record").Record
+
+        def fail(self: Any, made: list[bpy.types.ID]) -> None:
+            raise MemoryError
+
+        monkeypatch.setattr(record, "mark", fail)
+        with pytest.raises(RuntimeError):
+            bpy.ops.kiriko.add_rig(**SMALL)
+    else:
+        bpy.ops.kiriko.add_rig(**SMALL)
+        assert viewers(scene)[:2] == ("Kiriko Viewer", [])
+        if then == "with another":
+            bpy.data.objects.remove(third)
+            add_viewers(of_artist("new"))
+            listed[2:] = [("new", 1.0, True, None)]
+            shown = 1
+        bpy.ops.kiriko.remove_rig()
+    assert viewers(scene) == (name, listed, shown)

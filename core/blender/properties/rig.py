@@ -1,7 +1,9 @@
 """A rig that Add Rig made, and what it changed of things that were there before."""
 
 import bpy
-from bpy.props import PointerProperty, StringProperty
+from bpy.props import CollectionProperty, PointerProperty, StringProperty
+
+from .viewers import KirikoViewer
 
 
 class KirikoRig(bpy.types.PropertyGroup):
@@ -34,6 +36,12 @@ class KirikoRig(bpy.types.PropertyGroup):
         name="Viewer Before",
         description="The viewer that the scene had before",
         type=bpy.types.Object,
+        options={"HIDDEN"},
+    )
+    viewers_before: CollectionProperty(
+        name="Viewers Before",
+        description="The list of viewers that the scene had before",
+        type=KirikoViewer,
         options={"HIDDEN"},
     )
 
