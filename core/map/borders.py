@@ -26,7 +26,7 @@ from .doubts import (
     n_branches,
 )
 from .points import Points, trace_points
-from .ray_guess import CUT_RAYS, rays_of_cut
+from .ray_guess import RAYS, rays_of_cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class _Cutting:
 
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
         """Cut pixels (m, 4) in squares (m,), by number; the quarters that are looked into."""
-        cells = yield from self._with_middles(corners, np.ones(len(corners), bool), 0)
+        cells = yield from self._with_middles(corners, np.ones(len(corners), bool))
         branch = self.points.branch[corners]
         is_one = (branch == branch[:, :1]).all(axis=1)
 
@@ -120,7 +120,9 @@ class _Cutting:
         self.points, corners = yield from _quartered(
             self.plan, self.points, some.corners, some.middle
         )
-        cells = yield from self._with_middles(corners, np.tile(some.is_calm, 4), depth)
+        if depth == CUT.quarterings:  # none of these are quartered again
+            self._expect(corners, len(corners))
+        cells = yield from self._with_middles(corners, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
         self.chaotic.append(corners[is_given_up])
@@ -134,7 +136,7 @@ class _Cutting:
     def finished(self) -> Generator[int, None, Pieces]:
         """Cut what is not looked into any further."""
         last = np.concatenate(self.last)
-        self._expect(last, CUT.quarterings + 1, 0)
+        self._expect(np.empty((0, 4), np.int64))
         yield 0
         self.points, of_last = yield from _cut_last(self.plan, self.points, last)
         return Pieces(
@@ -144,12 +146,8 @@ class _Cutting:
             np.concatenate(self.chaotic),
         )
 
-    def _with_middles(
-        self, corners: Ints, is_calm: Bools, depth: int
-    ) -> Generator[int, None, _Parts]:
-        """Trace the middles of cells with corners (m, 4), quartered so often."""
-        n_quarters = 0.0 if self.plan.is_flat else CUT_RAYS.quarters[depth] * len(corners)
-        self._expect(corners, depth, n_quarters, len(corners))
+    def _with_middles(self, corners: Ints, is_calm: Bools) -> Generator[int, None, _Parts]:
+        """Trace the middles of cells with corners (m, 4)."""
         middle = yield from trace_points(self.plan, mean_at(self.points.view, corners))
         number = len(self.points) + np.arange(len(corners))
         self.points = self.points.and_more(middle)
@@ -170,10 +168,8 @@ class _Cutting:
         off[one] = missed_by_corners(
             plan, self.points, cells.corners[one], self.points.at(cells.middle[one])
         )
-        n_again = (off[one] > tolerance).sum() + (
-            0.0 if plan.is_flat else CUT_RAYS.mixed_again
-        ) * len(mixed)
-        self._expect(cells.corners, depth, 4 * n_again)
+        n_bent = int((off[one] > tolerance).sum())
+        self._expect(cells.corners, RAYS.of_bent[depth] * n_bent)
         yield 0
 
         # on several
@@ -228,12 +224,13 @@ class _Cutting:
         self.last.append(_around(rest.corners, rest.middle))
         return cells.at(np.flatnonzero(simple))
 
-    def _expect(self, cells: Ints, depth: int, n_quarters: float, n_more: int = 0) -> None:
-        """Tell about how many rays it takes to find the borders in cells (m, k), quartered
-        so often, then to cut so many quarters, and to sample; and more rays besides.
+    def _expect(self, cells: Ints, n_more: float = 0) -> None:
+        """Tell about how many rays it takes to find the borders in cells (m, 4),
+        to cut those that were left for the end, and to sample; and more rays besides.
         """
+        last = np.concatenate([np.empty((0, 3), np.int64), *self.last])
         n_rays = rays_of_cut(
-            self.points, cells, self.chaotic, depth, n_quarters, self.plan.settings.effort
+            self.points, cells, last, self.chaotic, self.plan.is_flat, self.plan.settings.effort
         )
         self.expect(n_more + n_rays)
 

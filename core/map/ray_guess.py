@@ -5,95 +5,94 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Ints
-from .interpolation import CHECKS, PARTS
+from ..arrays import Floats, Ints
+from ..light.landings import Words
+from . import interpolation
+from .doubts import CUT
+from .interpolation import NODES_ALONG, PARTS
 from .points import Points
-from .squares import Squares
 
 
 @dataclass(frozen=True)
-class SquareRays:
-    """Numbers of rays, for the progress alone.
+class RayGuess:
+    """Numbers of rays, fitted to the glasses of `dev.py glasses`, whose column
+    *to come x* tells by how much the rays to come are guessed wrong with them.
 
-    of_square : about as many as a square of each size takes
-    of_pixel, of_flat_pixel : and a pixel of the finest; where all glass is flat
-    quartered, refused : shares of squares, of the smallest ones, that are expected at the least
-    more : times the rays so far, there are always some to come
+    of_edge : a pixel's edge with a border on it takes so many, with all that comes of it
+    of_lit_edge : and so many, in curved glass, where both its ends have a landing
+    of_last_lit_edge : of triangles, which are cut at the end
+    of_bent : a pixel on one branch whose middle is missed, and a quarter of one
+    n_bent : pixels of the smallest squares beside borders that are bent, too
+    of_square : at the nodes that it does not share with those before
+    missed : share of the smallest squares that look bent and do not pass their checks
     """
 
+    of_edge: float = 13
+    of_lit_edge: float = 120
+    of_last_lit_edge: float = 25
+    of_bent: tuple[float, ...] = (16, 4, 0)
+    n_bent: float = 2
     of_square: float = 16
-    of_pixel: float = 12
-    of_flat_pixel: float = 5
-    quartered: float = 0.6
-    refused: float = 0.5
-    more: float = 1.02
+    missed: float = 0.7
 
 
-SQUARE_RAYS = SquareRays()
+RAYS = RayGuess()
 
 
-@dataclass(frozen=True)
-class CutRays:
-    """Numbers of rays for the progress alone, by how often cells have been
-    quartered; medians of the glasses of `dev.py glasses`.
-
-    of_edge : that it takes to look for the border on an edge
-    neighbours : cells that share an edge, on average
-    of_quarter : all told, of a quarter or one of the triangles that are cut at the end
-    quarters : of a cell, before anything is known of it
-    mixed_again : share of mixed cells, which are quartered, where the glass is not flat
+def rays_of_finest(branch: Words, xy: Floats, tolerance: float, is_flat: bool) -> float:
+    """To cut the pixels of the smallest squares, with nodes
+    on branches (n, 25) at places (n, 25, 2), display px.
     """
+    grid = branch.reshape(-1, NODES_ALONG, NODES_ALONG)
+    along, across = _borders(grid, 1), _borders(grid, 2)
+    n_edges, n_lit = (
+        a.sum(axis=(1, 2)) + b.sum(axis=(1, 2)) for a, b in zip(along, across, strict=True)
+    )
+    is_mixed = n_edges > 0
 
-    of_edge: tuple[float, ...] = (11.5, 7.0, 4.0, 8.0)
-    neighbours: float = 1.8
-    of_quarter: tuple[float, ...] = (5.6, 3.2, 0.6, 0.0)
-    quarters: tuple[float, ...] = (1.2, 0.95, 1.3)
-    mixed_again: float = 0.35
+    # of their five lines of nodes, squares side by side share one
+    shared = PARTS / NODES_ALONG
+    rays = shared * _of_edges(n_edges.sum(), n_lit.sum(), RAYS.of_lit_edge, is_flat)
 
+    # all middles are traced beside a border
+    n_bent = 0.0 if is_flat else RAYS.n_bent
+    rays += is_mixed.sum() * (PARTS**2 + n_bent * RAYS.of_bent[0])
 
-CUT_RAYS = CutRays()
-
-
-def rays_of_squares(
-    n_traced: int, todo: Squares, checking: Squares, refused: float, finest: float, is_flat: bool
-) -> float:
-    """Those traced, and of squares to be traced, or checked, and of those that come of them.
-
-    Such a share is refused. finest : px^2, of pixels of the finest squares before;
-    is_flat : all glass is flat
-    """
-    n_rays = float(n_traced + len(CHECKS) * len(checking))
-    share = max(refused, SQUARE_RAYS.quartered)
-
-    # squares of all sizes, each time a share of them is refused
-    size = max(int(squares.size.max(initial=PARTS)) for squares in (todo, checking))
-    area = 0.0
-
-    while size > PARTS:
-        area += float((todo.size == size).sum()) * size**2
-        n_rays += SQUARE_RAYS.of_square * area / size**2
-        area = share * (area + float((checking.size == size).sum()) * size**2)
-        size //= 2
-
-    # pixels of the smallest
-    area += float((todo.size == PARTS).sum() + (checking.size == PARTS).sum()) * PARTS**2
-    of_pixel = SQUARE_RAYS.of_flat_pixel if is_flat else SQUARE_RAYS.of_pixel
-    return n_rays + of_pixel * (max(refused, SQUARE_RAYS.refused) * area + finest)
+    # on one branch all pixels are bent, or none
+    one = xy[~is_mixed & (branch[:, 0] != 0)]
+    sag = interpolation.sag(one)
+    error = interpolation.expected_error(one)
+    is_bent = (sag > tolerance) & (error > np.maximum(tolerance, sag / 4**CUT.quarterings))
+    return float(rays + is_bent.sum() * PARTS**2 * RAYS.of_bent[0])
 
 
 def rays_of_cut(
-    points: Points,
-    cells: Ints,
-    chaotic: Sequence[Ints],
-    depth: int,
-    n_quarters: float,
-    effort: int,
+    points: Points, cells: Ints, last: Ints, chaotic: Sequence[Ints], is_flat: bool, effort: int
 ) -> float:
-    """To find the borders in cells (m, k), quartered so often, then to cut so many quarters,
-    and to sample chaotic cells (c, 4).
+    """To find the borders in cells (m, 4), and in triangles (t, 3) that
+    are cut at the end, and to sample chaotic cells (c, 4).
     """
-    branch = points.branch[cells]
-    n_edges = (branch != np.roll(branch, -1, axis=1)).sum() / CUT_RAYS.neighbours
+    rays = 0.0
+    for corners, of_lit in ((cells, RAYS.of_lit_edge), (last, RAYS.of_last_lit_edge)):
+        branch = points.branch[corners]
+        # most edges are those of two cells
+        n_edges, n_lit = (
+            some.sum() / 2 for some in _borders(np.column_stack([branch, branch[:, 0]]), 1)
+        )
+        rays += float(_of_edges(n_edges, n_lit, of_lit, is_flat))
+
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    n_samples = effort * sum((side**2).sum() for side in sides)
-    return CUT_RAYS.of_edge[depth] * n_edges + CUT_RAYS.of_quarter[depth] * n_quarters + n_samples
+    return rays + effort * sum(float((side**2).sum()) for side in sides)
+
+
+def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which steps along an axis lead to another branch, and which of them from light to light?"""
+    n = branch.shape[axis]
+    one, other = (branch.take(range(first, first + n - 1), axis) for first in (0, 1))
+    differs = one != other
+    return differs, differs & (one != 0) & (other != 0)
+
+
+def _of_edges(n_edges: Floats, n_lit: Floats, of_lit: float, is_flat: bool) -> Floats:
+    """Rays for borders on edges, some of which have a landing at both ends."""
+    return RAYS.of_edge * n_edges + (0.0 if is_flat else of_lit - RAYS.of_edge) * n_lit

@@ -21,7 +21,7 @@ from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import CHECK, measure
 from .points import Paths, Points, is_seen, trace_points
-from .ray_guess import SQUARE_RAYS, rays_of_squares
+from .ray_guess import RAYS, rays_of_finest
 from .samples import sample_cells
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
@@ -41,6 +41,7 @@ class Refinement:
 
 
 REFINEMENT = Refinement()
+MORE = 1.02  # times the rays so far: there are always some to come
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -52,7 +53,9 @@ class Sampling:
     """The work of making a view map: the points traced so far
     and the number of that at each node, -1 for none.
 
-    n_done : rays traced so far; expected : a guess of the rays in all, mended at each level
+    n_done : rays traced so far
+    expected : a guess of the rays in all, infinite until
+        squares are as small as can be, then mended again and again
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -83,8 +86,7 @@ class Sampling:
             np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position))
         )
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
-        self.n_done, self.expected = 0, 0.0
-        self._expect(self.first, self.first.at(slice(0)), 0.0, 0)
+        self.n_done, self.expected = 0, np.inf
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
@@ -97,7 +99,7 @@ class Sampling:
             except StopIteration as end:
                 return replace(end.value, n_rays=self.n_done)
             # more may be expected than before
-            told = max(told, self.n_done / max(self.expected, SQUARE_RAYS.more * self.n_done))
+            told = max(told, self.n_done / max(self.expected, MORE * self.n_done, 1))
             yield told
 
     def _run(self) -> Generator[int, None, ViewMap]:
@@ -141,24 +143,24 @@ class Sampling:
             finest = finest.and_more(refused.at(refused.size == PARTS))
 
             todo = refused.at(refused.size > PARTS).quarters()
-            known = refused.area + checking.area + smooth.area
-            self._expect(todo, checking, refused.area / max(known, 1), finest.area)
+            if len(finest) or not len(todo):
+                self._expect_of_squares(todo, checking, finest)
 
         return (yield from self._finished(smooth, finest))
 
-    def _expect(self, todo: Squares, checking: Squares, refused: float, finest: int) -> None:
-        """Guess the number of rays.
+    def _expect_of_squares(self, todo: Squares, checking: Squares, finest: Squares) -> None:
+        """Guess the number of rays, by squares to be traced, to be checked, and to be cut."""
+        missed = RAYS.missed * self._rays_of(checking.at(checking.size == PARTS))
+        n_known = RAYS.of_square * len(todo) + len(CHECKS) * len(checking)
+        self.expect(n_known + missed + self._rays_of(finest))
 
-        Of squares to be traced, or checked, such a share is refused. finest : px.
-        """
-        self.expected = rays_of_squares(
-            len(self.points), todo, checking, refused, finest, self.plan.is_flat
-        )
+    def _rays_of(self, finest: Squares) -> float:
+        nodes = self._at_nodes(finest)
+        branch, xy = self.points.branch[nodes], taken(self.points.xy, nodes)
+        return rays_of_finest(branch, xy, self.tolerance, self.plan.is_flat)
 
-    def _expect_of_cut(self, n_rays: float) -> None:
-        """Guess the number of rays, if so many are still to
-        come until all pixels are cut and sampled.
-        """
+    def expect(self, n_rays: float) -> None:
+        """So many rays are still to come, until all pixels are cut and sampled."""
         self.expected = self.n_done + n_rays + 2 * CHECK.n_places
 
     def _at_nodes(self, squares: Squares) -> Ints:
@@ -257,7 +259,7 @@ class Sampling:
         cells = cells[is_seen]
         yield 0
 
-        pieces = yield from cut(self.plan, self.points, cells, square[is_seen], self._expect_of_cut)
+        pieces = yield from cut(self.plan, self.points, cells, square[is_seen], self.expect)
         samples, sample_area = yield from sample_cells(
             self.plan, pieces.points.view[pieces.chaotic]
         )

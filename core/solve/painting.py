@@ -23,7 +23,7 @@ from ..settings import Settings
 from ..steps import Pauses, at, within
 from ..viewer import Viewer
 from .channel import shares_of
-from .progress import PACE, times_slower
+from .progress import seconds_to_paint
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
 
@@ -33,7 +33,7 @@ class Placed:
     """The part of a channel that depends on the picture's place and size, but not on its colours.
 
     seconds_to_paint : about, with all that comes with it
-    cells, part : (5,) after how many cells which part of the shares is made, about, 0..1
+    cells, n_made : (5,) after how many cells how many shares are made, about
     coverage : complete when all shares were made once
     is_counted : is it complete?
     asked : the places of the picture that display pixels are asked for, where that was looked for
@@ -46,7 +46,7 @@ class Placed:
     shares: ShareBatches
     seconds_to_paint: float
     cells: Floats
-    part: Floats
+    n_made: Floats
     coverage: Coverage
     is_counted: bool = False
     asked: Asked | None = None
@@ -66,7 +66,11 @@ class Placed:
         batches = self.shares
         if batches.are_kept:
             return n / max(len(batches), 1)
-        return float(np.interp(batches.n_divided, self.cells, self.part))
+        # cells without shares come to no batch, and long cells make fewer than
+        # they seem to: that counts the less the further it is
+        whole = max(self.n_made[-1], 1)
+        by_cells = float(np.interp(batches.n_divided, self.cells, self.n_made)) / whole
+        return by_cells**2 + (1 - by_cells) * min(1.0, n / whole)
 
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
@@ -159,25 +163,17 @@ def _add(
 def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings) -> Placed:
     """The shares of a viewer's map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, picture, viewer, settings)
-
-    # a guess at the time, and at the shares that so many cells make
-    width, height = shares.display_size
-    cells, n_shares = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
-    seconds = times_slower() * float(
-        PACE.painted_pixel * (width * height)
-        + PACE.painted_cell * cells[-1]
-        + PACE.painted_share * n_shares[-1]
-    )
-    part = n_shares / max(n_shares[-1], 1)
+    # a guess at the shares that so many cells make
+    cells, n_made = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
 
     coverage = Coverage(shares.display_size, shares.view_size)
     return Placed(
         viewer=viewer,
         picture=picture,
         shares=shares,
-        seconds_to_paint=seconds,
+        seconds_to_paint=seconds_to_paint(view_map),
         cells=cells,
-        part=part,
+        n_made=n_made,
         coverage=coverage,
     )
 

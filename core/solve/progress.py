@@ -5,8 +5,12 @@ Nothing but the bar that is watched depends on these numbers.
 
 import timeit
 from dataclasses import dataclass
+from time import thread_time
 
 import numpy as np
+
+from ..light.plan import Plan
+from ..map.view_map import ViewMap
 
 
 @dataclass(frozen=True)
@@ -14,18 +18,15 @@ class Stages:
     """How far the work is when one of its parts ends, 0..1.
 
     Read off `Solution.seconds` of the balls and cubes of `dev.py bench`, and rounded: the ball's
-    coverage takes 3 % of a solve. To measure its errors takes a tenth of what comes after tracing,
-    and half of it where a mesh is irregular, so that rays are followed as drawn, too.
+    coverage takes 3 % of a solve.
 
     painted : of a solve; its coverage comes after
-    measured : of the work after tracing; then it is painted
     mesh_measured, leaks_measured : of the measuring; then light that was cut off is looked at
     settled : of the painting for several viewers; the places that they ask for come before
     glance_traced : of a coarse picture; then it is painted
     """
 
     painted: float = 0.97
-    measured: float = 0.28
     mesh_measured: float = 0.8
     leaks_measured: float = 0.9
     settled: float = 0.5
@@ -36,18 +37,22 @@ class Stages:
 class Pace:
     """Seconds that parts of a solve take, about, where `times_slower` is 1.
 
-    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*), with the kernel: the
-    rest of the time is told within a factor of three, on half of that glass within two.
+    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*), with the kernel. To
+    measure the errors of curved glass takes from a fifth of that time to three times as long:
+    longest where a mesh is irregular, so that rays are followed as drawn, too.
 
-    after_pixel, after_ray : of the work after it, a viewer pixel and a ray
+    after_curved, after_flat : of the work after tracing, a viewer pixel and a ray
+    measured_curved, measured_flat : of it, to measure errors; then it is painted
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
     """
 
-    after_pixel: float = 0.53e-6
-    after_ray: float = 1.46e-6
-    painted_pixel: float = 0.15e-6
-    painted_cell: float = 0.74e-6
-    painted_share: float = 0.07e-6
+    after_curved: tuple[float, float] = (0.75e-6, 1.45e-6)
+    after_flat: tuple[float, float] = (0.2e-6, 0.7e-6)
+    measured_curved: float = 0.15
+    measured_flat: float = 0.03
+    painted_pixel: float = 0.2e-6
+    painted_cell: float = 0.5e-6
+    painted_share: float = 0.1e-6
 
 
 STAGES = Stages()
@@ -58,6 +63,31 @@ PROBE_SECONDS = 370e-6  # that the norms of its rows take on the machine of PACE
 
 
 def times_slower() -> float:
-    """How many times slower this machine is now than the one of PACE."""
-    passes = timeit.repeat(lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=3)
+    """How many times slower this machine is than the one of PACE, whatever else it does."""
+    passes = timeit.repeat(
+        lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=3, timer=thread_time
+    )
     return min(passes) / PROBE_SECONDS
+
+
+def seconds_to_paint(view_map: ViewMap) -> float:
+    """About how long it takes to paint a view map, with all that comes with it."""
+    width, height = view_map.display_size
+    n_cells, n_shares = view_map.n_by_kind.sum(axis=1)
+    return times_slower() * float(
+        PACE.painted_pixel * (width * height)
+        + PACE.painted_cell * n_cells
+        + PACE.painted_share * n_shares
+    )
+
+
+def when_measured(
+    plan: Plan, view_map: ViewMap, seconds: float, told: float
+) -> tuple[float, float]:
+    """How far a solve is that was traced in some seconds, and how
+    far when its errors are measured, 0..1; no less than was told.
+    """
+    measured = times_slower() * (PACE.measured_flat if plan.is_flat else PACE.measured_curved)
+    whole = seconds + measured + seconds_to_paint(view_map)
+    now = max(told, min(STAGES.painted, seconds / whole))
+    return now, max(now, min(STAGES.painted, (seconds + measured) / whole))

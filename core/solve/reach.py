@@ -24,8 +24,6 @@ from .progress import PACE, times_slower
 UNTRACED = Message("tracing (the optics have not changed)")
 
 MOST_STARTS = 3  # the last of them with everything
-KNOWN = 0.15  # of a view map: before, nothing tells simple glass from hard glass
-LITTLE = 0.09  # of a solve: no more is told until then
 
 
 def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
@@ -90,21 +88,24 @@ def sample_reached(
         plan = plan.seen_by(viewer)
         lap("plan")
 
-        began = perf_counter()
+        of_plan = perf_counter() - started
         sampling = Sampling(plan)
-        of_plan = began - started
         n_pixels = viewer.width * viewer.height
+        of_pixel, of_ray = PACE.after_flat if plan.is_flat else PACE.after_curved
         steps = sampling.sample()
 
         try:
             while True:
                 share = next(steps)
-                so_far = perf_counter() - began
-                n_rays = max(sampling.expected, sampling.n_done)
-                after = slower * (PACE.after_pixel * n_pixels + PACE.after_ray * n_rays)
-                part = share * (of_plan + so_far) / (share * (of_plan + after) + so_far)
-                # a solve that begins again has come no further
-                told = max(told, part if share > KNOWN else min(part, LITTLE))
+                if sampling.n_done == 0:  # the kernel's trees grow before the first ray
+                    of_plan = perf_counter() - started
+                if share > 0:
+                    so_far = perf_counter() - started
+                    n_rays = max(sampling.expected, sampling.n_done)
+                    after = slower * (of_pixel * n_pixels + of_ray * n_rays)
+                    rest = (so_far - of_plan) * (1 / share - 1) + after
+                    # a solve that begins again has come no further
+                    told = max(told, so_far / (so_far + rest))
                 yield told
         except StopIteration as end:
             return replace(plan, aside=Aside.none()), end.value

@@ -34,7 +34,7 @@ from .known import Optics, Place, keys_of, placed_for
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
-from .progress import STAGES
+from .progress import STAGES, when_measured
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
@@ -214,6 +214,7 @@ class Session:
         """Trace the view map of one viewer; yields progress of the
         whole solve as if there were no other, and returns it, too.
         """
+        started = perf_counter()
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
@@ -226,7 +227,7 @@ class Session:
 
         check_borders(rig, viewer, settings, view_map)
         is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
-        after = told + STAGES.measured * (STAGES.painted - told)
+        told, after = when_measured(plan, view_map, perf_counter() - started, told)
         accuracy = yield from within(measure(plan, is_cut_off), told, after)
         clock.lap("tessellation error")
 

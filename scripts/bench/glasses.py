@@ -3,10 +3,13 @@
 `python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy]
 [--threads N]`. Seconds, and processor seconds of all threads, of whole solves at default settings,
 512 x 512 pixels. `step` is the longest step, in which no Esc is heard; `rest` how many times the
-rest of the time differs from the progress that is told, from 10 % to 90 %. `MB` is the memory
-taken, on Linux, and `told` how many times that differs from the estimate. `curved` is the share of
-the triangles with a curved face, `beyond` the share that is seen off by more than the tolerance,
-`sampled` where light is chaotic.
+rest of the time differs from the progress that is told, from 10 % to 90 %; `from` the part of the
+time after which 10 % are told. `to come` is how many times the rays that are still to come differ
+from a guess of them, each time it is mended, from 10 % to 90 %. `MB` is the memory taken, on Linux,
+and `told` how many times that differs from the estimate. `curved` is the share of the triangles
+with a curved face, `beyond` the share that is seen off by more than the tolerance, `sampled` where
+light is chaotic. With `--processor` all seconds are the processor's, for one thread: other work
+beside it changes little.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
@@ -28,7 +31,7 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter, process_time
+from time import perf_counter, process_time, thread_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +42,12 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.choices import measure_choices
 from kiriko.core.rig import Mesh, Rig, Viewer
 from kiriko.core.settings import Settings
+from kiriko.core.solve import painting, reach, session
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
+from known.guessed_rays import factors, guessed
 from known.reference_rigs import glass_rig
 
 from .brought_glass import INDICES, add_glass_option, made
@@ -74,8 +79,14 @@ def main() -> None:
     parser.add_argument(
         "--rays", action="store_true", help="how many rays a viewer pixel takes, instead"
     )
+    parser.add_argument(
+        "--processor", action="store_true", help="the processor's seconds, for one thread"
+    )
     arguments = parser.parse_args()
-    kernel.use_threads(arguments.threads)
+    kernel.use_threads(1 if arguments.processor else arguments.threads)
+    if arguments.processor:
+        for module in (reach, session, painting, sys.modules[__name__]):
+            module.perf_counter = thread_time
 
     with kernel.off() if arguments.numpy else nullcontext():
         (print_light if arguments.light else print_rays if arguments.rays else print_table)(
@@ -105,6 +116,11 @@ class Steps:
     def longest(self) -> float:
         """Seconds of the longest step."""
         return float(np.diff(self.seconds, prepend=0.0).max())
+
+    @property
+    def first_told(self) -> float:
+        """Part of the time, 0..1, after which 10 % are told."""
+        return self.seconds[int(np.argmax(np.array(self.told) >= 0.1))] / self.seconds[-1]
 
     @property
     def off(self) -> float:
@@ -221,7 +237,8 @@ def print_rays(arguments: argparse.Namespace) -> None:
 def print_table(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice."""
     numbers = (
-        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'MB':>6}{'told x':>7}"
+        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'from %':>7}{'to come x':>10}"
+        f"{'MB':>6}{'told x':>7}"
         f"{'rays':>9}{'curved':>7}{'beyond %':>9}"
     )
     print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}")
@@ -237,7 +254,8 @@ def print_table(arguments: argparse.Namespace) -> None:
             steps = Steps()
             started = perf_counter()
             of_processor = process_time()
-            solution = steps.watch(Session().solve(a_rig, settings))
+            with guessed() as guesses:
+                solution = steps.watch(Session().solve(a_rig, settings))
             seconds = perf_counter() - started
             of_processor = process_time() - of_processor
             taken = memory.taken
@@ -245,7 +263,10 @@ def print_table(arguments: argparse.Namespace) -> None:
             estimate = sum(estimated(a_rig, settings, solution.first.view_map).values())
             off = max(estimate / taken, taken / estimate) if taken else float("nan")
             beyond = 100 * (error.facet_limited + error.unresolved)
+            to_come = factors(guesses, solution.n_rays)
+            guess_off = max(to_come.max(), 1 / to_come.min())
             told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.1f}"
+            told += f"{100 * steps.first_told:7.0f}{guess_off:10.2f}"
             told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
             told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
             print(f"{name:<16}{len(mesh.triangles):10d}{choice:>10}{told}", flush=True)

@@ -594,7 +594,7 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
     """Where the view map is told to be all of the work the rest
     of it goes on from there: `solve` looks at that.
     """
-    monkeypatch.setattr(reach, "PACE", replace(PACE, after_pixel=0.0, after_ray=0.0))
+    monkeypatch.setattr(reach, "PACE", replace(PACE, after_curved=(0.0, 0.0)))
     assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
 
 
