@@ -23,6 +23,22 @@ def frames_of(text: str) -> tuple[int, ...]:
     return tuple(frames)
 
 
+def in_ranges(frames: Iterable[int]) -> str:
+    """The list of some frames in the one form that every scheduler reads: sorted, each once, no two
+    ranges overlapping, in digits of ASCII.
+    """
+    left = sorted(set(frames))
+    parts = []
+    while left:
+        step = left[1] - left[0] if len(left) > 1 else 1
+        n = next((k for k in range(1, len(left)) if left[k] - left[k - 1] != step), len(left))
+        n = n if n > 2 or step == 1 else 1  # two frames are no range of every second one
+        end = f":{step}" if step > 1 and n > 1 else ""
+        parts.append(f"{left[0]}-{left[n - 1]}{end}" if n > 1 else f"{left[0]}")
+        left = left[n:]
+    return ",".join(parts)
+
+
 def _of_part(part: str, text: str) -> Iterable[int]:
     found = PART.fullmatch(part)
     if found is None:

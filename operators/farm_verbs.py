@@ -16,6 +16,7 @@ from ..core.messages import Message
 from ..core.steps import finish
 from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
+from .set_value import check_values
 
 ALL = "all"  # in place of a rig's name
 
@@ -81,8 +82,6 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     frames = arguments.frames
     if frames == frames_to_folder.SCENE:
         frames = export_job.frames_of_scene(context.scene)
-    if frames:
-        frames_of(frames)
 
     options = ["--format", arguments.format] if arguments.format != "PNG8" else []
     if frames and arguments.name != frames_to_folder.NAME:
@@ -99,6 +98,9 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
         choose_by_name(context, arguments.rig)  # told where there is none
         job = replace(job, rigs=export_job.choices([arguments.rig]))
 
+    job.check()
+    if job.path:
+        check_values(job.path, arguments.values)
     names = export_job.write(
         arguments.out, job, arguments.zip, arguments.overwrite, "add --overwrite"
     )

@@ -21,8 +21,36 @@ def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
     return [_set(path, text) for path, text in pairs]
 
 
+def check_values(path: str, texts: Iterable[str]) -> None:
+    """Raise RigError where a property could not be set to one of some values; it stays as it is."""
+    for text in texts:
+        owner, name = _found(path)
+        was_set, before = owner.is_property_set(name), getattr(owner, name)
+        try:
+            _set(path, text)
+        finally:
+            if was_set:
+                setattr(owner, name, before)
+            else:
+                owner.property_unset(name)
+
+
 def _set(path: str, text: str) -> Message:
     """Set one: of the scene, else of the file's data."""
+    owner, name = _found(path)
+    try:
+        setattr(owner, name, _read(owner.bl_rna.properties[name], text))
+    except (TypeError, ValueError):
+        raise RigError(
+            "The property '{path}' cannot be '{text}': give it a value of its kind.",
+            path=path,
+            text=text,
+        ) from None
+    return Message("'{path}' is {value} now", path=path, value=getattr(owner, name))
+
+
+def _found(path: str) -> tuple[bpy.types.bpy_struct, str]:
+    """Whose property it is, and its name there."""
     place, _, name = path.rpartition(".")
     owner = _owner(place)
     known = None if owner is None else owner.bl_rna.properties.get(name)
@@ -32,15 +60,7 @@ def _set(path: str, text: str) -> Message:
             ' objects["Glass"].kiriko.ior, or kiriko.tolerance of the scene.',
             path=path,
         )
-    try:
-        setattr(owner, name, _read(known, text))
-    except (TypeError, ValueError):
-        raise RigError(
-            "The property '{path}' cannot be '{text}': give it a value of its kind.",
-            path=path,
-            text=text,
-        ) from None
-    return Message("'{path}' is {value} now", path=path, value=getattr(owner, name))
+    return owner, name
 
 
 def _owner(place: str) -> bpy.types.bpy_struct | None:

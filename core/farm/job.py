@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import RigError
+from ..frame_list import frames_of, in_ranges
 
 SPECIFICATION = "jobtemplate-2023-09"
 CHUNKING = "TASK_CHUNKING"  # its extension
@@ -19,6 +20,7 @@ KIRIKO = "kiriko"  # the folder in a bundle with the bootstrap and the zips
 OUT = "source"  # the folder in a bundle for the results
 MOST = 1024  # values of a task parameter that the specification allows
 LONGEST_NAME = 128  # letters of a job's name
+LONGEST_TEXT = 1024  # letters of a parameter
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,24 @@ class Job:
     options: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raise RigError where no scheduler would take such a job."""
+        """Raise RigError where no scheduler would take such a job, or no task could run."""
         if not (self.frames or self.rigs or self.values):
             raise RigError("The job has one task only: give it frames, rigs or values.")
+        length = len(in_ranges(frames_of(self.frames))) if self.frames else 0
+        if length > LONGEST_TEXT:
+            raise RigError(
+                "The job's list of frames has {n} letters, and a parameter takes {most}: give"
+                " ranges, or make several jobs.",
+                n=length,
+                most=LONGEST_TEXT,
+            )
+        if self.values and not self.path:
+            raise RigError("The job has values of no property: name one by --vary.")
+        if self.path and not self.values:
+            raise RigError(
+                "The job has no values of the property '{path}': give some by --values.",
+                path=self.path,
+            )
         if self.chunk < 1:
             raise RigError("A task of the job has no frames: set 1 or more for each.")
         for what in (self.rigs, self.values):
@@ -178,7 +195,7 @@ def _frames(job: Job) -> list[dict[str, Any]]:
         {
             "name": "Frames",
             "type": "STRING",
-            "default": job.frames,
+            "default": in_ranges(frames_of(job.frames)),
             "description": "Such as 1-250:2",
         },
         {

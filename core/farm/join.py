@@ -1,5 +1,6 @@
 """Join: are all results of a job's tasks there, whole and alike? One log of all their logs."""
 
+import hashlib
 import json
 from collections.abc import Generator, Iterable
 from pathlib import Path
@@ -10,12 +11,19 @@ from ..messages import Message
 
 LOG = "frames.jsonl"
 PARTS = "frames.*.jsonl"  # the logs of tasks
+LONGEST = 100  # letters of a task's frames in its log's name: systems take 255 for the whole
 TOLD = 5  # files that a sentence names
 
 
 def log_of(part: str) -> str:
-    """The name of a task's log, by the frames that it solves, as every system allows it."""
-    return f"frames.{part.replace(':', '_').replace(',', '+').replace(' ', '')}.jsonl"
+    """The name of a task's log, by the frames that it solves, as every system allows it: of a long
+    list its beginning, and a sum by which it is another than those of other lists.
+    """
+    frames = part.replace(":", "_").replace(",", "+").replace(" ", "")
+    if len(frames) > LONGEST:
+        digest = hashlib.sha1(part.encode(), usedforsecurity=False).hexdigest()[:16]
+        frames = f"{frames[: LONGEST - 17]}+{digest}"
+    return f"frames.{frames}.jsonl"
 
 
 def check(files: Iterable[Path]) -> Generator[float, None, tuple[int, int]]:

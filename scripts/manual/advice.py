@@ -1177,9 +1177,19 @@ FARM = Section(
             "数分で終わるフレーム数が適当です。",
         ),
         Advice(
+            "The job has values of no property: name one by --vary.",
+            "Both options are given, or none: --vary kiriko.tolerance --values 0.1 0.2.",
+            "--vary kiriko.tolerance --values 0.1 0.2 のように、両方を指定します。",
+            alike=("The job has no values of the property '{path}': give some by --values.",),
+        ),
+        Advice(
             "The job has {n} values, and a task parameter takes {most}: make several jobs.",
             "Open Job Description sets this bound.",
             "Open Job Description の上限です。",
+            alike=(
+                "The job's list of frames has {n} letters, and a parameter takes {most}: give"
+                " ranges, or make several jobs.",
+            ),
         ),
         Advice(
             "The name '{text}' has two braces, which a job reads as a parameter: rename it.",

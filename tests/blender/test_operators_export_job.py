@@ -110,6 +110,13 @@ def test_rigs_and_values_become_tasks(
         (("--frames", "nine"), "no list of frames"),
         (("--frames", "1-3", "--rig", "none such"), "no rig 'none such'"),
         (("--frames", "1-3", "--chunk", "0"), "has no frames"),
+        (("--values", "1", "2"), "values of no property"),
+        (("--frames", "1-3", "--vary", "kiriko.tolerance"), "has no values of the property"),
+        (("--vary", "kiriko.nope", "--values", "1"), "no property 'kiriko.nope'"),
+        (
+            ("--vary", "kiriko.tolerance", "--values", "0.1", "b"),
+            "'kiriko.tolerance' cannot be 'b'",
+        ),
     ],
 )
 def test_bad_jobs_are_one_sentence(
@@ -150,6 +157,29 @@ def test_button_writes_the_same(kiriko: ModuleType, scene: bpy.types.Scene, save
     bpy.ops.kiriko.export_job(directory=str(saved))
     (values,) = read(saved / "parameter_values.json").values()
     assert {one["name"]: one["value"] for one in values}["Frames"] == "3-9:2"
+
+
+@pytest.mark.parametrize(
+    ("frames", "said"),
+    [("x", "no list of frames"), ("5-1", "are no range"), ("99999999", "beyond")],
+)
+def test_button_refuses_frames_that_are_none(saved: Path, frames: str, said: str) -> None:
+    """With the sentence of the command line; no folder is left."""
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.kiriko.export_job(directory=str(saved), frames=frames)
+    assert not saved.exists()
+
+
+def test_values_are_tried_and_taken_back(
+    run: Callable[..., int], saved: Path, zipped: Path
+) -> None:
+    """The copy of the file has the values that the file has."""
+    before = bpy.context.scene.kiriko.tolerance
+    values = ("--vary", "kiriko.tolerance", "--values", "0.1", "0.2")
+    assert run("job", *values, "--zip", zipped, "--out", saved) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(saved / NAME))
+    assert bpy.context.scene.kiriko.tolerance == before
+    assert not bpy.context.scene.kiriko.is_property_set("tolerance")
 
 
 def test_values_are_set_before_the_work(

@@ -46,6 +46,13 @@ def test_tasks_are_chunks_of_frames_and_all_is_relative() -> None:
     assert json.loads(json.dumps(made)) == made
 
 
+def test_frames_are_in_a_form_that_every_scheduler_reads() -> None:
+    """Each frame once: Open Job Description refuses ranges that overlap."""
+    made = dataclasses.replace(FRAMES, frames="2-4,1-3").template
+    values = {one["name"]: one["value"] for one in parameter_values(made)["parameterValues"]}
+    assert values["Frames"] == "1-4"
+
+
 def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
     """Each value goes with its folder, all are combined, and the join looks into every folder."""
     job = Job("job", "a.blend", "0.1.0", rigs=RIGS, path="kiriko.tolerance", values=VALUES)
@@ -65,8 +72,16 @@ def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
     [
         ({"frames": ""}, "one task only"),
         ({"chunk": 0}, "has no frames"),
+        ({"frames": "x"}, "no list of frames"),
+        ({"frames": "5-1"}, "no range"),
+        ({"frames": ",".join(str(n * n) for n in range(1, 300))}, "letters, and a parameter takes"),
+        ({"values": VALUES}, "values of no property"),
+        ({"path": "kiriko.tolerance"}, r"no values of the property 'kiriko\.tolerance'"),
         ({"blend": "{{a}}.blend"}, "two braces"),
-        ({"values": tuple(Choice(str(n), str(n)) for n in range(1025))}, "1025 values"),
+        (
+            {"path": "a", "values": tuple(Choice(str(n), str(n)) for n in range(1025))},
+            "1025 values",
+        ),
     ],
 )
 def test_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> None:
@@ -174,6 +189,16 @@ def test_logs_are_one_in_the_order_of_frames(tmp_path: Path) -> None:
     assert [one["frame"] for one in found] == [1, 3, 6, 7]
     assert found[-1]["seconds"] == 2
     assert join.join_logs(tmp_path) == 4  # once more changes nothing
+
+
+def test_logs_of_long_lists_have_names_that_disks_take(tmp_path: Path) -> None:
+    """A chunk of frames that are no range is told by its list; each another name, all joined."""
+    frames = [n * n for n in range(1, 200)]
+    lists = [",".join(map(str, frames)), ",".join(map(str, [*frames[:-1], 7_000_000]))]
+    for n, part in enumerate(lists):
+        assert len(join.log_of(part).encode()) < 128
+        (tmp_path / join.log_of(part)).write_text(json.dumps({"frame": n, "error": None}))
+    assert join.join_logs(tmp_path) == 2
 
 
 def installed(folder: Path) -> Path:
