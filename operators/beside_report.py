@@ -28,9 +28,9 @@ from ..core.messages import Message
 from ..core.rig import Rig
 from ..core.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen
-from ..core.steps import within
+from ..core.steps import at, within
 from . import folder, solve_to_folder, telling, work
-from .eye_box import found_by
+from .eye_box import begin
 
 NUMBERS = "eyes.json"  # of the verb, where a report has report.json
 
@@ -170,7 +170,8 @@ def eye_box_of(
     """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
     plan = work.session().plan(rig, work.settings_of(context.scene))
     walk = Walk(plan, limit, least)
-    box = yield from within(found_by(walk), 0.0, FOUND)
+    yield from at(0.02, begin(walk))
+    box = yield from within(walk.box(), 0.02, FOUND)
     curves = yield from within(eye_box_curves.curves_of(walk, box), FOUND, 1.0)
     viewer = rig.viewer.name
     drawing = eye_box_curves.as_svg(box, viewer, curves)

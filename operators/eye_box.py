@@ -16,7 +16,7 @@ from ..core.measure.eye_box_surface import surface_of
 from ..core.measure.head_box import as_data, check_box, head_box
 from ..core.messages import Message, joined
 from ..core.numbers import number
-from ..core.steps import at, within
+from ..core.steps import Pauses, at, within
 from . import long_work, needed, work
 from .surfaces import EYE_BOX as NAME
 from .surfaces import MADE_FOR
@@ -76,9 +76,9 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         made_for = work.rig_now(context).as_text()
         walk = Walk(work.session().plan(rig, work.settings_of(scene)), self.limit, self.share)
         yield 0.0
-        box = yield from within(found_by(walk), 0.0, FOUND)
         viewer = rig.viewers[0].name
-        if not any(box.ends):
+        yield from at(0.02, begin(walk))
+        if walk.begun > 1:  # told before six ways are walked
             raise RigError(
                 "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
                 " arcmin, as others ask for it elsewhere: raise Limit, or its weight.",
@@ -86,6 +86,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
                 limit=number(self.limit),
             )
 
+        box = yield from within(walk.box(), 0.02, FOUND)
         surface = yield from within(surface_of(walk, box), FOUND, SURFACE)
         served = yield from within(_served(walk.plan), SURFACE, 1.0)
         positions = surface.positions / length_of_unit(scene)
@@ -102,18 +103,15 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         )
 
 
-def found_by(walk: Walk) -> Generator[float, None, EyeBox]:
-    """The eye box of a walk; RigError before it is looked for where nothing is seen to begin with.
-    Yields progress 0..1.
-    """
-    yield from at(0.05, walk.begin())
+def begin(walk: Walk) -> Pauses[None]:
+    """Begin a walk; RigError where nothing is seen to begin with."""
+    yield from walk.begin()
     if not walk.n_seen:
         raise RigError(
             "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
             " enlarge the display.",
             viewer=walk.plan.viewer.name,
         )
-    return (yield from within(walk.box(), 0.05, 1.0))
 
 
 def _served(plan: Plan) -> Generator[float, None, dict[str, Any]]:

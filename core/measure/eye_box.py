@@ -92,6 +92,7 @@ class Walk:
     plan : of the rig whose viewers it is solved for, the first of whom moves
     distance : of the picture's middle from that one, m
     n_seen : points that are seen from its own place, once they are counted
+    begun : the largest of the angles by which they are off there, as part of the limit
 
     Raises
     ------
@@ -105,16 +106,19 @@ class Walk:
         self.uv = grid_on(plan.rig.picture_place, N_POINTS)
         self.plan, self.limit, self.least = plan, limit, least
         self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
-        self.n_seen = 0
+        self.n_seen, self.begun = 0, np.inf
 
     def begin(self) -> Pauses[None]:
         """Count the points that are seen from the viewer's own place."""
         off = yield from self.off((0.0, 0.0, 0.0))
-        self.n_seen = int(np.isfinite(off).sum())
+        is_seen = np.isfinite(off)
+        self.n_seen = int(is_seen.sum())
+        self.begun = float(off[is_seen].max(initial=0)) / self.limit if self.n_seen else np.inf
 
     def box(self) -> Generator[float, None, EyeBox]:
         """Find how far the head may go each way; yields progress 0..1."""
-        yield from at(0.05, self.begin())
+        if not self.n_seen:
+            yield from at(0.05, self.begin())
         found = []
         for k, (axis, sign, most) in enumerate(WAYS):
             told = 0.1 + 0.15 * k
@@ -149,11 +153,10 @@ class Walk:
     def farthest(self, way: Floats, distance: float, most: float) -> Pauses[tuple[float, bool]]:
         """How far, m, the head may go along a way, and is that as far as it was followed?"""
         first = FIRST_STEP * distance
-        begun = yield from self.part(0 * way)
-        if begun > 1:
+        if self.begun > 1:
             return 0.0, False
-        slope = ((yield from self.part(first * way)) - begun) / first
-        guess = OVER * (1 - begun) / slope if 0 < slope < np.inf else first
+        slope = ((yield from self.part(first * way)) - self.begun) / first
+        guess = OVER * (1 - self.begun) / slope if 0 < slope < np.inf else first
 
         # on from the guess until it is passed
         outer = min(guess, most)

@@ -158,11 +158,13 @@ def test_it_is_made_anew_in_place_and_removed_with_its_mesh(
 
 
 def test_where_there_is_none_one_sentence_tells_why(
-    scene: bpy.types.Scene, kiriko: ModuleType
+    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An orthographic viewer, a picture in its own pixels, a dark display, viewers apart: nothing
-    is made.
+    is made, and no way is walked.
     """
+    walk = importlib.import_module(f"{kiriko.__name__}.core.measure.eye_box").Walk
+    monkeypatch.setattr(walk, "farthest", None)
     parts = small_rig()
     before = inventory()
     camera = scene.camera.data
