@@ -130,6 +130,10 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
         conflict = told_of(context, "conflict")
         if conflict:
             sentence(self.layout, context, conflict_words(conflict), icon="IMAGE_DATA")
+        # of edges on the picture's plane, for which it is solved anew
+        if any(one.get("largest_px") is not None for one in told_of(context)):
+            text = Message("Report tells how sharp each sees it, Sharp and Blended")
+            sentence(self.layout, context, text, icon="BLANK1")
         pair = told_of(context, "two_eyes")
         if pair:
             sentence(self.layout, context, depth_words(context.scene, pair), icon="CAMERA_STEREO")

@@ -403,6 +403,7 @@ def test_each_viewer_is_told_of_the_worst_first(
     places = [text.index(f"'{one['viewer']}' sees") for one in told]
     assert places == sorted(places)
     assert f"{told[0]['psnr']:.1f} dB" in text
+    assert "Report tells how sharp each sees it, Sharp and Blended" in text
 
 
 def test_of_two_eyes_depth_and_disparity_are_told(
