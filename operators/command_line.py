@@ -14,7 +14,7 @@ import bpy
 from ..core import disk, image_io
 from ..core.blender.kept import Numbers
 from ..core.blender.rigs import rigs
-from ..core.errors import KirikoError, RigError
+from ..core.errors import RigError
 from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
 from ..core.warp.files import SIDECAR
@@ -39,12 +39,9 @@ from .choose_rig import choose_by_name
 from .export import use_bundled_modules
 from .farm_verbs import ALL
 from .save_copy import save_copy
+from .usage import UsageError, check
 
 USAGE_ERROR = 2  # exit code, as other commands have it
-
-
-class UsageError(KirikoError):
-    """The command line cannot be understood."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -224,6 +221,7 @@ def run(argv: list[str]) -> int:
     """Called by Blender with the arguments after the command's name; returns the exit code."""
     try:
         arguments = parser().parse_args(argv)
+        check(arguments)
         for line in _into_folder(arguments):
             sys.stdout.write(f"kiriko: {line}\n")
             sys.stdout.flush()

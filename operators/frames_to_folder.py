@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Generator
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -51,11 +52,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--test-card",
-        type=float,
+        type=_card,
         default=0.0,
         metavar="SECONDS",
-        help="for which the movie begins with a test card (0)",
+        help=f"for which the movie begins with a test card, up to {movies.LONGEST:g} (0)",
     )
+
+
+def _card(text: str) -> float:
+    with suppress(ValueError):
+        if 0 <= float(text) <= movies.LONGEST:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"'{text}' is no time from 0 to {movies.LONGEST:g} s")
 
 
 def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:

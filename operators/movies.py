@@ -27,7 +27,7 @@ class Wish:
 
     path : without suffix, which the codec gives
     codec : a key of movie.CODECS
-    card : s that a test card is shown for, before
+    card : s that a test card is shown for, before, 0..LONGEST
     """
 
     path: Path
@@ -107,7 +107,7 @@ def _test_card(
         scratch / "card.png", card(*size), "PNG8", gamma=gamma_of(scene), save_png=save_png
     )
     numbers = f"{_by(size)}, {rate:.4g} fps, {movie.CODECS[wish.codec].label}"
-    n = max(1, round(min(wish.card, LONGEST) * rate))
+    n = max(1, round(wish.card * rate))
     return movie.Card(file, n, (name, numbers, wish.file.name))
 
 

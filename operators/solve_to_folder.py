@@ -31,12 +31,13 @@ def file_names(arguments: argparse.Namespace) -> dict[str, Path]:
     """The files that solving writes, by the image in them."""
     names = {
         "source": str(image_io.named_for("source", arguments.format)),
-        "linear": "source.exr",
         "ideal": "ideal.png",
         "seen": "seen.png",
         "coverage": "coverage.png",
         "report": "report.json",
     }
+    if not arguments.format.startswith("EXR"):  # else the source itself is linear
+        names["linear"] = "source.exr"
     if arguments.preview:
         names["preview"] = "preview.png"
     if arguments.simulate:
@@ -85,14 +86,14 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield from told_in_tenths(solution.look_beside())
 
     size = tuple(reading.display_size) if reading.display_size is not None else None
-    linear = arguments.format if arguments.format.startswith("EXR") else "EXR_FLOAT"
     jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [
         ("source", solution.source, arguments.format, size),
-        ("linear", solution.source, linear, size),
         ("ideal", solution.ideal(), "PNG8", None),
         ("seen", solution.seen(beside=True), "PNG8", None),
         ("coverage", solution.display_coverage, "PNG8", size),
     ]
+    if "linear" in files:
+        jobs.append(("linear", solution.source, "EXR_FLOAT", size))
     numbers = _numbers(scene, text)
     of_viewers = viewer_reports.images_of(solution, scene, arguments.viewers, told.conflict)
     for image, shown in (yield from told_in_tenths(of_viewers)).items():

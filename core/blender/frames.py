@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from ..errors import ImageError
 from ..image_io import FORMATS, SUFFIXES
 
 
@@ -31,6 +32,11 @@ def frame_files(folder: Path, name: str, form: str, frames: Iterable[int]) -> di
     the frame's number, which comes last where there is no #.
 
     form : a key of image_io.FORMATS, whose suffix the files get
+
+    Raises
+    ------
+    ImageError
+        Blender from 4.5 on reads braces in the name as a template, and there is none such.
     """
     suffix = Path(name).suffix
     stem = name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
@@ -43,5 +49,11 @@ def frame_files(folder: Path, name: str, form: str, frames: Iterable[int]) -> di
             / f"{Path(scene.render.frame_path(frame=frame)).name}{FORMATS[form].suffix}"
             for frame in frames
         }
+    except RuntimeError:  # Blender's report
+        raise ImageError(
+            "Blender takes the braces in the name '{name}' for a template, which it does not know:"
+            " leave them out, or double each to have the brace itself.",
+            name=name,
+        ) from None
     finally:
         bpy.data.scenes.remove(scene)

@@ -130,7 +130,7 @@ def encode(
         _set_format(scene.render.image_settings, scene.render.ffmpeg, CODECS[name])
         _set_colours(scene)
         _fill(scene, files, card, size)
-        scene.render.filepath = str(path)
+        scene.render.filepath = _as_it_is(path)
         bpy.ops.render.render(animation=True, scene=scene.name)
     except RuntimeError as reason:  # Blender's reports
         why = said_by(reason).rstrip(".")
@@ -151,6 +151,14 @@ def encode(
             found=found,
             n=n,
         )
+
+
+def _as_it_is(path: Path) -> str:
+    """A path whose braces are no template, as Blender from 4.5 on would read them."""
+    text = str(path)
+    if bpy.app.version < (4, 5, 0):
+        return text
+    return text.replace("{", "{{").replace("}", "}}")
 
 
 def n_frames(path: Path) -> int:

@@ -1024,6 +1024,13 @@ FILES = Section(
             "--frames がなければ、現在のフレームのすべての画像が書き出されます。",
         ),
         Advice(
+            "{option} would do nothing without {needed}: add {needed}, or leave out {option}.",
+            "A movie, a log and placeholders are of frames, a test card is of a movie, and zips of"
+            " an atlas are for its job.",
+            "動画・ログ・プレースホルダーはフレームのための、テストカードは動画のための、"
+            "アトラスの zip はジョブのためのオプションです。",
+        ),
+        Advice(
             "The scene has no rig that Add Rig made: leave out --rig.",
             "A rig that was made by roles alone has no name.",
             "役割だけで作ったリグには名前がありません。",
@@ -1055,6 +1062,14 @@ FILES = Section(
                 " codec.",
                 "The movie '{path}' has {found} frames in place of {n}: check the disk.",
             ),
+        ),
+        Advice(
+            "Blender takes the braces in the name '{name}' for a template, which it does not know:"
+            " leave them out, or double each to have the brace itself.",
+            "Blender 4.5 and later read fps in braces, for one, as the frame rate. Blender 4.2"
+            " takes braces as they are.",
+            "Blender 4.5 以降は、波かっこに入れた fps をフレームレートのように読みます。"
+            "4.2 では、波かっこはそのまま使われます。",
         ),
         Advice(
             "A movie is made of frames in the display's own numbers: choose PNG or TIFF as their"

@@ -173,12 +173,47 @@ def test_the_scene_gives_range_and_step(
     assert sorted(contents(folder(tmp_path))) == [f"source_{n:04}.png" for n in (2, 5, 8)]
 
 
+@pytest.mark.parametrize("name", ["{", "a}_#", "a{_####", "{nothing}_#"])
+def test_braces_in_a_name_are_those_of_blender(
+    run: Callable[..., int],
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    name: str,
+) -> None:
+    """Where Blender has path templates, one that is none is told before any work, on the command
+    line and by the button; else they are characters like others.
+    """
+    ours = bpy.context.scene.kiriko
+    ours.animation_path = f"//button/{name}"
+    ask = ("solve", "--out", folder(tmp_path), "--frames", "1", "--name", name)
+    if bpy.app.version < (4, 5, 0):
+        assert run(*ask) == 0
+        assert bpy.ops.kiriko.solve_animation(frames="1") == {"FINISHED"}
+        made = name.replace("####", "0001").replace("#", "1") if "#" in name else f"{name}0001"
+        assert (folder(tmp_path) / f"{made}.png").exists()
+        assert (tmp_path / "button" / f"{made}.png").exists()
+        return
+    assert run(*ask) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"braces in the name '{name}'" in line
+    assert not folder(tmp_path).exists()
+    with pytest.raises(RuntimeError, match="braces in the name"):
+        bpy.ops.kiriko.solve_animation(frames="1")
+    assert not (tmp_path / "button").exists()
+    assert len(bpy.data.scenes) == 1
+
+
 @pytest.mark.parametrize(
     ("asked", "words", "code"),
     [
         (("--frames", "1-"), "is no list of frames", 1),
         (("--frames", "9-1"), "are no range", 1),
         (("--frames", "1", "--preview"), "leave out --preview", 2),
+        *(
+            (("--frames", "1", "--movie", "FFV1", "--test-card", text), f"'{text}' is no time", 2)
+            for text in ("nan", "-5", "1e300", "inf", "3601", "soon")
+        ),
     ],
 )
 def test_frames_that_cannot_be_meant_are_refused_before_any_work(

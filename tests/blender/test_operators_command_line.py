@@ -46,6 +46,24 @@ def test_solve_writes_everything_and_tells_its_progress(
     assert report["resolution"] == [64, 64]
 
 
+@pytest.mark.parametrize("form", ["EXR_HALF", "EXR_FLOAT"])
+def test_a_source_image_in_linear_light_is_one_file(
+    run: Callable[..., int], saved: Path, form: str
+) -> None:
+    """It is the scene's result, to its own rounding; a second run replaces it only when told."""
+    asked = ("solve", "--out", saved, "--format", form)
+    assert run(*asked) == 0
+    assert run(*asked) == 1
+    assert run(*asked, "--overwrite") == 0
+    files = {"source.exr", "ideal.png", "seen.png", "coverage.png", "report.json"}
+    assert {path.name for path in saved.iterdir()} == files
+    shown = pixels(bpy.context.scene.kiriko.result.source)[..., :3]
+    image = bpy.data.images.load(str(saved / "source.exr"))
+    number = np.float16 if form == "EXR_HALF" else np.float32
+    assert np.array_equal(pixels(image)[..., :3], shown.astype(number).astype(np.float32))
+    assert shown.max() > 0.1
+
+
 def test_solve_takes_products_by_their_names(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -113,6 +131,33 @@ def test_folder_that_cannot_be_written_is_one_sentence(
     saved.write_bytes(b"")
     assert run("solve", "--out", saved / "below") == 1
     assert f"'{saved / 'below'}' cannot be written" in refusal(capsys)
+
+
+@pytest.mark.parametrize(
+    ("verb", "option", "needed"),
+    [
+        ("solve", ("--movie", "FFV1"), "--frames"),
+        ("solve", ("--placeholders",), "--frames"),
+        ("solve", ("--log", "1"), "--frames"),
+        ("solve", ("--name", "a_##"), "--frames"),
+        ("solve", ("--frames", "1", "--test-card", "3"), "--movie"),
+        ("atlas", ("--zip", "kiriko.zip"), "--job"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(
+    run: Callable[..., int],
+    saved: Path,
+    capsys: pytest.CaptureFixture,
+    verb: str,
+    option: tuple[str, ...],
+    needed: str,
+) -> None:
+    assert run(verb, "--out", saved, *option) == 2
+    (name,) = (word for word in option if word.startswith("--") and word != "--frames")
+    assert refusal(capsys) == (
+        f"kiriko: {name} would do nothing without {needed}: add {needed}, or leave out {name}."
+    )
+    assert not saved.exists()
 
 
 @pytest.mark.parametrize(

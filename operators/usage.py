@@ -1,0 +1,39 @@
+"""What a command line cannot mean."""
+
+import argparse
+
+from ..core.errors import KirikoError
+from .frames_to_folder import NAME
+
+
+class UsageError(KirikoError):
+    """The command line cannot be understood."""
+
+
+# by verb: options, and the one without which they would do nothing
+NEEDED = {
+    "solve": {
+        "--name": "--frames",
+        "--placeholders": "--frames",
+        "--log": "--frames",
+        "--movie": "--frames",
+        "--test-card": "--movie",
+    },
+    "atlas": {"--zip": "--job"},
+}
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Raise UsageError where an option that was given would do nothing."""
+
+    def is_given(option: str) -> bool:
+        value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
+        return bool(value) and value != NAME
+
+    for option, needed in NEEDED.get(arguments.verb, {}).items():
+        if is_given(option) and not is_given(needed):
+            raise UsageError(
+                "{option} would do nothing without {needed}: add {needed}, or leave out {option}.",
+                option=option,
+                needed=needed,
+            )
