@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core import image_io
 from ..core.atlas import making as atlases
-from ..core.atlas.atlas import Atlas
+from ..core.atlas.atlas import Atlas, amount
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
 from ..core.atlas.refine import check
@@ -27,6 +27,7 @@ from ..core.words import percent
 from . import export_job, folder, solve_to_folder, work
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder
+from .telling import report
 
 TOLERANCE = 1.0  # px of the picture
 MOST = 500  # places of the head
@@ -218,7 +219,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
             "add --overwrite",
         )
     )
-    yield atlases.told(atlas)
+    yield amount(atlas)
     if not arguments.plan:
         steps = atlases.whole(making, atlas, arguments.most)
         atlas = yield from solve_to_folder.told_in_tenths(steps)
@@ -242,7 +243,7 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
         steps = atlases.halved(making, atlas, arguments.most)
         atlas = yield from solve_to_folder.told_in_tenths(steps)
         if atlas.checked is None:
-            yield atlases.told(atlas)
+            yield amount(atlas)
             return
     else:
         steps = atlases.checked(making, atlas, arguments.check)
@@ -369,5 +370,6 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
 
             planning = atlases.planned(making, box, self.tolerance, self.most, overwrite, remedy)
             atlas = yield from within(planning, 0.0, PLANNED)
+            report(self, "INFO", Message("{atlas}; Esc stops it.", atlas=amount(atlas)))
             atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)
         return told(atlas, target)

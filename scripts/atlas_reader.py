@@ -34,6 +34,8 @@ class Atlas:
         counts as at its edge.
         """
         numbers, weights = np.zeros(1, int), np.ones(1)
+        if not np.isfinite(head).all():
+            raise ValueError(f"the head is at {head}: wait until it is tracked again")
         for nodes, x in zip(self.axes, head, strict=True):
             x = np.clip(x, nodes[0], nodes[-1])
             low = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, max(len(nodes) - 2, 0))

@@ -9,6 +9,8 @@ import numpy as np
 
 from .. import disk
 from ..errors import ImageError
+from ..messages import Message
+from ..numbers import number
 from ..rig import Rig
 from ..viewer import Viewer
 from .heads import AXES, HeadBox, HeadGrid, Offset
@@ -16,6 +18,7 @@ from .refine import Refined
 
 INDEX = "index.json"
 FORM = 1  # of the index
+BYTES_A_PIXEL = 3  # of a source image, before its file makes it smaller
 CONVENTION = (
     "axes: places of the head, m, to the right, up and forward of `origin`, along the rows of"
     " `frame` (world).",
@@ -164,3 +167,21 @@ def map_name(offset: Offset) -> str:
 def _in_name(offset: Offset) -> str:
     """A place as it stands in names of files, mm; a grid of more places keeps the names."""
     return "_".join(f"{1e3 * x + 0.0:+.4f}" for x in offset)
+
+
+def amount(atlas: Atlas) -> Message:
+    """How many places, how long they take and how large they are, before they are made."""
+    n = len(atlas.grid)
+    told = Message(
+        "{n} places of the head ({right} right, {up} up, {forward} forward): about"
+        " {minutes} min and {mb} MB",
+        n=n,
+        **dict(zip(AXES, map(len, atlas.grid.nodes), strict=True)),
+        minutes=number(n * atlas.planned["seconds_a_map"] / 60),
+        mb=number(n * atlas.planned["bytes_a_map"] / 1e6),
+    )
+    if not atlas.has_images:
+        return told
+    width, height = atlas.display_size
+    most = n * width * height * BYTES_A_PIXEL / 1e6
+    return Message("{atlas}, and up to {mb} MB of source images", atlas=told, mb=number(most))

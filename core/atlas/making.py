@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from .. import disk
 from ..errors import ImageError, RigError
 from ..fingerprint import fingerprint
-from ..messages import Message
 from ..rig import Rig
 from ..settings import Settings
 from ..solve.session import Session
@@ -72,7 +71,8 @@ def planned(
     Raises
     ------
     RigError, MeshError : the rig cannot be solved somewhere in the box, or not finely enough
-    ImageError : another atlas is there, and `overwrite` is not set; `remedy` ends the sentence
+    ImageError : an atlas of another rig or box is there, and `overwrite` is not set; `remedy`
+        ends the sentence
     """
     rig = making.rig
     check(rig, making.viewer, box, tolerance, most)
@@ -82,6 +82,13 @@ def planned(
     if before is not None and before.rig != making.key and not overwrite:
         raise ImageError(
             "The folder '{folder}' has the atlas of another rig: choose another or {remedy}.",
+            folder=making.folder,
+            remedy=remedy,
+        )
+    if _has_places_of_another_box(making.folder, before, box) and not overwrite:
+        raise ImageError(
+            "The folder '{folder}' has the atlas of a head in another box: choose another folder or"
+            " {remedy}.",
             folder=making.folder,
             remedy=remedy,
         )
@@ -101,6 +108,15 @@ def _is_for(atlas: Atlas, making: Making, box: HeadBox, tolerance: float) -> boo
     """Is an atlas what was asked for, though it may not be whole?"""
     wanted = making.key, box, tolerance
     return (atlas.rig, atlas.grid.box, atlas.tolerance) == wanted
+
+
+def _has_places_of_another_box(folder: Path, atlas: Atlas | None, box: HeadBox) -> bool:
+    """Are files of an atlas there that would go, since hardly a place of another box is one of
+    this one?
+    """
+    if atlas is None or atlas.grid.box == box:
+        return False
+    return len(missing(folder, atlas)) < len(atlas.grid)
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:
@@ -145,19 +161,19 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
     """
     wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
     offsets, maps, images = atlas.grid.offsets(), atlas.maps, atlas.images
-    for k, number in enumerate(wanted):
-        if (known := making.known.pop(maps[number], None)) is not None:
-            head_map.write(making.folder / maps[number], known)
+    for k, place in enumerate(wanted):
+        if (known := making.known.pop(maps[place], None)) is not None:
+            head_map.write(making.folder / maps[place], known)
             continue
 
         steps = solved_at(
-            making.session, making.rig, making.viewer, making.settings, offsets[number]
+            making.session, making.rig, making.viewer, making.settings, offsets[place]
         )
         found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
         with disk.together(making.folder) as new_files:
-            head_map.write(new_files / maps[number], found)
+            head_map.write(new_files / maps[place], found)
             if making.save_image is not None:
-                making.save_image(new_files / images[number], source)
+                making.save_image(new_files / images[place], source)
     return len(wanted)
 
 
@@ -275,16 +291,3 @@ def whole(
 def share(atlas: Atlas, number: int, of: int) -> range:
     """The numbers of the places that are one of so many shares of an atlas, counted from 1."""
     return range(number - 1, len(atlas.grid), of)
-
-
-def told(atlas: Atlas) -> Message:
-    """How many places, how long they take and how large they are, before they are made."""
-    n = len(atlas.grid)
-    return Message(
-        "{n} places of the head ({right} right, {up} up, {forward} forward): about"
-        " {minutes:.1f} min and {mb:.0f} MB",
-        n=n,
-        **dict(zip(AXES, map(len, atlas.grid.nodes), strict=True)),
-        minutes=n * atlas.planned["seconds_a_map"] / 60,
-        mb=n * atlas.planned["bytes_a_map"] / 1e6,
-    )

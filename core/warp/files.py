@@ -20,8 +20,9 @@ CONVENTION = (
     " path that most of the pixel is seen by. Where its middle is not seen, but another part is,"
     " the place is the middle of the largest such part, and multiplicity is 0.",
     "view: for each viewer pixel, at its middle, the place on the display that it sees.",
-    "EXR: R = s, G = t, B = coverage of the pixel, A = 1; s = t = -1 and B = 0 where nothing is"
-    " shown. multiplicity: at how many places of the viewer's image the display's place is seen."
+    "EXR: R = s, G = t, B = coverage of the pixel, A = 1; B = 0 where nothing is shown: s and t are"
+    " -1 there, or beyond 0 to 1 where a place beside the picture is seen. multiplicity: at how"
+    " many places of the viewer's image the display's place is seen."
     " jacobian_xx, _xy, _yx, _yy: pixels of the other image per pixel, x right and y down; the"
     " second letter is the axis of this image.",
     "x.pgm, y.pgm: column and row of the picture made so many times as large; 65535 is nothing.",

@@ -1309,6 +1309,8 @@ ATLAS = Section(
             "Anything of the rig that moved since makes it another one.",
             "リグの何かが動くと、別のリグになります。",
             alike=(
+                "The folder '{folder}' has the atlas of a head in another box: choose another"
+                " folder or {remedy}.",
                 "The rig is not the one that the atlas in '{folder}' was planned for: plan it"
                 " anew.",
                 "The folder '{folder}' has no {index}: plan the atlas first.",

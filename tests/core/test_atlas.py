@@ -16,6 +16,7 @@ from kiriko.core.atlas import head_map, making
 from kiriko.core.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
 from kiriko.core.atlas.refine import _Line, _worst_between, map_at, refine
 from kiriko.core.errors import ImageError, RigError
+from kiriko.core.messages import Message
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
@@ -161,6 +162,17 @@ def test_atlas_keeps_its_tolerance_by_the_reader_for_others(ball_atlas):
         assert np.abs(coverage - true.coverage).mean() < 0.02
 
 
+@pytest.mark.parametrize("lost", [np.nan, np.inf])
+def test_the_reader_refuses_a_head_that_is_nowhere(ball_atlas, lost):
+    """As of a tracker that has lost it."""
+    made_of, _ = ball_atlas
+    spec = importlib.util.spec_from_file_location("atlas_reader", READER)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    with pytest.raises(ValueError, match="wait until it is tracked"):
+        module.Atlas(made_of.folder).at(0.0, lost, 0.0)
+
+
 def test_reader_needs_numpy_alone(ball_atlas):
     made_of, _ = ball_atlas
     command = [sys.executable, "-I", READER, made_of.folder, "0.01", "0", "0"]
@@ -228,6 +240,33 @@ def test_index_of_another_rig_is_not_replaced(ball_atlas):
         drain(making.planned(other, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
     with pytest.raises(RigError, match="planned for"):
         making.planned_before(other)
+
+
+def test_maps_of_another_box_are_not_removed_unasked(tmp_path):
+    """Before a map is made, another box may be planned; after it, only where that is asked for."""
+    made_of, atlas = make(
+        tmp_path, rig(box([0.06, 0.02, 0.06]), pixels=16, display_pixels=16), ASIDE, 9
+    )
+    drain(making.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, ""))
+    atlas = drain(making.planned(made_of, ASIDE, 9.0, 100, False, ""))
+    drain(making.made(made_of, atlas, [0]))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(ImageError, match="another box: choose another folder or set Overwrite"):
+        drain(making.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, Message("set Overwrite")))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    drain(making.planned(made_of, TO_THE_RIGHT, 9.0, 100, True, ""))
+    assert {path.name for path in tmp_path.iterdir()} == {"index.json"}
+
+
+def test_what_an_atlas_will_take_is_told_however_small(ball_atlas):
+    """Two digits, never none; with source images, their pixels as they would lie in memory."""
+    _, atlas = ball_atlas
+    few = {**atlas.planned, "seconds_a_map": 0.21 / len(atlas.grid), "bytes_a_map": 400}
+    told = str(atlases.amount(replace(atlas, planned=few)))
+    assert told.endswith(f"about 0.0035 min and {400 * len(atlas.grid) / 1e6:.2g} MB")
+    told = str(atlases.amount(replace(atlas, planned=few, has_images=True)))
+    most = len(atlas.grid) * 48 * 48 * 3 / 1e6
+    assert told.endswith(f", and up to {most:.2g} MB of source images")
 
 
 def test_overwriting_removes_maps_that_are_no_part(tmp_path):

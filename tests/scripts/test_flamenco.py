@@ -18,7 +18,7 @@ SETTINGS = {
     "blendfile": "/share/a job/rig.blend",
 }
 
-needs_node = pytest.mark.skipif(NODE is None, reason="there is no node: dev.py farm brings its own")
+needs_node = pytest.mark.skipif(NODE is None, reason="there is no node on the PATH")
 
 
 @needs_node
