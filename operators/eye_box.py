@@ -161,7 +161,7 @@ def served_in_words(box: dict[str, Any]) -> list[Message]:
             "A head in the middle sees it off by {mean} arcmin, solved for the middle alone by"
             " {alone}.",
             mean=number(everyone["middle_mean_arcmin"]),
-            alone=number(middle["middle_mean_arcmin"]),
+            alone=number(round(middle["middle_mean_arcmin"], 6)),  # 0, but for rounding
         ),
     ]
 

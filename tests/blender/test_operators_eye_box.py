@@ -226,6 +226,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(
     ) in lines
     assert "Solved for the middle of the box alone:" in lines
     assert "A head in the middle sees it off by" in lines
+    assert "solved for the middle alone by 0." in lines
 
     first = scene.kiriko.viewers[1].camera
     scene.kiriko.viewers[2].camera.matrix_world = first.matrix_world
