@@ -12,6 +12,10 @@ from typing import Any
 
 from .errors import ImageError
 
+PREFIX = ".kiriko-"  # of temporary folders' names
+BOOT = Path("/proc/sys/kernel/random/boot_id")  # another one at each start of Linux
+NUMBERS = Path("/proc/self/ns/pid")  # the set that numbers of processes are of
+
 
 @contextmanager
 def scratch(folder: Path) -> Iterator[Path]:
@@ -48,7 +52,46 @@ def _temporary(folder: Path) -> Any:
     """A temporary folder in another one: files moved from one
     to the other are not copied, and needs no room.
     """
-    return tempfile.TemporaryDirectory(prefix=".kiriko-", dir=folder, ignore_cleanup_errors=True)
+    return tempfile.TemporaryDirectory(
+        prefix=f"{PREFIX}{_started()}-{os.getpid()}-", dir=folder, ignore_cleanup_errors=True
+    )
+
+
+def _started() -> str:
+    """Tells this start of this machine, and its processes' numbers, from others; "any" where the
+    system tells neither, as Windows and macOS.
+    """
+    try:
+        start = BOOT.read_text(encoding="ascii").strip()
+        # processes in a container have numbers of their own
+        return hashlib.sha1(
+            f"{start} {NUMBERS.stat().st_ino}".encode(), usedforsecurity=False
+        ).hexdigest()[:12]
+    except OSError:
+        return "any"
+
+
+def remove_left(folder: Path) -> None:
+    """Remove temporary folders that processes left in a folder when they were killed.
+
+    Only those of this start of this machine, whose process is gone: another machine may be at work
+    in the same folder. One that has a user's file, as of a set that was being replaced, stays.
+    """
+    started = _started()
+    for place in folder.glob(f"{PREFIX}{started}-*-*") if started != "any" else ():
+        number = place.name.removeprefix(f"{PREFIX}{started}-").partition("-")[0]
+        if number.isdecimal() and not _is_running(int(number)) and not (place / "old").exists():
+            shutil.rmtree(place, ignore_errors=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)  # on Linux, nothing else than to ask
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # it is another user's, or no number of a process
+        return True
+    return True
 
 
 @contextmanager

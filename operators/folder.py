@@ -18,7 +18,7 @@ LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
 def made(folder: Path) -> Iterator[None]:
     """Make the folder and see that it can be written, before any work is done for it.
 
-    Gone again if it stays empty.
+    Gone again if it stays empty. What processes that were killed left in it is removed.
     """
     new = [path for path in (folder, *folder.parents) if not disk.is_there(path)]
     try:
@@ -28,6 +28,7 @@ def made(folder: Path) -> Iterator[None]:
 
     try:
         disk.check_folder(folder)
+        disk.remove_left(folder)
         yield
     finally:
         for path in new:

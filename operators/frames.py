@@ -7,7 +7,7 @@ whose result stays as it is.
 """
 
 import json
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,7 @@ import bpy
 from ..core import disk, image_io
 from ..core.blender.frames import frame_kept
 from ..core.blender.image import save_png
-from ..core.blender.moving import Reel
+from ..core.blender.moving import OfMovie, Reel
 from ..core.blender.shapes import Kept
 from ..core.errors import ImageError, KirikoError
 from ..core.farm.join import LOG
@@ -60,6 +60,8 @@ class Tally:
     others : number of frames that other processes have at work
     traced : number of frames for which light was traced
     failed : frames that could not be solved, and why
+    ended : the first frame that was solved after a movie's end, by the movie
+    cut : a sentence on each movie whose file was cut, by the movie
     """
 
     files: list[Path] = field(default_factory=list)
@@ -67,6 +69,34 @@ class Tally:
     others: int = 0
     traced: int = 0
     failed: list[tuple[int, str]] = field(default_factory=list)
+    ended: dict[str, int] = field(default_factory=dict)
+    cut: dict[str, Message] = field(default_factory=dict)
+
+    def notice(self, frame: int, notes: Iterable[str]) -> None:
+        """Keep what notes on a frame tell of its movies."""
+        for note in notes:
+            if not isinstance(note, OfMovie):
+                continue
+            if note.is_cut:
+                self.cut[note.movie] = note
+            else:
+                self.ended[note.movie] = min(frame, self.ended.get(note.movie, frame))
+
+    @property
+    def of_movies(self) -> list[Message]:
+        """Sentences on movies that are too short."""
+        return [
+            *self.cut.values(),
+            *(
+                Message(
+                    "The movie '{image}' ends early: from frame {frame} on its last frame is"
+                    " shown.",
+                    image=movie,
+                    frame=frame,
+                )
+                for movie, frame in self.ended.items()
+            ),
+        ]
 
     @property
     def written(self) -> int:
@@ -88,7 +118,8 @@ class Tally:
         if self.others:
             parts.append(
                 Message(
-                    "{n} have a placeholder, as of another process that is at work on them.",
+                    "{n} have a placeholder, as of another process that is at work on them: where"
+                    " there is none, run again without placeholders.",
                     n=self.others,
                 )
             )
@@ -102,7 +133,7 @@ class Tally:
                     why=why,
                 )
             )
-        return joined(parts)
+        return joined(parts + self.of_movies)
 
 
 @dataclass(frozen=True)
@@ -195,6 +226,7 @@ def _one(
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
 
+    tally.notice(frame, reading.notes)
     tally.files.append(path)
     tally.traced += solution.n_rays > 0
 

@@ -10,7 +10,7 @@ from ..core.blender.frames import frame_files, frames_of_range
 from ..core.blender.paths import absolute
 from ..core.errors import ImageError, RigError
 from ..core.frame_list import frames_of
-from ..core.messages import Message
+from ..core.messages import Message, joined
 from . import folder, frames, long_work, movies, needed, telling, windows
 from .export import unwritable, use_bundled_modules
 
@@ -70,7 +70,7 @@ class KIRIKO_OT_solve_animation(OfFrames, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         with self.run_of(context) as run:
             yield from frames.solved(context, run, self.tally)
-            self.level = "WARNING" if self.tally.failed else "INFO"
+            self.level = "WARNING" if self.tally.failed or self.tally.of_movies else "INFO"
             return self.tally.told(next(iter(run.files.values())).parent)
 
 
@@ -93,4 +93,5 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
         )
         with self.run_of(context) as run, folder.made(wish.file.parent):
             yield from movies.made(context, run, wish, self.tally, Message("set Overwrite"))
-            return movies.told(wish, run)
+            self.level = "WARNING" if self.tally.of_movies else "INFO"
+            return joined([movies.told(wish, run), *self.tally.of_movies])

@@ -46,6 +46,23 @@ class Timing:
         return min(max(passed, 0), n) + self.frame_offset if n else 0
 
 
+class OfMovie(Message):
+    """A note on a movie that is too short, as runs of frames tell apart from others.
+
+    movie : its name
+    is_cut : its file was; else it is over, as it should not be
+    """
+
+    movie: str
+    is_cut: bool
+
+    def __new__(cls, note: Message, movie: str, is_cut: bool) -> "OfMovie":
+        self = str.__new__(cls, note)
+        self.template, self.values = note.template, note.values
+        self.movie, self.is_cut = movie, is_cut
+        return self
+
+
 def is_moving(image: bpy.types.Image) -> bool:
     """Is it a movie or an image sequence?"""
     return image.source in MOVING
@@ -233,12 +250,13 @@ def n_frames_of(image: bpy.types.Image) -> int:
 def _cut(image: bpy.types.Image) -> Iterator[Message]:
     share = missing(Path(_absolute(image)))
     if share > 0:
-        yield Message(
+        note = Message(
             "The movie '{image}' was cut: {share} of its file is missing. Beyond the cut the last"
             " frame before it is held: copy the file again.",
             image=image.name,
             share=percent(share),
         )
+        yield OfMovie(note, image.name, is_cut=True)
 
 
 def _over(image: bpy.types.Image, timing: Timing, now: int) -> list[str]:
@@ -248,12 +266,11 @@ def _over(image: bpy.types.Image, timing: Timing, now: int) -> list[str]:
     n = n_frames_of(image)
     if not timing.frame_duration or number <= n or last < n:
         return []
-    return [
-        Message(
-            "The movie '{image}' has ended: it has {n} frames, and frame {number} is asked for. The"
-            " last one is held.",
-            image=image.name,
-            n=n,
-            number=number,
-        )
-    ]
+    note = Message(
+        "The movie '{image}' has ended: it has {n} frames, and frame {number} is asked for. The"
+        " last one is held.",
+        image=image.name,
+        n=n,
+        number=number,
+    )
+    return [OfMovie(note, image.name, is_cut=False)]

@@ -2,6 +2,9 @@
 
 import importlib
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from itertools import pairwise, zip_longest
 from pathlib import Path
@@ -281,6 +284,38 @@ def test_a_disk_that_fills_up_leaves_all_frames_before_whole(
     monkeypatch.undo()
     assert run("solve", "--out", folder(tmp_path), "--frames", "1-5") == 0
     assert len(contents(folder(tmp_path))) == 5
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell it safely")
+def test_a_run_removes_what_a_killed_one_left(
+    run: Callable[..., int],
+    kiriko: ModuleType,
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Its half files go; of its placeholder the sentence tells the remedy, which works."""
+    disk = importlib.import_module(f"{kiriko.__name__}.core.disk")
+    out = folder(tmp_path)
+    out.mkdir()
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    with disk.scratch(out) as place:
+        left = place.with_name(place.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
+    left.mkdir()
+    (left / "source_0001.png").write_bytes(b"half")
+    (out / "source_0001.png").touch()
+
+    ask = ("solve", "--out", out, "--frames", "1-2")
+    assert run(*ask, "--placeholders") == 0
+    assert (
+        "1 have a placeholder, as of another process that is at work on them: where there is"
+        in (told := capsys.readouterr().out)
+    )
+    assert "run again without placeholders." in told
+    assert sorted(contents(out)) == ["source_0001.png", "source_0002.png"]
+    assert run(*ask) == 0
+    assert all(len(content) > 100 for content in contents(out).values())
 
 
 def test_two_runs_with_placeholders_share_the_frames(

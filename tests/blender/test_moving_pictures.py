@@ -166,9 +166,14 @@ def test_frames_of_a_sequence_trace_light_once(
 
 
 def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+    scene: bpy.types.Scene,
+    kiriko: ModuleType,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture,
 ) -> None:
-    """In any order; the frames after its end say so, and no others; the image stays as it was."""
+    """In any order; the frames after its end say so, and no others, and the run at its end, which
+    the buttons do, too; the image stays as it was.
+    """
     path = movie(tmp_path, kiriko)
     small_rig()
     bpy.ops.kiriko.open_picture(filepath=str(path))
@@ -183,6 +188,22 @@ def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(
         assert bool(told) == (line["frame"] > FRAMES), line
     assert image.source == "MOVIE"
     assert [i.name for i in bpy.data.images if i.name.startswith("clip")] == [image.name]
+
+    over = "The movie 'clip.mkv' ends early: from frame 5 on its last frame is shown."
+    assert over in capfd.readouterr().out
+
+    ours = scene.kiriko
+    ours.animation_anew, ours.movie_codec, ours.export_overwrite = True, "FFV1", True
+    ours.movie_path = "//out/made"
+    for press in (bpy.ops.kiriko.solve_animation, bpy.ops.kiriko.export_movie):
+        assert press(frames="3-6") == {"FINISHED"}
+        (level, told) = re.findall("(Info|Warning): (Wrote .*)", capfd.readouterr().out)[-1]
+        assert level == "Warning"
+        assert over in told
+    assert press(frames="1-4") == {"FINISHED"}
+    told = capfd.readouterr().out
+    assert "Info: Wrote" in told
+    assert "ends early" not in told
 
 
 @pytest.mark.parametrize("is_movie", [False, True])
@@ -268,9 +289,15 @@ def encoded(light: float) -> float:
 
 @pytest.mark.parametrize("codec", ["FFV1", "H264"])
 def test_a_movie_that_was_cut_is_told(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, codec: str
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    codec: str,
+    capsys: pytest.CaptureFixture,
 ) -> None:
-    """A whole one never is. Blender holds the last frame before the cut, or can read none."""
+    """A whole one never is. Blender holds the last frame before the cut, or can read none. A run
+    of frames tells it at its end.
+    """
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
@@ -295,3 +322,5 @@ def test_a_movie_that_was_cut_is_told(
         assert codec != "FFV1"
     else:
         assert re.search(r"'clip\.\w+' was cut: 1[01] % of its file is missing", note)
+        solved_frames(kiriko, tmp_path, "1-4")
+        assert capsys.readouterr().out.count(note) == 1

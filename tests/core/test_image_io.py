@@ -2,6 +2,8 @@
 
 import errno
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,6 +35,54 @@ def test_a_set_is_all_new(tmp_path: Path, there: tuple[str, ...]) -> None:
         (tmp_path / name).write_text("old")
     write_all(tmp_path)
     assert contents(tmp_path) == {**dict.fromkeys(NAMES, "new"), "mine": "old"}
+
+
+@pytest.mark.skipif(not disk.BOOT.exists(), reason="the system tells none of its starts")
+def test_what_a_killed_process_left_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not what one at work has, or another start of a machine; nor a user's file within."""
+    work = (
+        "import sys; from pathlib import Path\n"
+        "from kiriko.core import disk\n"
+        "with disk.scratch(Path(sys.argv[1])) as place:\n"
+        "    (place / 'half').write_text('half'); print(place, flush=True); sys.stdin.read()"
+    )
+
+    def at_work() -> tuple[subprocess.Popen, Path]:
+        process = subprocess.Popen(
+            [sys.executable, "-c", work, str(tmp_path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(Path(disk.__file__).parents[2])},
+        )
+        return process, Path(process.stdout.readline().strip())
+
+    (one, killed), (other, held), (last, has_old) = (at_work() for _ in range(3))
+    try:
+        disk.remove_left(tmp_path)
+        assert killed.is_dir()
+        assert held.is_dir()
+        (has_old / "old").write_text("mine")
+    finally:
+        for process in (one, last):
+            process.kill()
+            process.wait()
+    elsewhere = killed.with_name(killed.name.replace(disk._started(), "0" * 12))
+    elsewhere.mkdir()
+    try:
+        disk.remove_left(tmp_path)
+        assert sorted(tmp_path.iterdir()) == sorted([held, has_old, elsewhere])
+        assert (held / "half").read_text() == "half"
+        monkeypatch.setattr(disk, "BOOT", tmp_path / "none")
+        with disk.scratch(tmp_path) as own:
+            disk.remove_left(tmp_path)
+            assert own.is_dir()
+        assert held.is_dir()
+    finally:
+        other.kill()
+        other.wait()
 
 
 @pytest.mark.parametrize("there", [(), NAMES, NAMES[:1], NAMES[1:]])
