@@ -229,6 +229,14 @@ def claim(path: Path) -> bool:
     return True
 
 
+def remove(path: Path) -> None:
+    """Remove a file; ImageError when it cannot be."""
+    try:
+        path.unlink()
+    except OSError as reason:
+        raise _unwritable(path, reason) from None
+
+
 def give_up(path: Path) -> None:
     """Remove a file that only holds a place."""
     with suppress(OSError):

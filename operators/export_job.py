@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..core import disk
+from ..core.blender.files_read import files_read
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
 from ..core.errors import ImageError
@@ -17,6 +18,7 @@ from ..core.farm.job import (
     BOOTSTRAP,
     FLAMENCO,
     KIRIKO,
+    OUT,
     Choice,
     Job,
     asset_references,
@@ -24,7 +26,7 @@ from ..core.farm.job import (
 )
 from ..core.messages import Message
 from . import folder, needed, telling
-from .save_copy import save_copy
+from .save_copy import save_copy_into
 
 TEMPLATE = "template.json"
 VALUES = "parameter_values.json"
@@ -71,9 +73,8 @@ def frames_of_scene(scene: bpy.types.Scene) -> str:
 def write(
     target: Path, job: Job | AtlasJob, zips: list[Path], overwrite: bool, remedy: str
 ) -> list[str]:
-    """Write the bundle of a job to a folder that is there; the names of its files.
-
-    The template comes last, so that a bundle which could not be written as a whole is none.
+    """Write the bundle of a job to a folder that is there, whole or not at all; the names of its
+    files.
 
     zips : of Kiriko for the farm's platforms; none: this one, packed
     remedy : ends the sentence that files are there already
@@ -84,25 +85,45 @@ def write(
             "The job's copy of '{file}' would replace the file itself: choose another folder.",
             file=job.blend,
         )
+    for path in zips:
+        extension.check_zip(path)
     names = [job.blend, KIRIKO, ASSETS, VALUES, TEMPLATE]
     if not overwrite:
         folder.refuse_existing(target, names, remedy)
+    if isinstance(job, Job):  # an atlas knows its own maps by its index
+        _refuse_results(target)
 
     kiriko = target / KIRIKO
-    with folder.made(kiriko), disk.together(kiriko) as new:
-        _write_scripts(new, zips)
-    external = [path for path in bpy.utils.blend_paths(absolute=True, packed=False) if path]
-    save_copy(target / job.blend)
-
-    with disk.together(target) as new:
+    with (
+        disk.together(target) as new,
+        folder.made(kiriko),
+        disk.together(kiriko) as scripts,
+    ):
+        _write_scripts(scripts, zips)
+        save_copy_into(new, target / job.blend)
         for name, contents in (
-            (ASSETS, asset_references(external)),
+            (ASSETS, asset_references(files_read())),
             (VALUES, parameter_values(job.template)),
             (TEMPLATE, job.template),
         ):
             text = json.dumps(contents, indent=2, ensure_ascii=False)
             disk.write_text(new / name, f"{text}\n")
+        packed = {path.name.casefold() for path in scripts.glob("*.zip")}
+    for path in kiriko.glob("*.zip"):
+        if path.name.casefold() not in packed:  # of the job that was replaced
+            disk.remove(path)
     return names
+
+
+def _refuse_results(target: Path) -> None:
+    """Raise ImageError where tasks would take the images of another job for theirs."""
+    if disk.is_there(target / OUT) and any((target / OUT).iterdir()):
+        raise ImageError(
+            "The folder '{folder}' has results of an earlier job, which the tasks would leave as"
+            " they are: move or remove '{results}' in it, or choose another folder.",
+            folder=target,
+            results=OUT,
+        )
 
 
 def told(names: list[str], target: Path) -> Message:
@@ -116,8 +137,6 @@ def _write_scripts(new: Path, zips: list[Path]) -> None:
         for name in (BOOTSTRAP, FLAMENCO):
             shutil.copyfile(SCRIPTS / name, new / name)
         for path in zips:
-            if not path.is_file():
-                raise ImageError("There is no zip '{path}': name one that is there.", path=path)
             shutil.copyfile(path, new / path.name)
         if not zips:
             extension.pack(new / f"kiriko-{extension.manifest()['version']}.zip")

@@ -2,9 +2,10 @@
 
 import os
 import tomllib
+import zlib
 from pathlib import Path
 from typing import Any
-from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile, ZipInfo
 
 from ..errors import ImageError
 
@@ -52,6 +53,31 @@ def files_of(root: Path = ROOT) -> list[str]:
             if _is_packed(name) and not (is_top and (name in left_out or name.endswith(".zip")))
         ]
     return [*found, *wheels]
+
+
+def check_zip(path: Path) -> None:
+    """Raise ImageError where a file is no zip of this Kiriko, which every task would find out."""
+    if not path.is_file():
+        raise ImageError("There is no zip '{path}': name one that is there.", path=path)
+    try:
+        with ZipFile(path) as archive:
+            about = tomllib.loads(archive.read(MANIFEST).decode())
+            broken = archive.testzip()
+    except (BadZipFile, OSError, KeyError, ValueError, zlib.error):
+        about, broken = {}, MANIFEST
+    if broken or about.get("id") != "kiriko":
+        raise ImageError(
+            "The file '{path}' is no zip of Kiriko, or a broken one: name another.", path=path
+        )
+
+    own = manifest()["version"]
+    if about.get("version") != own:
+        raise ImageError(
+            "The zip '{path}' has Kiriko {version}, and this is {own}: name the zip of {own}.",
+            path=path,
+            version=about.get("version"),
+            own=own,
+        )
 
 
 def _is_packed(name: str) -> bool:

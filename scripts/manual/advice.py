@@ -944,6 +944,10 @@ FILES = Section(
             "The file '{file}' cannot be written ({why}): choose another folder.",
             "Give --out a folder of your own.",
             "--out に、ご自身のフォルダーを指定します。",
+            alike=(
+                "The copy '{file}' cannot be written as a whole: the disk may be full, free some"
+                " of it or choose another folder.",
+            ),
         ),
         Advice(
             "The path '{folder}' has no room for such a name ({why}): choose another.",
@@ -1216,7 +1220,17 @@ FARM = Section(
             " its zip.",
             "Install Kiriko from its zip, or name the zip by --zip.",
             "Kiriko を zip からインストールするか、--zip で zip を指定します。",
-            alike=("There is no zip '{path}': name one that is there.",),
+            alike=(
+                "There is no zip '{path}': name one that is there.",
+                "The file '{path}' is no zip of Kiriko, or a broken one: name another.",
+                "The zip '{path}' has Kiriko {version}, and this is {own}: name the zip of {own}.",
+            ),
+        ),
+        Advice(
+            "The folder '{folder}' has results of an earlier job, which the tasks would leave as"
+            " they are: move or remove '{results}' in it, or choose another folder.",
+            "A task leaves images that are there, so that one that was killed may be run again.",
+            "タスクは、すでにある画像を変えません。途中で止まったタスクを、もう一度実行できるようにするためです。",
         ),
         Advice(
             "The job has no folder: choose one.",

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
+from known.kiriko_zip import kiriko_zip
 from small_rigs import small_rig
 
 BOX = {"low": (-0.02, 0.0, 0.0), "high": (0.02, 0.0, 0.01)}
@@ -121,8 +122,7 @@ def test_tasks_of_a_job_make_the_atlas_of_one_run(
     """
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    zipped = tmp_path / "kiriko-9.zip"
-    zipped.write_bytes(b"zip")
+    zipped = kiriko_zip(tmp_path / "kiriko-9.zip")
     halvings = []
     for tolerance in (3, MISSED):
         one, job = tmp_path / f"one {tolerance}", tmp_path / f"job {tolerance}"

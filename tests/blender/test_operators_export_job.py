@@ -1,12 +1,15 @@
 import importlib
 import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
 import bpy
 import pytest
 
+from known.kiriko_zip import kiriko_zip
 from small_rigs import small_rig
 
 NAME = "金魚 の bowl.blend"
@@ -14,10 +17,8 @@ NAME = "金魚 の bowl.blend"
 
 @pytest.fixture
 def zipped(tmp_path: Path) -> Path:
-    """Any file as Kiriko's zip: the bundle copies it as it is."""
-    path = tmp_path / "kiriko-9.zip"
-    path.write_bytes(b"zip")
-    return path
+    """A zip as Kiriko's: the bundle copies it as it is."""
+    return kiriko_zip(tmp_path / "kiriko-9.zip")
 
 
 @pytest.fixture
@@ -140,6 +141,133 @@ def test_missing_zip_is_named(
     assert run("job", "--frames", "1-3", "--zip", saved / "no.zip", "--out", saved) == 1
     assert "There is no zip" in capsys.readouterr().err
     assert not saved.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (None, "no zip of Kiriko"),
+        (('id = "kiriko"', 'id = "another"'), "no zip of Kiriko"),
+        (('\nversion = "', '\nversion = "99'), "name the zip of"),
+    ],
+)
+def test_a_zip_that_no_worker_could_use_is_refused(
+    run: Callable[..., int],
+    saved: Path,
+    capsys: pytest.CaptureFixture,
+    change: tuple[str, str] | None,
+    said: str,
+) -> None:
+    """A text by such a name, another extension, another version."""
+    path = saved.parent / "bad.zip"
+    path.write_text("no zip") if change is None else kiriko_zip(path, *change)
+    assert run("job", "--frames", "1-3", "--zip", path, "--out", saved) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert "bad.zip" in line
+    assert not saved.exists()
+
+
+def test_a_job_that_is_replaced_leaves_no_zip_behind(
+    run: Callable[..., int], saved: Path, zipped: Path
+) -> None:
+    """The bootstrap would read all that are beside it."""
+    assert run("job", "--frames", "1-3", "--zip", zipped, "--out", saved) == 0
+    (saved / "kiriko" / "bad.zip").write_text("no zip")
+    other = kiriko_zip(saved.parent / "kiriko-10.zip")
+    assert run("job", "--frames", "1-3", "--zip", other, "--overwrite", "--out", saved) == 0
+    assert [path.name for path in (saved / "kiriko").glob("*.zip")] == ["kiriko-10.zip"]
+    assert not [path for path in saved.rglob("*") if path.name.startswith(".kiriko")]
+    assert not list(saved.glob("*.blend1"))
+
+
+def test_results_of_an_earlier_job_are_not_taken_for_the_next_ones(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Tasks leave images that are there: the job is refused, and all stays as it was."""
+    job = ("job", "--frames", "1-2", "--zip", zipped, "--out", saved, "--overwrite")
+    assert run(*job) == 0
+    before = (saved / NAME).read_bytes()
+    (saved / "source").mkdir()
+    assert run(*job) == 0  # an empty folder has no results
+    before = (saved / NAME).read_bytes()
+    assert run("solve", "--frames=1-2", "--out", saved / "source") == 0
+    bpy.context.scene.kiriko.tolerance = 0.7
+    capsys.readouterr()
+    assert run(*job) == 1
+    assert "has results of an earlier job" in capsys.readouterr().err
+    assert (saved / NAME).read_bytes() == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no limit of size there")
+@pytest.mark.parametrize("compress", [True, False])
+def test_a_full_disk_leaves_no_part_of_a_job(
+    run: Callable[..., int],
+    saved: Path,
+    zipped: Path,
+    capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    compress: bool,
+) -> None:
+    """Of a compressed file that it could not write Blender says that it is saved: one sentence,
+    and what was there before is whole.
+    """
+    monkeypatch.setattr(
+        bpy.context.preferences.filepaths, "use_file_compression", compress, raising=True
+    )
+    bpy.ops.wm.save_as_mainfile(filepath=str(saved.parent / NAME), compress=compress)
+    job = ("job", "--frames", "1-3", "--zip", zipped, "--out", saved)
+    with full_at(50_000):
+        assert run(*job) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert NAME in line
+    assert "cannot be written" in line
+    assert not saved.exists()
+
+    assert run(*job) == 0
+    before = {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()}
+    with full_at(50_000):
+        assert run(*job, "--overwrite") == 1
+    assert {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()} == before
+
+
+@contextmanager
+def full_at(size: int) -> Iterator[None]:
+    """No file can grow beyond a size in bytes, as on a disk that has no more room."""
+    resource = importlib.import_module("resource")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_all_files_that_tasks_read_are_listed_once(
+    run: Callable[..., int], saved: Path, zipped: Path
+) -> None:
+    """Every frame of a sequence, every tile; one file that two images read once."""
+    for name in ("s_0001", "s_0002", "s_0010", "s_0002b", "u.1001", "u.1002", "still"):
+        picture = bpy.data.images.new(name, 4, 4)
+        picture.filepath_raw = str(saved.parent / f"{name}.png")
+        picture.file_format = "PNG"
+        picture.save()
+        bpy.data.images.remove(picture)
+    for name, source in (
+        ("s_0001", "SEQUENCE"),
+        ("u.1001", "TILED"),
+        ("still", "FILE"),
+        ("still", "FILE"),
+    ):
+        picture = bpy.data.images.load(str(saved.parent / f"{name}.png"))
+        picture.source = source
+        picture.use_fake_user = True
+        if source == "TILED":
+            picture.filepath = str(saved.parent / "u.<UDIM>.png")
+    assert run("job", "--frames", "1-3", "--zip", zipped, "--out", saved) == 0
+    listed = read(saved / "asset_references.json")["assetReferences"]["inputs"]["filenames"]
+    names = ["s_0001.png", "s_0002.png", "s_0010.png", "still.png", "u.1001.png", "u.1002.png"]
+    assert listed == [str(saved.parent / name) for name in names]
 
 
 def test_button_writes_the_same(kiriko: ModuleType, scene: bpy.types.Scene, saved: Path) -> None:
