@@ -182,6 +182,8 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
             for name, short in blenders.items()
             for part in range(PARTS)
         ),
+        # what other programs make of the files for shows, and a scheduler of the jobs
+        Step("farm", newest, ("scripts/dev.py", "farm", "--only", "maps", "jobs"), "package"),
         Step("kernel-elsewhere", newest, ("scripts/dev.py", "kernel")),
         Step(
             "kernel-sanitised",
