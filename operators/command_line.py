@@ -37,9 +37,10 @@ from . import (
 from .calibrate import calibrated
 from .choose_rig import choose_by_name
 from .export import use_bundled_modules
-from .farm_verbs import ALL
+from .one_viewer import choose_alone
 from .save_copy import save_copy
 from .usage import UsageError, check
+from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
 
@@ -190,6 +191,11 @@ def parser() -> argparse.ArgumentParser:
         help="have each viewer see the image in its own file, whose name has the word viewer in"
         " braces where the name of the camera is",
     )
+    solve.add_argument(
+        "--only-viewer",
+        metavar="NAME",
+        help="solve for this one of several viewers alone, by its camera's name",
+    )
     frames_to_folder.add_options(solve)
     solve.set_defaults(run=_solve)
     calibrate = verbs.add_parser(
@@ -298,6 +304,8 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
 def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve the scene as it stands, or the frames that are asked for; yields lines of progress."""
+    if arguments.only_viewer is not None:
+        choose_alone(bpy.context.scene, arguments.only_viewer)
     if arguments.pictures:
         viewer_images.open_images(bpy.context.scene, arguments.pictures)
     if arguments.frames is None:

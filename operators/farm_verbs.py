@@ -10,6 +10,7 @@ import bpy
 
 from ..core import image_io
 from ..core.blender.frames import frame_files, frames_of_range
+from ..core.errors import RigError
 from ..core.farm import join as joining
 from ..core.frame_list import frames_of
 from ..core.messages import Message
@@ -17,8 +18,7 @@ from ..core.steps import finish
 from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
 from .set_value import check_values
-
-ALL = "all"  # in place of a rig's name
+from .viewer_reports import ALL, asked_for
 
 
 def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
@@ -42,6 +42,13 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
         ' scene or objects["Glass"].kiriko.ior',
     )
     job.add_argument("--values", nargs="+", default=[], metavar="VALUE", help="its values")
+    job.add_argument(
+        "--viewers",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="tasks that solve for one viewer alone: these, by their cameras' names, or 'all'",
+    )
     job.add_argument(
         "--zip",
         type=Path,
@@ -97,6 +104,12 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     elif arguments.rig is not None:
         choose_by_name(context, arguments.rig)  # told where there is none
         job = replace(job, rigs=export_job.choices([arguments.rig]))
+
+    if arguments.viewers:
+        if arguments.rig == ALL:
+            raise RigError("The viewers of a job are those of one rig: name it by --rig.")
+        viewers = asked_for(context.scene, arguments.viewers)
+        job = replace(job, viewers=export_job.choices(viewers))
 
     job.check()
     if job.path:

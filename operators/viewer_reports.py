@@ -18,10 +18,10 @@ from ..core.messages import Message, quoted
 from ..core.settings import Settings
 from ..core.solve.disagreement import is_sharp
 from ..core.solve.solution import Solution
-from .farm_verbs import ALL
 from .folder import names_for
 
 CONFLICT = "conflict"
+ALL = "all"  # in place of a viewer's name, or a rig's
 
 
 class Told(NamedTuple):

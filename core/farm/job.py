@@ -7,6 +7,7 @@ The template is JSON, which the specification takes beside YAML and Python write
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from ..errors import RigError
@@ -39,6 +40,7 @@ class Job:
     version : Kiriko's
     frames : list of them, as core/frame_list.py reads it; '' for the scene as it stands
     chunk : frames for a task
+    viewers : each alone; none: all of the rig at once
     rigs : those that are solved; none: the one that the file shows
     path : of a property that takes other values, '' if none does
     values : these values
@@ -54,10 +56,11 @@ class Job:
     path: str = ""
     values: tuple[Choice, ...] = ()
     options: tuple[str, ...] = ()
+    viewers: tuple[Choice, ...] = ()
 
     def check(self) -> None:
         """Raise RigError where no scheduler would take such a job, or no task could run."""
-        if not (self.frames or self.rigs or self.values):
+        if not (self.frames or self.rigs or self.viewers or self.values):
             raise RigError("The job has one task only: give it frames, rigs or values.")
         length = len(in_ranges(frames_of(self.frames))) if self.frames else 0
         if length > LONGEST_TEXT:
@@ -76,7 +79,7 @@ class Job:
             )
         if self.chunk < 1:
             raise RigError("A task of the job has no frames: set 1 or more for each.")
-        for what in (self.rigs, self.values):
+        for what in (self.rigs, self.viewers, self.values):
             if len(what) > MOST:
                 raise RigError(
                     "The job has {n} values, and a task parameter takes {most}: make several jobs.",
@@ -84,7 +87,7 @@ class Job:
                     most=MOST,
                 )
         texts = (self.name, self.blend, self.path, *self.options)
-        refuse_braces(*texts, *(one.value for one in (*self.rigs, *self.values)))
+        refuse_braces(*texts, *(one.value for one in (*self.rigs, *self.viewers, *self.values)))
 
     @property
     def template(self) -> dict[str, Any]:
@@ -98,10 +101,9 @@ class Job:
     @property
     def folders(self) -> tuple[str, ...]:
         """The folders of the results within that of the job; '.' where there is no choice."""
-        rigs = [one.folder for one in self.rigs] or ["."]
-        values = [one.folder for one in self.values] or ["."]
-        both = (tuple(part for part in (a, b) if part != ".") for a in rigs for b in values)
-        return tuple("/".join(parts) or "." for parts in both)
+        kinds = (self.rigs, self.viewers, self.values)
+        folders = [[one.folder for one in choices] for choices in kinds if choices]
+        return tuple("/".join(parts) or "." for parts in product(*folders))
 
 
 def refuse_braces(*texts: str) -> None:
@@ -223,7 +225,7 @@ def _space(job: Job) -> dict[str, Any]:
     """The parameters that tasks differ in. A choice and its folder go together."""
     definitions: list[dict[str, Any]] = []
     factors = []
-    for name, choices in (("Rig", job.rigs), ("Value", job.values)):
+    for name, choices in (("Rig", job.rigs), ("Viewer", job.viewers), ("Value", job.values)):
         if choices:
             pairs = (
                 (name, [c.value for c in choices]),
@@ -249,6 +251,9 @@ def _solve(job: Job) -> list[str]:
     if job.rigs:
         arguments += ["--rig", "{{Task.Param.Rig}}"]
         folder.append("{{Task.Param.RigFolder}}")
+    if job.viewers:
+        arguments += ["--only-viewer", "{{Task.Param.Viewer}}"]
+        folder.append("{{Task.Param.ViewerFolder}}")
     if job.values:
         arguments += ["--set", job.path, "{{Task.Param.Value}}"]
         folder.append("{{Task.Param.ValueFolder}}")

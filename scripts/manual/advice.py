@@ -1199,7 +1199,10 @@ FARM = Section(
             "The job has values of no property: name one by --vary.",
             "Both options are given, or none: --vary kiriko.tolerance --values 0.1 0.2.",
             "--vary kiriko.tolerance --values 0.1 0.2 のように、両方を指定します。",
-            alike=("The job has no values of the property '{path}': give some by --values.",),
+            alike=(
+                "The job has no values of the property '{path}': give some by --values.",
+                "The viewers of a job are those of one rig: name it by --rig.",
+            ),
         ),
         Advice(
             "The job has {n} values, and a task parameter takes {most}: make several jobs.",

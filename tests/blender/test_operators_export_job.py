@@ -298,6 +298,39 @@ def test_button_refuses_frames_that_are_none(saved: Path, frames: str, said: str
     assert not saved.exists()
 
 
+def test_viewers_become_tasks_that_solve_for_one_alone(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The image of a task is that of the file where this viewer is the only one."""
+    scene = bpy.context.scene
+    first = scene.kiriko.viewer or scene.camera
+    second = first.copy()
+    second.name, second.location.x = "Second", first.location.x + 0.02
+    scene.collection.objects.link(second)
+    for camera in (first, second):
+        scene.kiriko.viewers.add().camera = camera
+    assert run("job", "--viewers", "all", "--zip", zipped, "--out", saved) == 0
+    solve = read(saved / "template.json")["steps"][0]
+    ranges = {
+        one["name"]: one["range"] for one in solve["parameterSpace"]["taskParameterDefinitions"]
+    }
+    assert ranges["Viewer"] == [first.name, "Second"]
+    assert run("job", "--viewers", "None such", "--zip", zipped, "--out", saved / "b") == 1
+    assert "no viewer 'None such'" in capsys.readouterr().err
+    assert run("job", "--viewers", "all", "--rig", "all", "--out", saved / "b") == 1
+    assert "one rig" in capsys.readouterr().err
+
+    both, task, alone = (saved.parent / name for name in ("both", "task", "alone"))
+    assert run("solve", "--out", both) == 0
+    assert run("solve", "--only-viewer", "Second", "--out", task) == 0
+    scene.kiriko.viewers.clear()
+    scene.kiriko.viewer = second
+    assert run("solve", "--out", alone) == 0
+    images = [(folder / "source.png").read_bytes() for folder in (both, task, alone)]
+    assert images[1] == images[2]
+    assert images[0] != images[1]
+
+
 def test_values_are_tried_and_taken_back(
     run: Callable[..., int], saved: Path, zipped: Path
 ) -> None:

@@ -63,8 +63,22 @@ def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
     assert (
         words(solve)[-1] == "{{Param.OutDir}}/{{Task.Param.RigFolder}}/{{Task.Param.ValueFolder}}"
     )
-    assert len(job.folders) == len(set(job.folders)) == 6
+    assert job.folders == tuple(f"{a.folder}/{b.folder}" for a in RIGS for b in VALUES)
     assert words(joined)[-6:] == list(job.folders)
+
+
+def test_viewers_are_tasks_of_one_alone() -> None:
+    """With frames each viewer has them all, in a folder of its own."""
+    viewers = (Choice("Left", "Left"), Choice("Eye/2", "Eye_2"))
+    job = dataclasses.replace(FRAMES, viewers=viewers)
+    job.check()
+    solve, joined = job.template["steps"]
+    assert solve["parameterSpace"]["combination"] == "(Viewer,ViewerFolder)*Frame"
+    at = words(solve).index("--only-viewer")
+    assert words(solve)[at + 1] == "{{Task.Param.Viewer}}"
+    assert words(solve)[-1] == "{{Param.OutDir}}/{{Task.Param.ViewerFolder}}"
+    assert job.folders == ("Left", "Eye_2")
+    assert words(joined)[-2:] == ["Left", "Eye_2"]
 
 
 @pytest.mark.parametrize(
