@@ -37,6 +37,18 @@ class RayGuess:
 
 
 RAYS = RayGuess()
+MORE = 1.02  # times the rays so far
+UNKNOWN = 0.09  # progress until rays can be guessed: from a tenth on it can be relied on
+
+
+def begun(first: int, size: int) -> float:
+    """Progress while squares go from a first size to the smallest, and are of a size by now."""
+    return UNKNOWN * float(np.log2(first / size) / np.log2(first / PARTS))
+
+
+def share_of_rays(n_done: int, expected: float) -> float:
+    """Progress 0..1, of rays: more are always to come."""
+    return n_done / max(expected, MORE * n_done, 1)
 
 
 def rays_of_finest(branch: Words, xy: Floats, tolerance: float, is_flat: bool) -> float:

@@ -21,7 +21,7 @@ from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import CHECK, measure
 from .points import Paths, Points, is_seen, trace_points
-from .ray_guess import RAYS, rays_of_finest
+from .ray_guess import RAYS, begun, rays_of_finest, share_of_rays
 from .samples import sample_cells
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
@@ -41,7 +41,6 @@ class Refinement:
 
 
 REFINEMENT = Refinement()
-MORE = 1.02  # times the rays so far: there are always some to come
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -54,8 +53,8 @@ class Sampling:
     and the number of that at each node, -1 for none.
 
     n_done : rays traced so far
-    expected : a guess of the rays in all, infinite until
-        squares are as small as can be, then mended again and again
+    expected : a guess of the rays in all; infinite until squares are as small as can be
+    begun : progress by the size of squares alone, until then
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -86,7 +85,7 @@ class Sampling:
             np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position))
         )
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
-        self.n_done, self.expected = 0, np.inf
+        self.n_done, self.expected, self.begun = 0, np.inf, 0.0
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
@@ -99,7 +98,7 @@ class Sampling:
             except StopIteration as end:
                 return replace(end.value, n_rays=self.n_done)
             # more may be expected than before
-            told = max(told, self.n_done / max(self.expected, MORE * self.n_done, 1))
+            told = max(told, self.begun, share_of_rays(self.n_done, self.expected))
             yield told
 
     def _run(self) -> Generator[int, None, ViewMap]:
@@ -124,7 +123,6 @@ class Sampling:
             first = len(self.points)
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
-
             yield 0
 
             # what passes the checks is a cell
@@ -145,6 +143,8 @@ class Sampling:
             todo = refused.at(refused.size > PARTS).quarters()
             if len(finest) or not len(todo):
                 self._expect_of_squares(todo, checking, finest)
+            else:
+                self.begun = begun(self.first_size, int(todo.size.max()))
 
         return (yield from self._finished(smooth, finest))
 

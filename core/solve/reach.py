@@ -99,7 +99,9 @@ def sample_reached(
                 share = next(steps)
                 if sampling.n_done == 0:  # the kernel's trees grow before the first ray
                     of_plan = perf_counter() - started
-                if share > 0:
+                if not np.isfinite(sampling.expected):
+                    told = max(told, share)
+                elif share > 0:
                     so_far = perf_counter() - started
                     n_rays = max(sampling.expected, sampling.n_done)
                     after = slower * (of_pixel * n_pixels + of_ray * n_rays)

@@ -5,9 +5,12 @@ The numbers of `ray_guess` are fitted to the sixteen glasses of `dev.py glasses`
 among them as it is here.
 """
 
+import numpy as np
 import pytest
 
 from kiriko.core.light.planning import make_plan
+from kiriko.core.map.interpolation import PARTS
+from kiriko.core.map.ray_guess import UNKNOWN
 from kiriko.core.map.sampling import Sampling
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -34,3 +37,16 @@ def test_the_rays_to_come_are_guessed_within_a_factor_of_two(name):
     assert found.min() >= 0.5
     assert found.max() <= 2
     assert sampling.expected < n_rays * 1.05
+
+
+@pytest.mark.parametrize("name", GLASSES)
+def test_the_bar_moves_before_the_rays_can_be_guessed(name):
+    """With each size of squares, and stays below a tenth until then."""
+    sampling = Sampling(make_plan(GLASSES[name](), Settings()))
+    begun = set()
+    for told in sampling.sample():
+        if not np.isfinite(sampling.expected):
+            begun.add(told)
+    n_sizes = int(np.log2(sampling.first_size / PARTS)) + 1
+    assert sorted(begun) == pytest.approx(np.linspace(0, UNKNOWN, n_sizes))
+    assert UNKNOWN < 0.1
