@@ -120,6 +120,8 @@ def run(arguments: list[str]) -> int:
     """Enable Kiriko and run its command line; the exit code."""
     version = None
     if arguments[:1] == ["--version"]:
+        if len(arguments) == 1:
+            raise FarmError("No version follows --version: write the one of the zip, or neither.")
         version, arguments = arguments[1], arguments[2:]
 
     home = Path(tempfile.mkdtemp(prefix="kiriko-farm-"))

@@ -73,6 +73,10 @@ def test_worker_solves_with_nothing_installed(installed: str, job: Path) -> None
     assert not [path for path in extensions.rglob("*") if "kiriko" in path.name.lower()]
 
 
+def test_version_without_a_number(job: Path) -> None:
+    assert "No version follows --version" in refusal(work(job, "--version"))
+
+
 def test_worker_without_its_file(job: Path) -> None:
     """A file that is missing is Kiriko's own sentence, and nothing is written."""
     done = work(job, "solve", "--out", job / "out", file=job / "missing.blend")
