@@ -52,9 +52,12 @@ def _temporary(folder: Path) -> Any:
     """A temporary folder in another one: files moved from one
     to the other are not copied, and needs no room.
     """
-    return tempfile.TemporaryDirectory(
-        prefix=f"{PREFIX}{_started()}-{os.getpid()}-", dir=folder, ignore_cleanup_errors=True
-    )
+    return tempfile.TemporaryDirectory(prefix=own_name(), dir=folder, ignore_cleanup_errors=True)
+
+
+def own_name() -> str:
+    """How names of this process's temporary files and folders begin; no other's do."""
+    return f"{PREFIX}{_started()}-{os.getpid()}-"
 
 
 def _started() -> str:
@@ -72,7 +75,7 @@ def _started() -> str:
 
 
 def remove_left(folder: Path) -> None:
-    """Remove temporary folders that processes left in a folder when they were killed.
+    """Remove temporary files and folders that processes left in a folder when they were killed.
 
     Only those of this start of this machine, whose process is gone: another machine may be at work
     in the same folder. One that has a user's file, as of a set that was being replaced, stays.
@@ -81,7 +84,11 @@ def remove_left(folder: Path) -> None:
     for place in folder.glob(f"{PREFIX}{started}-*-*") if started != "any" else ():
         number = place.name.removeprefix(f"{PREFIX}{started}-").partition("-")[0]
         if number.isdecimal() and not _is_running(int(number)) and not (place / "old").exists():
-            shutil.rmtree(place, ignore_errors=True)
+            if place.is_dir():
+                shutil.rmtree(place, ignore_errors=True)
+            else:
+                with suppress(OSError):
+                    place.unlink()
 
 
 def _is_running(process: int) -> bool:

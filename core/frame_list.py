@@ -27,15 +27,18 @@ def in_ranges(frames: Iterable[int]) -> str:
     """The list of some frames in the one form that every scheduler reads: sorted, each once, no two
     ranges overlapping, in digits of ASCII.
     """
-    left = sorted(set(frames))
-    parts = []
-    while left:
-        step = left[1] - left[0] if len(left) > 1 else 1
-        n = next((k for k in range(1, len(left)) if left[k] - left[k - 1] != step), len(left))
-        n = n if n > 2 or step == 1 else 1  # two frames are no range of every second one
-        end = f":{step}" if step > 1 and n > 1 else ""
-        parts.append(f"{left[0]}-{left[n - 1]}{end}" if n > 1 else f"{left[0]}")
-        left = left[n:]
+    frames = sorted(set(frames))
+    parts, first = [], 0
+    while first < len(frames):
+        step = frames[first + 1] - frames[first] if first + 1 < len(frames) else 1
+        last = first
+        while last + 1 < len(frames) and frames[last + 1] - frames[last] == step:
+            last += 1
+        if last == first + 1 and step > 1:  # two frames are no range of every second one
+            last = first
+        end = f":{step}" if step > 1 and last > first else ""
+        parts.append(f"{frames[first]}-{frames[last]}{end}" if last > first else f"{frames[first]}")
+        first = last + 1
     return ",".join(parts)
 
 

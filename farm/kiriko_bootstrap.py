@@ -62,10 +62,17 @@ def numbers(version: str) -> tuple[int, ...]:
 def fitting_zip(folder: Path, version: str | None) -> Path:
     """Kiriko's zip in a folder that is for this machine, and of a version where one is wanted."""
     here = this_platform()
-    found = {path: manifest_of(path) for path in sorted(folder.glob("*.zip"))}
-    found = {path: about for path, about in found.items() if about.get("id") == "kiriko"}
+    found, broken = {}, None
+    for path in sorted(folder.glob("*.zip")):
+        try:
+            about = manifest_of(path)
+        except FarmError as problem:
+            broken = problem
+            continue
+        if about.get("id") == "kiriko":
+            found[path] = about
     if not found:
-        raise FarmError(
+        raise broken or FarmError(
             f"There is no zip of Kiriko in '{folder}': put the one for {here} there,"
             f" beside {Path(__file__).name}."
         )

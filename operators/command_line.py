@@ -13,7 +13,7 @@ import bpy
 
 from ..core import disk, image_io
 from ..core.blender.kept import Numbers
-from ..core.blender.rigs import rigs
+from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.measure.work_precision import BUDGET
 from ..core.messages import Message
@@ -274,16 +274,28 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
     with folder.made(arguments.out):
-        yield from set_value.set_values(arguments.set)
-        if arguments.run == farm_verbs.write_job:  # which has tasks for rigs
-            yield from arguments.run(arguments)
-            return
-        if arguments.rig == ALL:
+        if arguments.rig == ALL and arguments.run != farm_verbs.write_job:
             yield from _each_rig(arguments)
             return
-        if arguments.rig is not None:
+        # the scene's settings are those of the rig that is chosen
+        if arguments.rig == ALL:
+            yield from _set_of_each_rig(arguments)
+        elif arguments.rig is not None:
             choose_by_name(bpy.context, arguments.rig)
+        yield from set_value.set_values(arguments.set)
         yield from arguments.run(arguments)
+
+
+def _set_of_each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Set the values that are asked for of each rig but the active one, which stays active."""
+    scene = bpy.context.scene
+    own = active_rig(scene)
+    for rig in rigs(scene) if arguments.set else ():
+        if rig != own:
+            choose_by_name(bpy.context, rig.name)
+            yield from set_value.set_values(arguments.set)
+    if own is not None:
+        choose_by_name(bpy.context, own.name)
 
 
 def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
@@ -297,6 +309,7 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
     for name, of_name in zip(names, folder.names_for(names), strict=True):
         choose_by_name(bpy.context, name)
         yield Message("rig '{name}'", name=name)
+        yield from set_value.set_values(arguments.set)
         out = arguments.out / of_name
         with folder.made(out):
             yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))

@@ -259,7 +259,7 @@ def _write_job(arguments: argparse.Namespace, making: Making) -> Generator[str, 
     options = options_of(box, arguments.tolerance, arguments.most, arguments.images)
     names = export_job.write(
         arguments.out,
-        export_job.atlas_job(options, arguments.job),
+        export_job.atlas_job(options, arguments.job, arguments.overwrite),
         arguments.zip,
         arguments.overwrite,
         "add --overwrite",
@@ -364,7 +364,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
             if self.job:
                 check(making.rig, making.viewer, box, self.tolerance, self.most)
                 options = options_of(box, self.tolerance, self.most, self.images)
-                job = export_job.atlas_job(options, self.shares)
+                job = export_job.atlas_job(options, self.shares, overwrite)
                 names = export_job.write(target, job, [], overwrite, remedy)
                 return export_job.told(names, target)
 

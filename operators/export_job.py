@@ -40,12 +40,13 @@ def job_of(frames: str, chunk: int) -> Job:
     return Job(*_of_file(), frames=frames, chunk=chunk)
 
 
-def atlas_job(options: tuple[str, ...], shares: int) -> AtlasJob:
+def atlas_job(options: tuple[str, ...], shares: int, overwrite: bool = False) -> AtlasJob:
     """A job for an atlas of the rig that the open file shows.
 
     options : of the verb atlas
+    overwrite : may its plan replace the atlas of another rig or box?
     """
-    return AtlasJob(*_of_file(), options, shares)
+    return AtlasJob(*_of_file(), options, shares, overwrite)
 
 
 def _of_file() -> tuple[str, str, str]:
@@ -87,6 +88,8 @@ def write(
         )
     for path in zips:
         extension.check_zip(path)
+        if sum(path.name.casefold() == other.name.casefold() for other in zips) > 1:
+            raise ImageError("Two zips are called '{name}': rename one of them.", name=path.name)
     names = [job.blend, KIRIKO, ASSETS, VALUES, TEMPLATE]
     if not overwrite:
         folder.refuse_existing(target, names, remedy)
@@ -108,16 +111,20 @@ def write(
         ):
             text = json.dumps(contents, indent=2, ensure_ascii=False)
             disk.write_text(new / name, f"{text}\n")
-        packed = {path.name.casefold() for path in scripts.glob("*.zip")}
-    for path in kiriko.glob("*.zip"):
-        if path.name.casefold() not in packed:  # of the job that was replaced
+    for path in kiriko.glob("*.zip"):  # of the job that was replaced
+        if extension.is_of_another_version(path) or (zips and path.name == _packed()):
             disk.remove(path)
     return names
 
 
 def _refuse_results(target: Path) -> None:
     """Raise ImageError where tasks would take the images of another job for theirs."""
-    if disk.is_there(target / OUT) and any((target / OUT).iterdir()):
+    results = target / OUT
+    is_taken = disk.is_there(results) and (
+        not results.is_dir()
+        or any(not path.name.startswith(disk.PREFIX) for path in results.iterdir())
+    )
+    if is_taken:
         raise ImageError(
             "The folder '{folder}' has results of an earlier job, which the tasks would leave as"
             " they are: move or remove '{results}' in it, or choose another folder.",
@@ -131,6 +138,11 @@ def told(names: list[str], target: Path) -> Message:
     return Message("Wrote {names} to '{folder}'.", names=", ".join(names), folder=target)
 
 
+def _packed() -> str:
+    """The name of the zip that is packed here."""
+    return f"kiriko-{extension.manifest()['version']}.zip"
+
+
 def _write_scripts(new: Path, zips: list[Path]) -> None:
     """The scripts, and zips of Kiriko."""
     try:
@@ -139,7 +151,7 @@ def _write_scripts(new: Path, zips: list[Path]) -> None:
         for path in zips:
             shutil.copyfile(path, new / path.name)
         if not zips:
-            extension.pack(new / f"kiriko-{extension.manifest()['version']}.zip")
+            extension.pack(new / _packed())
     except OSError as reason:
         raise disk.unwritable_folder(new, reason) from None
 

@@ -12,6 +12,7 @@ from ..core import image_io
 from ..core.blender.frames import frame_files, frames_of_range
 from ..core.errors import RigError
 from ..core.farm import join as joining
+from ..core.farm.job import OUT
 from ..core.frame_list import frames_of
 from ..core.messages import Message
 from ..core.steps import finish
@@ -92,7 +93,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     options = ["--format", arguments.format] if arguments.format != "PNG8" else []
     if frames and arguments.name != frames_to_folder.NAME:
-        options += ["--name", arguments.name]
+        options.append(f"--name={arguments.name}")
     job = replace(
         export_job.job_of(frames, arguments.chunk),
         path=arguments.vary,
@@ -112,6 +113,9 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
         job = replace(job, viewers=export_job.choices(viewers))
 
     job.check()
+    if frames:  # a name that no file can have is told
+        first = frames_of(frames)[:1]
+        frame_files(arguments.out / OUT, arguments.name, arguments.format, first)
     if job.path:
         check_values(job.path, arguments.values)
     names = export_job.write(

@@ -1,6 +1,5 @@
 """Saves a copy of the open file, whole or not at all."""
 
-import os
 from pathlib import Path
 
 import bpy
@@ -26,7 +25,7 @@ def save_copy_into(new: Path, path: Path) -> None:
     new : a folder within that of `path`
     """
     # beside its place, as its relative paths will be; one that was there would be kept as .blend1
-    made = path.absolute().with_name(f".kiriko-{os.getpid()}.blend")
+    made = path.absolute().with_name(f"{disk.own_name()}copy.blend")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(made), copy=True, relative_remap=True)
         _check_whole(made, path)

@@ -3,6 +3,7 @@ behind `bpy.data.` or `bpy.context.scene.`.
 """
 
 from collections.abc import Iterable
+from math import isfinite
 
 import bpy
 
@@ -75,7 +76,7 @@ def _owner(place: str) -> bpy.types.bpy_struct | None:
 
 
 def _read(known: bpy.types.Property, text: str) -> object:
-    kinds = {"FLOAT": float, "INT": int}
+    kinds = {"FLOAT": _finite, "INT": int}
     if known.type == "BOOLEAN":
         if text.lower() not in {"true", "false", "1", "0"}:
             raise ValueError(text)
@@ -83,6 +84,11 @@ def _read(known: bpy.types.Property, text: str) -> object:
     if known.type in {"STRING", "ENUM"}:
         return text
     return kinds[known.type](text) if known.type in kinds else _refused(text)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if isfinite(number) else _refused(text)
 
 
 def _refused(text: str) -> object:

@@ -25,6 +25,7 @@ class AtlasJob:
     version : Kiriko's
     options : of the verb atlas, which say what atlas it is
     shares : tasks that share the places
+    overwrite : may the plan replace the atlas of another rig or box?
     """
 
     name: str
@@ -32,6 +33,7 @@ class AtlasJob:
     version: str
     options: tuple[str, ...]
     shares: int = SHARES
+    overwrite: bool = False
 
     def check(self) -> None:
         """Raise RigError where no scheduler would take such a job."""
@@ -48,7 +50,7 @@ class AtlasJob:
         """Its template."""
         share = {"name": "Share", "type": "INT", "range": "1-{{Param.Shares}}"}
         space = {"taskParameterDefinitions": [share]}
-        steps = [self._step("Plan", "--plan")]
+        steps = [self._step("Plan", "--plan", *(["--overwrite"] if self.overwrite else []))]
 
         def add(name: str, *how: str, space: dict[str, Any] | None = None) -> None:
             steps.append(self._step(name, *how, after=steps[-1]["name"], space=space))

@@ -13,6 +13,8 @@ ROOT = Path(__file__).parent.parent.parent
 MANIFEST = "blender_manifest.toml"
 DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can have: the same files are the same zip
 MODE = 0o644
+# RuntimeError: it is encrypted; NotImplementedError: packed in a way that Python does not know
+UNREADABLE = (BadZipFile, OSError, KeyError, ValueError, EOFError, RuntimeError, zlib.error)
 
 
 def manifest(root: Path = ROOT) -> dict[str, Any]:
@@ -59,13 +61,8 @@ def check_zip(path: Path) -> None:
     """Raise ImageError where a file is no zip of this Kiriko, which every task would find out."""
     if not path.is_file():
         raise ImageError("There is no zip '{path}': name one that is there.", path=path)
-    try:
-        with ZipFile(path) as archive:
-            about = tomllib.loads(archive.read(MANIFEST).decode())
-            broken = archive.testzip()
-    except (BadZipFile, OSError, KeyError, ValueError, zlib.error):
-        about, broken = {}, MANIFEST
-    if broken or about.get("id") != "kiriko":
+    about = _about(path)
+    if about.get("id") != "kiriko":
         raise ImageError(
             "The file '{path}' is no zip of Kiriko, or a broken one: name another.", path=path
         )
@@ -78,6 +75,22 @@ def check_zip(path: Path) -> None:
             version=about.get("version"),
             own=own,
         )
+
+
+def is_of_another_version(path: Path) -> bool:
+    """Is a file a zip of Kiriko, and not of this version?"""
+    about = _about(path)
+    return about.get("id") == "kiriko" and about.get("version") != manifest()["version"]
+
+
+def _about(path: Path) -> dict[str, Any]:
+    """The manifest in a zip; {} where it has none, or is broken."""
+    try:
+        with ZipFile(path) as archive:
+            about = tomllib.loads(archive.read(MANIFEST).decode())
+            return {} if archive.testzip() else about
+    except UNREADABLE:
+        return {}
 
 
 def _is_packed(name: str) -> bool:

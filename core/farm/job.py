@@ -249,15 +249,15 @@ def _solve(job: Job) -> list[str]:
     folder = ["{{Param.OutDir}}"]
     arguments = ["solve"]
     if job.rigs:
-        arguments += ["--rig", "{{Task.Param.Rig}}"]
+        arguments.append("--rig={{Task.Param.Rig}}")  # with = a name may begin with a dash
         folder.append("{{Task.Param.RigFolder}}")
     if job.viewers:
-        arguments += ["--only-viewer", "{{Task.Param.Viewer}}"]
+        arguments.append("--only-viewer={{Task.Param.Viewer}}")
         folder.append("{{Task.Param.ViewerFolder}}")
     if job.values:
         arguments += ["--set", job.path, "{{Task.Param.Value}}"]
         folder.append("{{Task.Param.ValueFolder}}")
-    if job.frames:  # with = a negative number is no option
+    if job.frames:
         arguments += ["--frames={{Task.Param.Frame}}", "--log={{Task.Param.Frame}}"]
     else:
         arguments.append("--overwrite")  # a task that was killed may be run again

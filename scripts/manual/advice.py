@@ -1226,6 +1226,7 @@ FARM = Section(
             alike=(
                 "There is no zip '{path}': name one that is there.",
                 "The file '{path}' is no zip of Kiriko, or a broken one: name another.",
+                "Two zips are called '{name}': rename one of them.",
                 "The zip '{path}' has Kiriko {version}, and this is {own}: name the zip of {own}.",
             ),
         ),

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
+from known.kiriko_zip import kiriko_zip
 from small_rigs import cube, pixels, small_rig
 
 
@@ -241,6 +242,36 @@ def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_sav
         assert report["resolution"] == [side, side]
         assert list((two_saved / name).glob("*.svg"))
     assert len(list(two_saved.iterdir())) == 2
+
+
+def test_values_are_set_of_the_rig_that_is_solved(run: Callable[..., int], two_saved: Path) -> None:
+    """Whichever the file shows; with all of them, of each."""
+    wanted = ("--set", "kiriko.tolerance", "0.5")
+    assert run("solve", "--out", two_saved / "one", "--rig", "Kiriko Rig", *wanted) == 0
+    told = json.loads((two_saved / "one" / "report.json").read_text())
+    assert told["tolerance"] == pytest.approx(0.5)
+    assert told["resolution"] == [64, 64]
+
+    wanted = ("--set", "kiriko.tolerance", "0.25")
+    assert run("solve", "--out", two_saved / "all", "--rig", "all", *wanted) == 0
+    for path in sorted((two_saved / "all").glob("*/report.json")):
+        assert json.loads(path.read_text())["tolerance"] == pytest.approx(0.25)
+
+
+def test_a_job_of_all_rigs_has_the_values_in_each(run: Callable[..., int], two_saved: Path) -> None:
+    """The one that the file shows stays so."""
+    zipped = kiriko_zip(two_saved.parent / "kiriko-9.zip")
+    wanted = ("--set", "kiriko.tolerance", "0.5", "--zip", zipped)
+    assert run("job", "--out", two_saved, "--rig", "all", "--frames", "1-2", *wanted) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(two_saved / "rig.blend"))
+    assert bpy.context.scene.kiriko.tolerance == pytest.approx(0.5)
+    assert run("solve", "--out", two_saved / "shown") == 0
+    told = json.loads((two_saved / "shown" / "report.json").read_text())
+    assert told["resolution"] == [32, 32]
+    assert run("solve", "--out", two_saved / "other", "--rig", "Kiriko Rig") == 0
+    told = json.loads((two_saved / "other" / "report.json").read_text())
+    assert told["tolerance"] == pytest.approx(0.5)
+    assert told["resolution"] == [64, 64]
 
 
 def test_a_rig_that_is_not_there_is_refused(

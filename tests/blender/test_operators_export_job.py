@@ -118,6 +118,8 @@ def test_rigs_and_values_become_tasks(
             ("--vary", "kiriko.tolerance", "--values", "0.1", "b"),
             "'kiriko.tolerance' cannot be 'b'",
         ),
+        (("--vary", "kiriko.tolerance", "--values", "nan"), "'kiriko.tolerance' cannot be 'nan'"),
+        (("--frames", "1-3", "--name", "a/"), "name"),
     ],
 )
 def test_bad_jobs_are_one_sentence(
@@ -168,17 +170,32 @@ def test_a_zip_that_no_worker_could_use_is_refused(
     assert not saved.exists()
 
 
-def test_a_job_that_is_replaced_leaves_no_zip_behind(
+def test_a_job_that_is_replaced_leaves_no_zip_of_another_version(
     run: Callable[..., int], saved: Path, zipped: Path
 ) -> None:
-    """The bootstrap would read all that are beside it."""
+    """Those of this one may be for other platforms, and what is no Kiriko is not ours."""
     assert run("job", "--frames", "1-3", "--zip", zipped, "--out", saved) == 0
-    (saved / "kiriko" / "bad.zip").write_text("no zip")
+    kiriko = saved / "kiriko"
+    (kiriko / "mine.zip").write_text("no zip")
+    kiriko_zip(kiriko / "windows.zip")
+    kiriko_zip(kiriko / "old.zip", '\nversion = "', '\nversion = "99')
     other = kiriko_zip(saved.parent / "kiriko-10.zip")
     assert run("job", "--frames", "1-3", "--zip", other, "--overwrite", "--out", saved) == 0
-    assert [path.name for path in (saved / "kiriko").glob("*.zip")] == ["kiriko-10.zip"]
+    left = sorted(path.name for path in kiriko.glob("*.zip"))
+    assert left == sorted(["kiriko-10.zip", "mine.zip", "windows.zip", zipped.name])
     assert not [path for path in saved.rglob("*") if path.name.startswith(".kiriko")]
     assert not list(saved.glob("*.blend1"))
+
+
+def test_two_zips_of_one_name_are_refused(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """One would take the place of the other."""
+    (saved.parent / "more").mkdir()
+    other = kiriko_zip(saved.parent / "more" / zipped.name)
+    assert run("job", "--frames", "1-3", "--zip", zipped, other, "--out", saved) == 1
+    assert f"Two zips are called '{zipped.name}'" in capsys.readouterr().err
+    assert not saved.exists()
 
 
 def test_results_of_an_earlier_job_are_not_taken_for_the_next_ones(

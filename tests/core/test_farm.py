@@ -74,8 +74,7 @@ def test_viewers_are_tasks_of_one_alone() -> None:
     job.check()
     solve, joined = job.template["steps"]
     assert solve["parameterSpace"]["combination"] == "(Viewer,ViewerFolder)*Frame"
-    at = words(solve).index("--only-viewer")
-    assert words(solve)[at + 1] == "{{Task.Param.Viewer}}"
+    assert "--only-viewer={{Task.Param.Viewer}}" in words(solve)
     assert words(solve)[-1] == "{{Param.OutDir}}/{{Task.Param.ViewerFolder}}"
     assert job.folders == ("Left", "Eye_2")
     assert words(joined)[-2:] == ["Left", "Eye_2"]
@@ -103,6 +102,21 @@ def test_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> No
     with pytest.raises(RigError, match=said):
         Job(**{**vars(FRAMES), **change}).check()
     FRAMES.check()
+
+
+def test_names_that_begin_with_a_dash_are_no_options() -> None:
+    """Each stands in one word with its option."""
+    job = dataclasses.replace(FRAMES, rigs=RIGS, viewers=(Choice("-x", "x"),))
+    solve, _ = job.template["steps"]
+    assert "--rig={{Task.Param.Rig}}" in words(solve)
+    assert "--only-viewer={{Task.Param.Viewer}}" in words(solve)
+
+
+def test_the_plan_of_an_atlas_may_overwrite_where_the_job_may() -> None:
+    for overwrite in (False, True):
+        plan, *others = dataclasses.replace(ATLAS, overwrite=overwrite).template["steps"]
+        assert ("--overwrite" in words(plan)) == overwrite
+        assert not [step for step in others if "--overwrite" in words(step)]
 
 
 ATLAS = AtlasJob("Kiriko 金魚", "金魚.blend", "0.1.0", ("--right", "-30", "30"), shares=8)

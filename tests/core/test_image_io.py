@@ -65,6 +65,8 @@ def test_what_a_killed_process_left_is_removed(
         assert killed.is_dir()
         assert held.is_dir()
         (has_old / "old").write_text("mine")
+        copy = tmp_path / f"{killed.name.rpartition('-')[0]}-copy.blend@"
+        copy.write_text("half")
     finally:
         for process in (one, last):
             process.kill()
@@ -73,6 +75,7 @@ def test_what_a_killed_process_left_is_removed(
     elsewhere.mkdir()
     try:
         disk.remove_left(tmp_path)
+        assert not copy.exists()
         assert sorted(tmp_path.iterdir()) == sorted([held, has_old, elsewhere])
         assert (held / "half").read_text() == "half"
         monkeypatch.setattr(disk, "BOOT", tmp_path / "none")
