@@ -73,12 +73,17 @@ def _has_several(rig: Rig) -> bool:
 
 
 def _has(check: Callable[[Rig], object], rig: Rig) -> bool:
+    return _refused(check, rig) is None
+
+
+def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
+    """The reason why a check refuses a rig."""
     try:
         rig.check()
         check(rig)
-    except KirikoError:
-        return False
-    return True
+    except KirikoError as reason:
+        return reason
+    return None
 
 
 def names(rig: Rig) -> tuple[str, ...]:
@@ -106,6 +111,8 @@ def beside(
     )
     found = Beside()
     start = 0.0
+    if len(rig.viewers) == 2 and (why := _refused(check_pair, rig)) is not None:
+        found.numbers["missing"] = {"two_eyes": str(why)}
     for name, label, is_there, steps, end in parts:
         if is_there:
             try:

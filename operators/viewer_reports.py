@@ -87,6 +87,8 @@ def pair_seen(solution: Solution) -> dict[str, Any] | None:
         "n_points": int(sights.is_seen.sum()),
         "mean_depth_m": _finite(sights.mean_depth),
         "largest_depth_m": _finite(sights.largest_depth),
+        "mean_horizontal_arcmin": sights.mean_horizontal,
+        "largest_horizontal_arcmin": sights.largest_horizontal,
         "mean_vertical_arcmin": sights.mean_vertical,
         "largest_vertical_arcmin": sights.largest_vertical,
         "tires_from_arcmin": TIRES_FROM,

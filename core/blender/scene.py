@@ -164,6 +164,12 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
         )
 
     if not is_placed(camera, depsgraph):
+        if not camera.users_scene:
+            raise RigError(
+                "The viewer '{viewer}' was deleted: take it out of the list of viewers, or choose"
+                " another camera.",
+                viewer=camera.name,
+            )
         raise RigError(
             "The viewer '{viewer}' is disabled or left out of the view layer, so that its"
             " place is unknown: enable it, or make it the scene's camera.",

@@ -44,6 +44,10 @@ def as_data(found: TwoEyes) -> dict[str, Any]:
         sights = getattr(found, name)
         told[name] = {
             "n_points": int(sights.is_seen.sum()),
+            "mean_horizontal_arcmin": sights.mean_horizontal,
+            "largest_horizontal_arcmin": sights.largest_horizontal,
+            "mean_vertical_arcmin": sights.mean_vertical,
+            "largest_vertical_arcmin": sights.largest_vertical,
             "vertical_arcmin": _rows(sights.vertical),
             "horizontal_arcmin": _rows(sights.horizontal),
             "depth_m": _rows(sights.depth),

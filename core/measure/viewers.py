@@ -67,7 +67,9 @@ class ViewerReport:
 def viewer_reports(
     solution: Solution, off: tuple[float, ...] | None = None
 ) -> Generator[float, None, tuple[ViewerReport, ...]]:
-    """A report for each viewer, the one with the largest displacement first; yields progress 0..1.
+    """A report for each viewer, the worst first: who sees nothing, then by the largest
+    displacement; where none is displaced, by how little the image is like its ideal. Yields
+    progress 0..1.
 
     off : for each viewer as `conflict_in_light` has found it; None: it is looked for here
 
@@ -89,7 +91,12 @@ def viewer_reports(
         reports.append(_report(solution, number, unremovable))
         yield 1.0
 
-    return tuple(sorted(reports, key=lambda report: -(report.largest_px or 0.0)))
+    return tuple(sorted(reports, key=_how_good))
+
+
+def _how_good(report: ViewerReport) -> tuple[bool, float, float]:
+    like = np.inf if report.psnr is None else report.psnr
+    return report.coverage > 0 and report.n_points > 0, -(report.largest_px or 0.0), like
 
 
 def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport:

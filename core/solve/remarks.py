@@ -35,7 +35,7 @@ def remarks_on(channels: Sequence[Channel], light: NDArray[np.float32]) -> tuple
 
     light : (H, W, 3) that is wanted of the display's pixels, linear
     """
-    remarks: list[Remark] = []
+    remarks = list(_on_blind(channels)) if len(channels) > 1 else []
     for channel in channels:
         remarks += [remark for remark in _on_channel(channel, light) if remark not in remarks]
     plan = channels[0].plan
@@ -53,6 +53,17 @@ def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:
             " blended: choose a flat plane for one sharp picture.",
             picture=place.name,
         )
+
+
+def _on_blind(channels: Sequence[Channel]) -> Iterator[Remark]:
+    """On viewers that see nothing, beside others that do."""
+    for channel in channels:
+        if channel.picture_coverage <= 0:
+            yield warning(
+                "The viewer '{viewer}' sees nothing of the picture, whatever is shown: move it, or"
+                " turn it off in the list of viewers.",
+                viewer=channel.viewer.name,
+            )
 
 
 def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark]:

@@ -184,6 +184,12 @@ RIG = Section(
             "アウトライナーで、コレクションのチェックボックスを確かめます。",
         ),
         Advice(
+            "The viewer '{viewer}' was deleted: take it out of the list of viewers, or choose"
+            " another camera.",
+            "Undo brings it back, too.",
+            "「元に戻す」でも戻ります。",
+        ),
+        Advice(
             "The viewer '{name}' is sheared or has no size: undo the uneven scale of it or of its"
             " parents.",
             "Select the camera and press Alt S; do the same with its parent.",
@@ -469,6 +475,12 @@ RESULT = Section(
             " '{glass}': close them.",
             "Select Faults, in the first panel, selects the open edges. F fills them.",
             "最初のパネルのボタンで、開いた辺を選択できます。F を押すと面が張られます。",
+        ),
+        Advice(
+            "The viewer '{viewer}' sees nothing of the picture, whatever is shown: move it, or turn"
+            " it off in the list of viewers.",
+            "It may look past the picture, or through the plate from too far aside.",
+            "絵のそばを見ているか、プレートに対して斜めすぎるのかもしれません。",
         ),
         Advice(
             "{share} of the picture's light goes through gaps in the glass '{glass}' ({n} open"

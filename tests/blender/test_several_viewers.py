@@ -254,7 +254,10 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         lambda: bpy.data.objects.remove(bpy.data.objects["mine"]),
         "The list of viewers has an entry without a camera: choose one, or remove the entry",
     ),
-    "deleted by hand": (unlink, "The viewer 'mine' is disabled or left out of the view layer"),
+    "deleted by hand": (
+        unlink,
+        "The viewer 'mine' was deleted: take it out of the list of viewers",
+    ),
     "0": (lambda: weigh(0), "The viewer 'mine' has the weight 0: set one above 0"),
     "-1": (lambda: weigh(-1), "The viewer 'mine' has the weight -1: set one above 0"),
     "all off": (lambda: off(0, 1), "All viewers in the list are off: turn one on"),
@@ -406,6 +409,25 @@ def test_each_viewer_is_told_of_the_worst_first(
     assert "Report tells how sharp each sees it, Sharp and Blended" in text
 
 
+def test_two_that_are_no_pair_are_told_so_in_a_report(
+    kiriko: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sentence on eyes that look in different directions stands among what is missing."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    turned = camera(0.02)
+    turned.rotation_euler.z += 0.9
+    add(turned)
+    monkeypatch.setattr(module, "_has", lambda check, of_rig: False)
+    found = steps.finish(module.beside(bpy.context, read(kiriko)))
+    assert list(found.numbers) == ["missing"]
+    assert list(found.numbers["missing"]) == ["two_eyes"]
+    assert "direction" in found.numbers["missing"]["two_eyes"]
+
+    bpy.ops.kiriko.two_eyes()
+    assert steps.finish(module.beside(bpy.context, read(kiriko))).numbers == {}
+
+
 def test_of_two_eyes_depth_and_disparity_are_told(
     drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict
 ) -> None:
@@ -428,6 +450,8 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     assert told["largest_depth_m"] == sights.largest_depth
     assert told["mean_vertical_arcmin"] == sights.mean_vertical
     assert told["largest_vertical_arcmin"] == sights.largest_vertical
+    assert told["mean_horizontal_arcmin"] == sights.mean_horizontal
+    assert told["largest_horizontal_arcmin"] == sights.largest_horizontal
 
     fine = steps.finish(two_eyes.two_eyes(read(kiriko), settings)).for_both
     assert fine.mean_depth > 1e-3

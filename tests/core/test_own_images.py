@@ -220,6 +220,16 @@ def test_what_is_told_of_viewers_with_their_own_images():
         assert report.psnr == pytest.approx(20 * np.log10(2), abs=1e-3)
 
 
+def test_of_viewers_with_their_own_images_the_one_that_is_least_served_comes_first():
+    """Which counts a tenth as much, and comes last in the list."""
+    a_rig = straight(0.0, {"left": white(), "right": 0 * white() + [0, 0, 0, 1]})
+    left, right = a_rig.viewers
+    a_rig = replace(a_rig, viewers=(replace(left, weight=10.0), right))
+    first, last = drain(viewer_reports(solve(a_rig)))
+    assert (first.viewer, last.viewer) == ("right", "left")
+    assert first.psnr < last.psnr
+
+
 def test_maps_go_to_each_viewer_s_own_image():
     """To its size, and the same place in parts of it, in closed form."""
     a_rig = straight(0.0)

@@ -319,6 +319,23 @@ def test_the_worst_viewer_is_told_first():
     assert all(report.unremovable > 0 for report in reports)
 
 
+def test_a_viewer_that_sees_nothing_is_told_and_comes_first():
+    """Beside others that see all, of whom one is displaced."""
+    a_rig = slab_rig()
+    viewers = (
+        aside(a_rig.viewer, 0.0, name="here"),
+        aside(a_rig.viewer, 0.1, name="there"),
+        aside(a_rig.viewer, 30.0, name="blind"),
+    )
+    solution = solve(replace(a_rig, viewers=viewers))
+    reports = drain(viewer_reports(solution))
+    assert reports[0].viewer == "blind"
+    assert (reports[0].coverage, reports[0].n_points, reports[0].largest_px) == (0, 0, None)
+    assert reports[1].largest_px >= reports[2].largest_px > 0
+    (told,) = [remark for remark in solution.notes if "sees nothing of the picture" in remark]
+    assert "'blind'" in told
+
+
 def test_one_viewer_is_displaced_by_nothing():
     (report,) = drain(viewer_reports(solve(slab_rig())))
     assert report.largest_px == report.largest_arcmin == 0
