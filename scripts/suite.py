@@ -170,6 +170,8 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
         Step("scripts", tools, (*pytest, "tests/scripts")),
         # the longest first, so that no processor waits for it at the end
         Step("core-newest-numpy", newest, (*pytest, "tests/core")),
+        # what other programs make of the files for shows, and a scheduler of the jobs
+        Step("farm", newest, ("scripts/dev.py", "farm", "--only", "maps", "jobs"), "package"),
         Step("core-oldest-numpy", "core", (*older, "tests/core", *map(ignored, of_oldest_numpy))),
         Step("core-numpy-alone", "core", (*older, *NUMPY_ALONE), without_kernel=True),
         *(
@@ -182,8 +184,6 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
             for name, short in blenders.items()
             for part in range(PARTS)
         ),
-        # what other programs make of the files for shows, and a scheduler of the jobs
-        Step("farm", newest, ("scripts/dev.py", "farm", "--only", "maps", "jobs"), "package"),
         Step("kernel-elsewhere", newest, ("scripts/dev.py", "kernel")),
         Step(
             "kernel-sanitised",
