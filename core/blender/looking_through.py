@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..errors import RigError
 from .changes import Change, change, put_back
 from .framing import Window
 from .kept import Changed
@@ -56,6 +57,10 @@ POSE = ("view_location", "view_rotation", "view_distance")  # which Blender move
 def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> None:
     """Have a 3D view of a screen look through the scene's viewer; all of it, or nothing."""
     viewer = viewer_of(scene)
+    if viewer is None:
+        raise RigError(
+            "The list of viewers has an entry without a camera: choose one, or remove the entry."
+        )
     key = token_hex(8)
     kept = []
     try:

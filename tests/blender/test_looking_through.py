@@ -160,6 +160,19 @@ def test_glass_in_the_dark_is_lit_faintly(
     assert differences(before, snapshot()) == []
 
 
+def test_an_entry_without_a_camera_cannot_be_looked_through(scene: bpy.types.Scene) -> None:
+    """One sentence, and the view stays as it was."""
+    rig = small_rig()
+    bpy.context.view_layer.objects.active = rig["GLASS"]
+    bpy.ops.kiriko.add_viewer()
+    assert scene.kiriko.viewers[scene.kiriko.viewer_shown].camera is None
+    before = view()
+    with pytest.raises(RuntimeError, match="has an entry without a camera: choose one"):
+        bpy.ops.kiriko.look_through()
+    assert view() == before
+    assert not scene.kiriko.looking
+
+
 def test_live_stays_on_where_it_was(
     scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
 ) -> None:
