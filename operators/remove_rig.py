@@ -4,7 +4,7 @@ import bpy
 
 from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_to_remove
 from ..core.messages import Message, joined
-from . import live, look_through, needed, telling, work
+from . import compared, live, look_through, needed, telling, work
 
 NO_RIG = Message("The scene has no rig that Add Rig made")
 NO_COLLECTION = Message(
@@ -35,6 +35,9 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
             refuse_shared(context.scene, rig)
             if context.scene.kiriko.looking:
                 look_through.leave(context.scene)
+            if compared.is_shown(context.scene):
+                context.window_manager.kiriko.show_comparison = False
+                compared.leave_view(context)
             followed = live.followed()
             if followed is not None and followed.uid == context.scene.session_uid:
                 live.stop()

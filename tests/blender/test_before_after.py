@@ -85,6 +85,26 @@ def test_rig_that_cannot_be_solved_is_one_sentence(scene: bpy.types.Scene) -> No
     assert not bpy.context.window_manager.kiriko.show_comparison
 
 
+def test_remove_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
+    """And the view as it was, with the artist's own camera."""
+    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(scene.camera)
+    small_rig()
+    scene.camera = bpy.data.objects["mine"]
+    areas = bpy.context.window.screen.areas
+    space = max((a for a in areas if a.type == "VIEW_3D"), key=lambda a: a.width).spaces.active
+
+    def view() -> tuple:
+        return space.region_3d.view_perspective, space.use_local_camera, space.camera
+
+    before = view()
+    bpy.ops.kiriko.before_after()
+    assert view() != before
+    bpy.ops.kiriko.remove_rig()
+    assert not bpy.context.window_manager.kiriko.show_comparison
+    assert view() == before
+
+
 def test_another_file_begins_without_a_comparison(
     scene: bpy.types.Scene, compared: ModuleType
 ) -> None:
