@@ -48,10 +48,8 @@ class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
         return is_on or needed.can_run(cls, needed.lacking(context.scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        ours = context.window_manager.kiriko
-        if ours.show_comparison:
-            ours.show_comparison = False
-            compared.leave_view(context)
+        if context.window_manager.kiriko.show_comparison:
+            compared.leave(context)
             redraw()
             return {"FINISHED"}
         return super().invoke(context, event)

@@ -117,8 +117,9 @@ def enter_view(context: bpy.types.Context) -> None:
     view.view_perspective = "CAMERA"
 
 
-def leave_view(context: bpy.types.Context) -> None:
-    """Have the views that were turned to the camera show what they showed before."""
+def leave(context: bpy.types.Context) -> None:
+    """Show no comparison any more; views that were turned to the camera are as before."""
+    context.window_manager.kiriko.show_comparison = False
     for window in all_windows():
         for area in window.screen.areas:
             before = _left.pop(area.as_pointer(), None)

@@ -106,6 +106,13 @@ def _scale_across(context: bpy.types.Context, thing: bpy.types.Object) -> float:
     return 1 / (axes.inverted().transposed() @ normal).length
 
 
+def _mesh_of(thing: bpy.types.Object) -> bpy.types.Mesh:
+    """An object's mesh; MeshError where it has none, as a curve."""
+    if thing.type != "MESH":
+        raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+    return thing.data
+
+
 class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
     """Remove triangles without area: merge their vertices, or divide their faces another way"""
 
@@ -113,18 +120,16 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
     bl_label = "Remove Flat Triangles"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        if thing.type != "MESH":
-            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
-
-        n_before = faults_of(thing.data).n_flat
-        size = max((vertex.co.length for vertex in thing.data.vertices), default=1.0)
+        mesh = _mesh_of(thing)
+        n_before = faults_of(mesh).n_flat
+        size = max((vertex.co.length for vertex in mesh.vertices), default=1.0)
         if n_before:
-            _merge(thing.data, JOINED * size)
+            _merge(mesh, JOINED * size)
             return Message(
                 "{n} of {all} triangles without area are gone from '{mesh}'.",
-                n=n_before - faults_of(thing.data).n_flat,
+                n=n_before - faults_of(mesh).n_flat,
                 all=n_before,
-                mesh=thing.data.name,
+                mesh=mesh.name,
             )
 
         modifier = thing.modifiers.new(WELD, "WELD")
@@ -164,11 +169,10 @@ class KIRIKO_OT_turn_out(MendsPart, bpy.types.Operator):
     bl_label = "Turn Out"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        if thing.type != "MESH":
-            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
-        thing.data.flip_normals()
-        thing.data.update()
-        return Message("The faces of '{mesh}' look out now.", mesh=thing.data.name)
+        mesh = _mesh_of(thing)
+        mesh.flip_normals()
+        mesh.update()
+        return Message("The faces of '{mesh}' look out now.", mesh=mesh.name)
 
 
 class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
@@ -178,9 +182,7 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
     bl_label = "Shade Smooth"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        if thing.type != "MESH":
-            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
-        mesh = thing.data
+        mesh = _mesh_of(thing)
         mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
         own = column(mesh.edges, "use_edge_sharp", 1, bool)
         mesh.set_sharp_from_angle(angle=SHARP)
@@ -212,23 +214,21 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
     )
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        if thing.type != "MESH":
-            raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
-
+        mesh = _mesh_of(thing)
         bpy.ops.kiriko.select_part(part=self.part, library=self.library)
         is_open = self.kind == "OPEN"
-        chosen = _found(thing.data, self.kind)
+        chosen = _found(mesh, self.kind)
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.select_mode(type="EDGE" if is_open else "FACE")
         bpy.ops.mesh.reveal(select=False)
         bpy.ops.mesh.select_all(action="DESELECT")
-        shape = bmesh.from_edit_mesh(thing.data)
+        shape = bmesh.from_edit_mesh(mesh)
         members = shape.edges if is_open else shape.faces
         members.ensure_lookup_table()
         for k in chosen:
             members[k].select_set(True)
         shape.select_flush_mode()
-        bmesh.update_edit_mesh(thing.data)
+        bmesh.update_edit_mesh(mesh)
 
         if is_open:
             return Message(

@@ -36,8 +36,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
             if context.scene.kiriko.looking:
                 look_through.leave(context.scene)
             if compared.is_shown(context.scene):
-                context.window_manager.kiriko.show_comparison = False
-                compared.leave_view(context)
+                compared.leave(context)
             followed = live.followed()
             if followed is not None and followed.uid == context.scene.session_uid:
                 live.stop()

@@ -9,14 +9,13 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import RigError
 from .changes import Change, change, put_back
 from .framing import Window
 from .kept import Changed
 from .preview_settings import BOUNCES
 from .remove_rig import spaces
 from .rigs import elsewhere
-from .viewer import frame_of, viewer_of
+from .viewer import frame_of, no_camera, viewer_of
 from .world_light import is_dark
 
 SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
@@ -58,9 +57,7 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
     """Have a 3D view of a screen look through the scene's viewer; all of it, or nothing."""
     viewer = viewer_of(scene)
     if viewer is None:
-        raise RigError(
-            "The list of viewers has an entry without a camera: choose one, or remove the entry."
-        )
+        raise no_camera()
     key = token_hex(8)
     kept = []
     try:

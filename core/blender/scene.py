@@ -24,7 +24,7 @@ from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import Seat, read_viewer, seats_of, shown_first
+from .viewer import Seat, no_camera, read_viewer, seats_of, shown_first
 
 
 @dataclass(frozen=True)
@@ -159,9 +159,7 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
     """A viewer; RigError where its place is unknown."""
     camera = seat.camera
     if camera is None:
-        raise RigError(
-            "The list of viewers has an entry without a camera: choose one, or remove the entry."
-        )
+        raise no_camera()
 
     if not is_placed(camera, depsgraph):
         if not camera.users_scene:

@@ -39,6 +39,13 @@ class Frame(NamedTuple):
         return abs(own - its) < SAME_SHAPE * its
 
 
+def no_camera() -> RigError:
+    """The error of an entry of the list of viewers that has none."""
+    return RigError(
+        "The list of viewers has an entry without a camera: choose one, or remove the entry."
+    )
+
+
 def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Frame:
     """The pixels a camera has of its own, which are square, or those of the scene's render."""
     ours = camera.original.kiriko
