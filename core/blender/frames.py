@@ -36,8 +36,16 @@ def frame_files(folder: Path, name: str, form: str, frames: Iterable[int]) -> di
     Raises
     ------
     ImageError
-        Blender from 4.5 on reads braces in the name as a template, and there is none such.
+        The name has a folder in it, or braces that Blender, which from 4.5 on reads them as a
+        template, does not know.
     """
+    if "/" in name or "\\" in name:
+        raise ImageError(
+            "The name '{name}' has a folder in it, and is that of files alone: leave out all before"
+            " the last slash, and the slash.",
+            name=name,
+        )
+
     suffix = Path(name).suffix
     stem = name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
     scene = bpy.data.scenes.new("Kiriko Names")

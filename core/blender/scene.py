@@ -164,8 +164,8 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
     if not is_placed(camera, depsgraph):
         if not camera.users_scene:
             raise RigError(
-                "The viewer '{viewer}' was deleted: take it out of the list of viewers, or choose"
-                " another camera.",
+                "The viewer '{viewer}' is in no scene any more, as after deleting it: take it out"
+                " of the list of viewers, or choose another camera.",
                 viewer=camera.name,
             )
         raise RigError(

@@ -184,8 +184,8 @@ RIG = Section(
             "アウトライナーで、コレクションのチェックボックスを確かめます。",
         ),
         Advice(
-            "The viewer '{viewer}' was deleted: take it out of the list of viewers, or choose"
-            " another camera.",
+            "The viewer '{viewer}' is in no scene any more, as after deleting it: take it out of"
+            " the list of viewers, or choose another camera.",
             "Undo brings it back, too.",
             "「元に戻す」でも戻ります。",
         ),
@@ -1078,6 +1078,12 @@ FILES = Section(
                 " codec.",
                 "The movie '{path}' has {found} frames in place of {n}: check the disk.",
             ),
+        ),
+        Advice(
+            "The name '{name}' has a folder in it, and is that of files alone: leave out all before"
+            " the last slash, and the slash.",
+            "On the command line the folder is that of --out.",
+            "コマンドラインでは、フォルダーは --out で指定します。",
         ),
         Advice(
             "Blender takes the braces in the name '{name}' for a template, which it does not know:"

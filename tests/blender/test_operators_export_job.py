@@ -119,18 +119,20 @@ def test_rigs_and_values_become_tasks(
             "'kiriko.tolerance' cannot be 'b'",
         ),
         (("--vary", "kiriko.tolerance", "--values", "nan"), "'kiriko.tolerance' cannot be 'nan'"),
-        (("--frames", "1-3", "--name", "a/"), "name"),
+        (("--frames", "1-3", "--name", "a/"), "'a/' has a folder in it"),
+        (("--frames", "1-3", "--name", "a\\b"), "has a folder in it"),
     ],
 )
 def test_bad_jobs_are_one_sentence(
     run: Callable[..., int],
     saved: Path,
+    zipped: Path,
     capsys: pytest.CaptureFixture,
     words: tuple[str, ...],
     said: str,
 ) -> None:
     """And leave no folder behind."""
-    assert run("job", *words, "--out", saved) == 1
+    assert run("job", *words, "--zip", zipped, "--out", saved) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
     assert not saved.exists()

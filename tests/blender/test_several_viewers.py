@@ -256,7 +256,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "deleted by hand": (
         unlink,
-        "The viewer 'mine' was deleted: take it out of the list of viewers",
+        "The viewer 'mine' is in no scene any more, as after deleting it",
     ),
     "0": (lambda: weigh(0), "The viewer 'mine' has the weight 0: set one above 0"),
     "-1": (lambda: weigh(-1), "The viewer 'mine' has the weight -1: set one above 0"),
