@@ -25,7 +25,7 @@ from ..core.numbers import number
 from ..core.rig import ROLES
 from ..core.steps import within
 from ..core.words import listed, percent, summary
-from . import framing, live, long_work, look_through, needed, work
+from . import compared, framing, live, long_work, look_through, needed, work
 from .telling import in_words
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
@@ -234,6 +234,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         text = _on_display(scene, proposal, limit, spread, aspect)
         if scene.kiriko.looking:
             look_through.leave(scene)
+        if compared.is_shown(scene):
+            compared.leave()
         live.settle(scene)
         record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _tell(record, scene, text, remarks)

@@ -49,7 +49,7 @@ class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if context.window_manager.kiriko.show_comparison:
-            compared.leave(context)
+            compared.leave()
             redraw()
             return {"FINISHED"}
         return super().invoke(context, event)

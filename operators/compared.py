@@ -1,6 +1,7 @@
 """Comparisons that are shown: before and after, by scene, and where they stand in the camera view.
 
-They are kept beside Blender's data, for neither file nor undo has to know of them.
+They are kept beside Blender's data, for neither file nor undo has to know of them. What a view
+showed before is kept with it.
 """
 
 from collections.abc import Generator
@@ -12,6 +13,7 @@ from bpy.app.handlers import persistent
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Matrix, Vector
 
+from ..core.blender import looking_through, turned_views
 from ..core.blender.units import length_of_unit
 from ..core.blender.viewer import viewer_of
 from ..core.rig import Rig, Viewer
@@ -19,7 +21,7 @@ from ..core.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison
 from ..core.solve.solution import Solution
 from . import work
-from .windows import all_windows, camera_of, view_of
+from .windows import camera_of, view_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +37,6 @@ class Compared:
     corners: tuple[Vector, ...]
 
 
-# what 3D views showed before, by area: perspective, whether by a camera of their own, its uid
-_left: dict[int, tuple[str, bool, int]] = {}
 _comparer: list[Comparer] = []
 _found: dict[int, Compared] = {}  # by session uid of the scene
 
@@ -110,43 +110,45 @@ def enter_view(context: bpy.types.Context) -> None:
     if view.view_perspective == "CAMERA" and camera_of(space, context.scene) == camera:
         return
 
-    own = 0 if space.camera is None else space.camera.session_uid
-    _left[area.as_pointer()] = (view.view_perspective, space.use_local_camera, own)
-    if context.scene.camera != camera:
-        space.use_local_camera, space.camera = True, camera
-    view.view_perspective = "CAMERA"
+    screen = next(s for s in bpy.data.screens if area in list(s.areas))
+    turned_views.turn(screen, area, context.scene, camera)
 
 
-def leave(context: bpy.types.Context) -> None:
+def leave() -> None:
     """Show no comparison any more; views that were turned to the camera are as before."""
-    context.window_manager.kiriko.show_comparison = False
-    for window in all_windows():
-        for area in window.screen.areas:
-            before = _left.pop(area.as_pointer(), None)
-            if before is None or area.type != "VIEW_3D":
-                continue
-            space = area.spaces.active
-            if space.region_3d.view_perspective == "CAMERA":  # else the artist has left it
-                space.region_3d.view_perspective = before[0]
-            space.use_local_camera = before[1]
-            own = next((o for o in bpy.data.objects if o.session_uid == before[2]), None)
-            if before[1] and own is not None:
-                space.camera = own
-    _left.clear()
+    bpy.context.window_manager.kiriko.show_comparison = False
+    put_views_back()
+
+
+def put_views_back() -> None:
+    """Have views show again what they showed before a comparison that is shown no more.
+
+    One that looks through the viewer by now has the camera until that is left, too.
+    """
+    if bpy.context.window_manager.kiriko.show_comparison:
+        return
+    looking = [
+        space
+        for scene in bpy.data.scenes
+        if scene.kiriko.looking
+        for space, _ in looking_through.views(scene)
+    ]
+    turned_views.put_back(looking.__contains__)
 
 
 def forget() -> None:
     """Drop all comparisons."""
     _found.clear()
     _comparer.clear()
-    _left.clear()
 
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file, whose scenes were not compared."""
+    """Another file, whose scenes were not compared; one that
+    was saved by force, as by auto-save, may have turned views.
+    """
     forget()
-    bpy.context.window_manager.kiriko.show_comparison = False
+    leave()
 
 
 HANDLERS = (("load_post", on_load),)
@@ -158,6 +160,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Listen no more."""
+    """Put views back, and listen no more."""
+    leave()
     work.stop_listening(HANDLERS)
     forget()

@@ -8,16 +8,17 @@ from collections.abc import Iterator
 import bpy
 from bpy.app.handlers import persistent
 
-from ..core.blender import looking_through
+from ..core.blender import looking_through, turned_views
 from ..core.blender.framing import Window
 from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.viewer import viewer_of
 from ..core.messages import Message, joined
-from . import framing, live, make_glass, needed, telling, work
+from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import redraw, view_of
 
 _entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
 _saving: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save
+_turned: list[tuple] = []  # views of Before and After, during a save
 _live_began: list[int] = []  # scenes whose Live was begun here
 
 
@@ -90,6 +91,7 @@ def leave(scene: bpy.types.Scene) -> None:
 
 def _forget(scene: bpy.types.Scene) -> None:
     _entered.pop(scene.session_uid, None)
+    compared.put_views_back()  # those that were left to this look
     if scene.session_uid in _live_began:
         _live_began.remove(scene.session_uid)
         followed = live.followed()
@@ -121,6 +123,7 @@ def on_load(*_: object) -> None:
     """A file that was saved by force, as by auto-save, may have the settings in it."""
     _entered.clear()
     _saving.clear()
+    _turned.clear()
     _live_began.clear()
     for scene in list(scenes()):
         looking_through.leave(scene, is_loaded=True)
@@ -133,11 +136,14 @@ def before_save(*_: object) -> None:
         views, things = looking_through.views(scene), looking_through.things(scene)
         _saving[scene.session_uid] = scene.kiriko.looking, views, things
         looking_through.leave(scene)
+    _turned[:] = turned_views.pause()  # which may be what the views looked like before
 
 
 @persistent
 def after_save(*_: object) -> None:
     """The view goes on."""
+    turned_views.go_on(_turned)
+    _turned.clear()
     for scene in bpy.data.scenes:
         if scene.session_uid in _saving:
             looking_through.enter_again(scene, *_saving.pop(scene.session_uid))
@@ -192,6 +198,8 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
             scene = context.scene
             if scene.kiriko.looking:
                 leave(scene)
+                if compared.is_shown(scene):
+                    compared.enter_view(context)  # it is seen there alone
                 return {"FINISHED"}
 
             enter(context)

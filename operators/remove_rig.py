@@ -36,7 +36,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
             if context.scene.kiriko.looking:
                 look_through.leave(context.scene)
             if compared.is_shown(context.scene):
-                compared.leave(context)
+                compared.leave()
             followed = live.followed()
             if followed is not None and followed.uid == context.scene.session_uid:
                 live.stop()

@@ -25,7 +25,9 @@ def draw() -> None:
     """Called by Blender for each 3D view. Nothing but the view is changed."""
     context = bpy.context
     scene = context.scene
-    if not (compared.is_shown(scene) and context.space_data.overlay.show_overlays):
+    # a view that looks through the viewer has none of Blender's overlays, for the picture's sake
+    is_wanted = context.space_data.overlay.show_overlays or scene.kiriko.looking
+    if not (compared.is_shown(scene) and is_wanted):
         return
     frame = compared.frame_in_region(context, scene)
     if frame is None:

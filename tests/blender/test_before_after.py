@@ -1,4 +1,5 @@
 import importlib
+from itertools import permutations
 from pathlib import Path
 from types import ModuleType
 
@@ -8,6 +9,7 @@ import pytest
 from mathutils import Vector
 
 from small_rigs import small_rig
+from test_looking_through import space, turned_away, view
 
 
 @pytest.fixture
@@ -117,3 +119,128 @@ def test_another_file_begins_without_a_comparison(
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not bpy.context.window_manager.kiriko.show_comparison
     assert uid not in compared._found
+
+
+@pytest.mark.parametrize("is_scenes_camera", [True, False])
+@pytest.mark.parametrize("order", sorted({*permutations("CCLL"), tuple("CLLCLCCL")}))
+def test_comparison_and_look_through_in_any_order(
+    scene: bpy.types.Scene, compared: ModuleType, order: tuple[str, ...], is_scenes_camera: bool
+) -> None:
+    """Each on and off, crossed or not: the view and the scene's settings are as before; while one
+    of them is on, the view shows the viewer's camera.
+    """
+    small_rig()
+    viewer = scene.kiriko.viewer
+    if not is_scenes_camera:
+        scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+        scene.collection.objects.link(scene.camera)
+    scene.render.engine = "BLENDER_WORKBENCH"
+    turned_away()
+    before = view()
+    is_on = dict.fromkeys("CL", False)
+    for button in order:
+        if button == "L":
+            bpy.ops.kiriko.look_through()
+        elif is_on["C"]:
+            compared.leave()
+        else:
+            bpy.ops.kiriko.before_after()
+        is_on[button] = not is_on[button]
+        if any(is_on.values()):
+            assert space().region_3d.view_perspective == "CAMERA"
+            assert (space().camera if space().use_local_camera else scene.camera) == viewer
+        assert (scene.render.engine == "CYCLES") == is_on["L"]
+        assert (space().shading.type == "RENDERED") == is_on["L"]
+    assert view() == before
+    assert all(len(screen.keys()) == 0 for screen in bpy.data.screens)
+
+
+@pytest.mark.parametrize("looks", ["", "before", "after"])
+def test_a_file_that_is_saved_meanwhile_has_the_artists_view(
+    scene: bpy.types.Scene, tmp_path: Path, looks: str
+) -> None:
+    """And the view goes on after it, in the same way; looked through, too."""
+    small_rig()
+    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(scene.camera)
+    turned_away()
+    before = {**view(), "camera": None}
+    if looks == "before":
+        bpy.ops.kiriko.look_through()
+    bpy.ops.kiriko.before_after()
+    if looks == "after":
+        bpy.ops.kiriko.look_through()
+    shown = view()
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    assert view() == shown
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert {**view(), "camera": None} == before
+    assert not any(screen.keys() for screen in bpy.data.screens)
+
+
+def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Such as an auto-save, which asks no add-on before."""
+    small_rig()
+    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(scene.camera)
+    turned_away()
+    before = {**view(), "camera": None}
+    bpy.ops.kiriko.before_after()
+    path = str(tmp_path / "forced.blend")
+    handlers = bpy.app.handlers.save_pre
+    ours = next(f for f in handlers if f.__module__.endswith("look_through"))
+    handlers.remove(ours)
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    handlers.append(ours)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert {**view(), "camera": None} == before
+
+
+def test_a_viewer_that_is_renamed_or_deleted_meanwhile_keeps_nobody_there(
+    scene: bpy.types.Scene, compared: ModuleType
+) -> None:
+    small_rig()
+    viewer = scene.kiriko.viewer
+    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(scene.camera)
+    turned_away()
+    before = view()
+    bpy.ops.kiriko.before_after()
+    viewer.name = "eye"
+    compared.leave()
+    assert view() == before
+    bpy.ops.kiriko.before_after()
+    bpy.data.objects.remove(viewer)
+    compared.leave()
+    assert view() == before
+
+
+def test_a_view_that_the_artist_gives_another_camera_stays(
+    scene: bpy.types.Scene, compared: ModuleType
+) -> None:
+    small_rig()
+    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(scene.camera)
+    turned_away()
+    bpy.ops.kiriko.before_after()
+    space().camera = scene.camera
+    given = view()
+    compared.leave()
+    assert view() == given
+
+
+def test_add_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
+    """A second rig: the view has no camera of the first one's."""
+    small_rig()
+    turned_away()
+    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(scene.camera)
+    before = view()
+    bpy.ops.kiriko.before_after()
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.04, location=(1, 0, 0))
+    bpy.ops.kiriko.add_rig()
+    assert not bpy.context.window_manager.kiriko.show_comparison
+    assert view() == before
