@@ -4,6 +4,7 @@ The scene's text is the truth: where undo or another file changes it, the views 
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
 from bpy.app.handlers import persistent
@@ -53,14 +54,12 @@ def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     _entered[scene.session_uid] = scene.kiriko.looking
 
 
-def turn_to_chosen(scene: bpy.types.Scene) -> None:
-    """Have a 3D view that looks through one of several viewers look through the chosen one; one
-    that shows something else by now stays.
+@contextmanager
+def apart(scene: bpy.types.Scene) -> Iterator[None]:
+    """Have no 3D view look through the viewer for a while, and then through the one that is shown
+    by then; one that shows something else by now stays.
     """
     views = looking_through.views(scene) if scene.kiriko.looking else []
-    viewer = viewer_of(scene)
-    if not views or viewer is None or any(camera in (None, viewer) for _, camera in views):
-        return
     shown = [space for space, _ in views]
     areas = [
         area
@@ -70,7 +69,23 @@ def turn_to_chosen(scene: bpy.types.Scene) -> None:
     ]
     if areas:
         looking_through.leave(scene)
-        _enter_area(scene, areas[0])
+    try:
+        yield
+    finally:
+        if areas:
+            _enter_area(scene, areas[0])
+
+
+def turn_to_chosen(scene: bpy.types.Scene) -> None:
+    """Have a 3D view that looks through one of several viewers look through the chosen one; one
+    that shows something else by now stays.
+    """
+    views = looking_through.views(scene) if scene.kiriko.looking else []
+    viewer = viewer_of(scene)
+    if not views or viewer is None or any(camera in (None, viewer) for _, camera in views):
+        return
+    with apart(scene):
+        pass
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:

@@ -15,7 +15,7 @@ from ..core.blender.viewer_list import add, changing
 from ..core.errors import RigError
 from ..core.messages import Message
 from ..core.rig import Viewer
-from . import needed, telling
+from . import compared, look_through, needed, telling
 
 NO_LIST = Message("There is one viewer: add another")
 MOST = 1000  # heads of a grid
@@ -99,7 +99,10 @@ class _InPlace(_OfList):
         check_perspective(viewer)
 
         places = list(self.places(context, camera, viewer))
-        made = make_viewers(context.scene, camera, places)
+        if compared.is_shown(context.scene):
+            compared.leave(context)
+        with look_through.apart(context.scene):  # a view keeps the camera that it looks through
+            made = make_viewers(context.scene, camera, places)
         context.view_layer.update()
         text = Message(
             "{n} cameras go along with '{viewer}', which is off itself.",

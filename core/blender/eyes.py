@@ -16,7 +16,7 @@ from ..viewer import Viewer
 from .own_words import data_name
 from .remove_rig import spaces
 from .rig_names import stem
-from .rigs import RIG_MARK, active_rig
+from .rigs import RIG_MARK, active_rig, marked_key
 from .scene import object_matrix
 from .viewer import orthonormal_axes
 from .viewer_list import add, take_out
@@ -116,33 +116,56 @@ def _made(scene: bpy.types.Scene) -> list[bpy.types.PropertyGroup]:
 
 
 def remove_made(scene: bpy.types.Scene) -> None:
-    """Take those that were made here out of the list, and remove them unless they are used."""
+    """Take those that were made here out of the list, and entries without a camera; remove them,
+    and those that were taken out of the list before, unless they are used.
+    """
     made = [one.camera for one in _made(scene)]
-    take_out(scene, made)
+    take_out(scene, [*made, None])
+    made = list(dict.fromkeys([*made, *_left_over(scene)]))
     users = bpy.data.user_map(subset=made)
     going = [
         thing
         for thing in made
         if all(isinstance(user, bpy.types.Scene | bpy.types.Collection) for user in users[thing])
-        and not _is_used(thing)
+        and not _is_used(scene, thing)
     ]
     data = [thing.data for thing in going]
     bpy.data.batch_remove(going)
     bpy.data.batch_remove([lens for lens in dict.fromkeys(data) if lens.users == 0])
 
 
-def _is_used(thing: bpy.types.Object) -> bool:
+def _left_over(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Cameras that were made here for the active rig, wherever they are, but no copies of them."""
+    rig = active_rig(scene)
+    key = "" if rig is None else rig.kiriko.key
+    return [
+        thing
+        for thing in scene.objects
+        if thing.get(EYE_MARK) == thing.name and marked_key(thing) == key
+    ]
+
+
+def _is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Is a camera a copy of one that was made here, or renamed, and so the artist's own?
+
+    A full copy of a scene has further numbers in its names, and none of those of before.
+    """
+    mark = thing[EYE_MARK]
+    return mark != thing.name and (mark in scene.objects or stem(mark) != stem(thing.name))
+
+
+def _is_used(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     """Does an artist use a camera that was made here: a copy of it, or as the camera of a scene, of
     a marker, of a view or of another rig?
     """
-    if thing[EYE_MARK] != thing.name or len(thing.users_scene) > 1:
+    if _is_copy(scene, thing) or len(thing.users_scene) > 1:
         return True
-    for scene in bpy.data.scenes:
-        settings = [scene.kiriko, *(one.settings for one in scene.kiriko_others)]
+    for other in bpy.data.scenes:
+        settings = [other.kiriko, *(one.settings for one in other.kiriko_others)]
         listed = [entry.camera for one in settings for entry in one.viewers]
         viewers = [one.viewer for one in settings]
-        markers = [marker.camera for marker in scene.timeline_markers]
-        if thing in (scene.camera, *listed, *viewers, *markers):
+        markers = [marker.camera for marker in other.timeline_markers]
+        if thing in (other.camera, *listed, *viewers, *markers):
             return True
     views = (view for screen in bpy.data.screens for view in spaces(screen.name))
     return any(view.camera == thing for view in views)

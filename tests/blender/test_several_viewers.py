@@ -759,6 +759,60 @@ def test_eyes_that_are_used_elsewhere_stay(
     assert sum(one.is_on for one in first.kiriko.viewers) == 2
 
 
+def in_a_view(kiriko: ModuleType) -> None:
+    bpy.ops.kiriko.look_through()
+
+
+def in_before_and_after(kiriko: ModuleType) -> None:
+    bpy.ops.kiriko.before_after()
+
+
+def taken_out(kiriko: ModuleType) -> None:
+    bpy.ops.kiriko.remove_viewer()
+
+
+def in_a_copy_of_the_scene(kiriko: ModuleType) -> None:
+    bpy.ops.scene.new(type="FULL_COPY")
+
+
+def deleted(kiriko: ModuleType) -> None:
+    bpy.data.objects.remove(ours().viewers[1].camera)
+
+
+@pytest.mark.parametrize(
+    "use", [in_a_view, in_before_and_after, taken_out, in_a_copy_of_the_scene, deleted]
+)
+def test_eyes_made_again_leave_none_behind(
+    kiriko: ModuleType, rig: dict, use: Callable[[ModuleType], None]
+) -> None:
+    """Neither a camera nor an entry: Kiriko's own views look through the new ones."""
+    bpy.ops.kiriko.two_eyes()
+    use(kiriko)
+    scene = bpy.context.scene
+    for _ in range(2):
+        bpy.ops.kiriko.two_eyes()
+        cameras = {thing for thing in scene.objects if thing.type == "CAMERA"}
+        first, *eyes = ours().viewers
+        assert len(listed()) == len(cameras) == 3
+        assert {ours().viewer, *(one.camera for one in eyes)} == cameras
+        assert (first.camera, first.is_on) == (None, False)
+        if scene.kiriko.looking:
+            look = importlib.import_module(f"{kiriko.__name__}.core.blender.looking_through")
+            assert [camera for _, camera in look.views(scene)] == [eyes[0].camera]
+    assert sum(lens.users > 0 for lens in bpy.data.cameras) == 3 * len(bpy.data.scenes)
+
+
+def test_a_copy_of_an_eye_is_the_artist_s(rig: dict) -> None:
+    """Whether or not it is in the list, in a scene and in a full copy of it."""
+    bpy.ops.kiriko.two_eyes()
+    for _ in range(2):
+        copy = ours().viewers[1].camera.copy()
+        bpy.context.scene.collection.objects.link(copy)
+        bpy.ops.kiriko.two_eyes()
+        assert copy.name in bpy.context.scene.objects
+        bpy.ops.scene.new(type="FULL_COPY")
+
+
 def test_a_box_in_millimetres_is_as_large(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
     scene.unit_settings.scale_length = 0.001
     bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
