@@ -1,14 +1,15 @@
-"""What a report tells beside its costs: how far the head may go, how two eyes see the picture,
-whether the box that viewers span is served better than by its middle alone, and which way to settle
-the viewers' disagreement serves each of them better.
+"""What a report tells beside its costs: what each of several viewers sees and what they disagree
+about, as after a solve, how far the head may go, how two eyes see the picture, whether the box that
+viewers span is served better than by its middle alone, and which way to settle the viewers'
+disagreement serves each of them better.
 
-Each is told where the rig has it: a head that moves before a flat picture, a pair of eyes, several
-viewers.
+Each is told where the rig has it: several viewers, a head that moves before a flat picture, a pair
+of eyes.
 """
 
 import argparse
 import json
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, get_args
 
@@ -29,8 +30,9 @@ from ..core.rig import Rig
 from ..core.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen
 from ..core.steps import at, within
-from . import folder, solve_to_folder, telling, work
+from . import folder, solve_to_folder, telling, viewer_words, work
 from .eye_box import begin
+from .viewer_reports import CONFLICT, reports_of
 
 NUMBERS = "eyes.json"  # of the verb, where a report has report.json
 
@@ -41,11 +43,18 @@ FOUND = 0.8  # of the progress of an eye box: the rest is its curves
 class Beside:
     """Numbers by the names that report.json has for them, and drawings by their files; of what is
     missing the errors, by the labels of the work.
+
+    of_viewers : numbers of several viewers, as a result keeps them
     """
 
+    of_viewers: dict[str, Any] = field(default_factory=dict)
     numbers: dict[str, Any] = field(default_factory=dict)
     drawings: dict[str, str] = field(default_factory=dict)
     errors: dict[str, Exception] = field(default_factory=dict)
+
+    def lines(self, scene: bpy.types.Scene) -> Iterator[Message]:
+        """What is told of several viewers, in the words that the panel has after a solve."""
+        return viewer_words.lines(scene, self.of_viewers)
 
     def missing(self, translate: telling.Translate | None = None) -> list[str]:
         """A sentence on each part that is missing, as `telling.sentence` has it."""
@@ -103,13 +112,14 @@ def beside(
 
     A part that goes wrong is missing, and takes nothing of the others along.
     """
+    found = Beside()
     parts = (
         ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.6),
         ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.7),
         ("head_box", "Head Box", _has(head_box.check_box, rig), _head_box_of(context, rig), 0.9),
+        ("viewers", "Viewers", len(rig.viewers) > 1, _seen_by_each(context, rig, found), 0.93),
         ("disagreement", "Disagreement", _has_several(rig), ways_to_settle(context, rig), 1.0),
     )
-    found = Beside()
     start = 0.0
     if len(rig.viewers) == 2 and (why := _refused(check_pair, rig)) is not None:
         found.numbers["missing"] = {"two_eyes": str(why)}
@@ -126,6 +136,21 @@ def beside(
                 found.drawings |= drawings
         start = end
     return found
+
+
+def _seen_by_each(
+    context: bpy.types.Context, rig: Rig, found: Beside
+) -> Generator[float, None, tuple[list[dict[str, Any]], dict[str, str]]]:
+    """What each of several viewers sees, the worst first, and beside it what they disagree about,
+    as after a solve; no drawing. Yields progress 0..1.
+    """
+    settings = work.settings_of(context.scene)
+    solution = yield from within(work.session().solve(rig, settings), 0.0, 0.9)
+    told = yield from within(reports_of(solution, settings), 0.9, 1.0)
+    found.of_viewers = told.numbers
+    if CONFLICT in told.numbers:
+        found.numbers[CONFLICT] = told.numbers[CONFLICT]
+    return told.numbers["viewers"], {}
 
 
 def _two_eyes_of(
@@ -191,8 +216,8 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
         "eyes",
         parents=[shared],
         help="tell how far the head may go, as curves, how two eyes see the picture, what solving"
-        " for a box of heads gives beside solving for its middle, and what several viewers see by"
-        " each way to settle their disagreement",
+        " for a box of heads gives beside solving for its middle, and what several viewers see and"
+        " disagree about, by each way to settle it, too",
     )
     eyes.add_argument(
         "--limit",
@@ -217,7 +242,7 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     rig = work.read(context).rig
     rig.check()
     files = (*names(rig), NUMBERS)
-    if len(files) == 1 and not _has_several(rig):
+    if len(rig.viewers) == len(files) == 1:
         check_head(rig)  # tells why there is nothing
     for viewer in rig.viewers:  # before minutes of work on the others
         check_seen(rig.place_of(viewer), viewer)
@@ -233,6 +258,7 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     with disk.together(arguments.out) as scratch:
         for name, text in texts.items():
             disk.write_text(scratch / name, text)
+    yield from found.lines(context.scene)
     yield Message("wrote {names} to '{folder}'", names=", ".join(files), folder=arguments.out)
 
 

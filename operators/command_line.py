@@ -346,6 +346,7 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
     )
     files = report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, beside)
     yield from report.table(found).splitlines()
+    yield from beside.lines(bpy.context.scene)
     yield from beside.missing(str)
     yield Message("wrote {n} files to '{folder}'", n=len(files), folder=arguments.out)
 

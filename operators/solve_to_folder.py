@@ -18,7 +18,7 @@ from ..core.catalogue import DISPLAYS, GLASSES, PLATES
 from ..core.errors import RigError
 from ..core.image.simulation import simulate
 from ..core.messages import Message
-from . import folder, needed, viewer_reports, work
+from . import folder, needed, viewer_reports, viewer_words, work
 from .export import gamma_of
 
 Result = TypeVar("Result")
@@ -81,6 +81,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield text
     told = yield from told_in_tenths(viewer_reports.reports_of(solution, settings))
     write_viewers(scene, told.numbers)
+    yield from viewer_words.lines(scene, told.numbers)
 
     yield "looking beside the glass"
     yield from told_in_tenths(solution.look_beside())

@@ -5,16 +5,13 @@ from typing import Any
 import bpy
 
 from ..core.blender.kept import Numbers
-from ..core.blender.units import length_text
 from ..core.blender.viewer import camera_at, number_shown, own_images
-from ..core.messages import Message, joined
-from ..core.numbers import number
-from ..core.words import percent
+from ..core.messages import Message
+from ..operators import viewer_words
 from ..operators.telling import in_words
 from .words import OfRig, sentence
 
 ROWS = 4
-IN_PLANE = 1e-6  # m, from which a depth is told
 
 
 class KIRIKO_UL_viewers(bpy.types.UIList):
@@ -126,81 +123,26 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         for one in told_of(context):
-            sentence(self.layout, context, words_on(one), icon="OUTLINER_OB_CAMERA")
+            sentence(self.layout, context, viewer_words.of_viewer(one), icon="OUTLINER_OB_CAMERA")
         conflict = told_of(context, "conflict")
         if conflict:
-            sentence(self.layout, context, conflict_words(conflict), icon="IMAGE_DATA")
+            text = viewer_words.of_conflict(conflict)
+            sentence(self.layout, context, text, icon="IMAGE_DATA")
         # of edges on the picture's plane, for which it is solved anew
         if any(one.get("largest_px") is not None for one in told_of(context)):
             text = Message("Report tells how sharp each sees it, Sharp and Blended")
             sentence(self.layout, context, text, icon="BLANK1")
         pair = told_of(context, "two_eyes")
         if pair:
-            sentence(self.layout, context, depth_words(context.scene, pair), icon="CAMERA_STEREO")
-            largest, tires_from = pair["largest_vertical_arcmin"], pair.get("tires_from_arcmin")
-            text = Message(
-                "Vertical disparity {mean} arcmin on the mean, at most {largest}",
-                mean=number(pair["mean_vertical_arcmin"]),
-                largest=number(largest),
-            )
-            sentence(self.layout, context, text, icon="BLANK1")
-            if tires_from and largest >= tires_from:  # results of before do not have it
-                text = Message("Eyes tire from {limit} arcmin on", limit=number(tires_from))
+            depth, *more = viewer_words.of_pair(context.scene, pair)
+            sentence(self.layout, context, depth, icon="CAMERA_STEREO")
+            for text in more:
+                sentence(self.layout, context, text, icon="BLANK1")
+            if viewer_words.is_tiring(pair):
+                text = viewer_words.tiring(pair)
                 sentence(self.layout, context, text, icon="ERROR")
 
 
 def told_of(context: bpy.types.Context, name: str = "viewers") -> Any:
     """What the last result tells of each of several viewers, or of two eyes; None for nothing."""
     return Numbers.read(context.scene.kiriko.result.details).by_name.get(name)
-
-
-def depth_words(scene: bpy.types.Scene, pair: dict) -> Message:
-    """At which depth two eyes see the picture, in the scene's unit."""
-    mean, largest = (
-        Message("beyond infinity")
-        if depth is None
-        else Message("in its plane")
-        if abs(depth) < IN_PLANE
-        else Message("{length} in front of its plane", length=length_text(scene, depth))
-        if depth > 0
-        else Message("{length} behind its plane", length=length_text(scene, -depth))
-        for depth in (pair["mean_depth_m"], pair["largest_depth_m"])
-    )
-    return Message(
-        "Both eyes see the picture {mean} on the mean, at most {largest}",
-        mean=mean,
-        largest=largest,
-    )
-
-
-def conflict_words(conflict: dict) -> Message:
-    """By how much viewers disagree about the pixel that they disagree about most."""
-    if conflict["unit"] == "px":
-        return Message(
-            "Conflict at most {largest} px of the picture", largest=number(conflict["largest"])
-        )
-    return Message("Conflict at most {share} of white", share=percent(conflict["largest"]))
-
-
-def words_on(one: dict) -> Message:
-    """One line on a viewer: what it sees of the picture, and how far off."""
-    share = percent(one["coverage"])
-    parts = [Message("'{viewer}' sees {share} of the picture", viewer=one["viewer"], share=share)]
-    if one.get("largest_px") is not None:
-        text = Message(
-            "displaced {mean} px, at most {largest}",
-            mean=number(one["mean_px"]),
-            largest=number(one["largest_px"]),
-        )
-        angle = one["largest_arcmin"]
-        parts.append(
-            text
-            if angle is None
-            else Message("{text} ({angle} arcmin)", text=text, angle=number(angle))
-        )
-    if one.get("psnr") is not None:
-        parts.append(Message("{psnr:.1f} dB", psnr=one["psnr"]))
-    if "unremovable" in one:
-        text = Message("{error} of white stay off", error=percent(one["unremovable"]))
-        parts.append(text)
-    return joined(parts, ", ")

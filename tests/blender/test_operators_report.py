@@ -251,12 +251,51 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
 
     bpy.context.scene.kiriko.picture_source = "IMAGE"
     bpy.context.scene.kiriko.picture_image = bpy.data.images["Kiriko Lattice"]
+    bpy.context.scene.kiriko.viewers.clear()
     capsys.readouterr()
     assert run("eyes", "--out", three) == 1
     assert "in the viewer's own pixels" in capsys.readouterr().err
     assert not three.exists()
     for wrong in ("--limit=0", "--limit=inf", "--share=1.5"):
         assert run("eyes", "--out", three, wrong) == 2
+
+
+@pytest.mark.parametrize("way", ["SHARP", "BLENDED", "own images"])
+def test_several_viewers_are_told_by_the_same_numbers_everywhere(
+    run: Callable[..., int],
+    kiriko: ModuleType,
+    rig: dict,
+    way: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """After a solve, in a report, by the verb that measures nothing; and in the same words."""
+    words = importlib.import_module(f"{kiriko.__name__}.operators.viewer_words")
+    scene = bpy.context.scene
+    bpy.ops.kiriko.two_eyes()
+    if way == "own images":
+        scene.kiriko.picture_source = "IMAGE"
+        for one in scene.kiriko.viewers:
+            one.image = bpy.data.images["Kiriko Lattice"].copy()
+    else:
+        scene.kiriko.disagreement = way
+    bpy.ops.kiriko.solve()
+    details = json.loads(scene.kiriko.result.details)
+    expected = {name: details[name] for name in ("viewers", "conflict")}
+    assert expected["conflict"]["unit"] == ("px" if way == "SHARP" else "white")
+    assert expected["conflict"]["largest"] > 0.01
+    text = [str(line) for line in words.lines(scene, details)]
+    assert any(line.startswith("Conflict at most") for line in text)
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    for verb, name in (("solve", "report"), ("report", "report"), ("eyes", "eyes")):
+        capsys.readouterr()
+        options = ("--seconds", 0) if verb == "report" else ()
+        assert run(verb, "--out", tmp_path / verb, *options) == 0
+        told = json.loads((tmp_path / verb / f"{name}.json").read_text())
+        assert {key: told[key] for key in expected} == expected
+        printed = capsys.readouterr().out
+        assert [line for line in text if f"kiriko: {line}\n" not in printed] == []
 
 
 def test_command_eyes_fails_before_it_works_where_an_eye_sees_nothing(

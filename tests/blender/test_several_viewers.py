@@ -409,6 +409,28 @@ def test_each_viewer_is_told_of_the_worst_first(
     assert "Report tells how sharp each sees it, Sharp and Blended" in text
 
 
+def test_the_panel_tells_how_many_points_where_a_viewer_does_not_see_all(
+    drawn: Callable[..., Layout], rig: dict
+) -> None:
+    """Of the 7 x 7: of those that are off by so much, and of those that both eyes see."""
+    bpy.ops.kiriko.two_eyes()
+    bpy.ops.kiriko.solve()
+    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    assert [one["n_points"] for one in details()["viewers"]] == [49, 49]
+    assert "points" not in text
+
+    display = rig["DISPLAY"]
+    display.matrix_world.translation.x -= 0.3 * display.dimensions.x
+    bpy.ops.kiriko.solve()
+    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    for one in details()["viewers"]:
+        assert 0 < one["n_points"] < 49
+        assert f"of the picture, {one['n_points']} of 49 points, displaced" in text
+    pair = details()["two_eyes"]
+    assert 0 < pair["n_points"] < 49
+    assert f"Both see {pair['n_points']} of 49 points" in text
+
+
 def test_two_that_are_no_pair_are_told_so_in_a_report(
     kiriko: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -420,12 +442,13 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
     add(turned)
     monkeypatch.setattr(module, "_has", lambda check, of_rig: False)
     found = steps.finish(module.beside(bpy.context, read(kiriko)))
-    assert list(found.numbers) == ["missing"]
-    assert list(found.numbers["missing"]) == ["two_eyes"]
+    assert list(found.numbers) == ["missing"]  # the turned one does not see the picture, either
+    assert list(found.numbers["missing"]) == ["two_eyes", "viewers"]
     assert "direction" in found.numbers["missing"]["two_eyes"]
 
     bpy.ops.kiriko.two_eyes()
-    assert steps.finish(module.beside(bpy.context, read(kiriko))).numbers == {}
+    found = steps.finish(module.beside(bpy.context, read(kiriko)))
+    assert list(found.numbers["missing"]) == ["viewers"]  # three are asked for no depth
 
 
 def test_of_two_eyes_depth_and_disparity_are_told(
