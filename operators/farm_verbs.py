@@ -115,7 +115,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     job.check()
     if frames:  # a name that no file can have is told
         first = frames_of(frames)[:1]
-        frame_files(arguments.out / OUT, arguments.name, arguments.format, first)
+        frame_files(context.scene, arguments.out / OUT, arguments.name, arguments.format, first)
     if job.path:
         check_values(job.path, arguments.values)
     names = export_job.write(
@@ -136,7 +136,8 @@ def join_results(arguments: argparse.Namespace) -> Generator[str, None, None]:
         place = arguments.out / name
         files = [image_io.named_for(place / "source", arguments.format)]
         if numbers:
-            files = list(frame_files(place, arguments.name, arguments.format, numbers).values())
+            named = frame_files(bpy.context.scene, place, arguments.name, arguments.format, numbers)
+            files = list(named.values())
         size = finish(joining.check(files))
         joining.join_logs(place)
         yield joining.told(len(files), size, place)

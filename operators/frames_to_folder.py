@@ -9,7 +9,7 @@ import bpy
 
 from ..core import image_io
 from ..core.blender import movie
-from ..core.blender.frames import frame_files, frames_of_range
+from ..core.blender.frames import frame_files, frames_of_range, without_number
 from ..core.errors import RigError
 from ..core.farm.join import LOG, log_of
 from ..core.frame_list import frames_of
@@ -70,7 +70,7 @@ def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, P
     """The files of the frames that are asked for."""
     asked = arguments.frames
     numbers = frames_of_range(scene) if asked == SCENE else frames_of(asked)
-    return frame_files(arguments.out, arguments.name, arguments.format, numbers)
+    return frame_files(scene, arguments.out, arguments.name, arguments.format, numbers)
 
 
 def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
@@ -96,7 +96,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         yield tally.told(arguments.out)
         return
 
-    name = Path(arguments.name).stem.rstrip("#").rstrip("_-. ").replace("#", "") or "movie"
+    name = without_number(context.scene, arguments.name) or "movie"
     wish = movies.Wish(
         arguments.out / name, arguments.movie, arguments.test_card, arguments.overwrite
     )

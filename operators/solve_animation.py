@@ -48,7 +48,7 @@ class OfFrames(long_work.LongWork):
         use_bundled_modules()
         numbers = frames_of(self.frames) if self.frames else frames_of_range(scene)
         path = absolute(ours.animation_path)
-        files = frame_files(path.parent, path.name, ours.export_format, numbers)
+        files = frame_files(scene, path.parent, path.name, ours.export_format, numbers)
         self.tally = frames.Tally()
         with folder.made(path.parent):
             yield frames.Run(

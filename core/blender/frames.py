@@ -27,19 +27,21 @@ def frames_of_range(scene: bpy.types.Scene) -> tuple[int, ...]:
     return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
 
 
-def frame_files(folder: Path, name: str, form: str, frames: Iterable[int]) -> dict[int, Path]:
-    """The files of frames in a folder, named by Blender as it names its renders: # are digits of
-    the frame's number, which comes last where there is no #.
+def frame_files(
+    scene: bpy.types.Scene, folder: Path, name: str, form: str, frames: Iterable[int]
+) -> dict[int, Path]:
+    """The files of a scene's frames in a folder, named by Blender as it names its renders: # are
+    digits of the frame's number, which comes last where there is no #; from 4.5 on words in braces
+    stand for what the scene has, as {fps} and {scene_name}.
 
     form : a key of image_io.FORMATS, whose suffix the files get
 
     Raises
     ------
     ImageError
-        The name has a folder in it, or braces that Blender, which from 4.5 on reads them as a
-        template, does not know.
+        The name has a folder in it, or braces that Blender does not know.
     """
-    if "/" in name or "\\" in name:
+    if not _is_of_file(name):
         raise ImageError(
             "The name '{name}' has a folder in it, and is that of files alone: leave out all before"
             " the last slash, and the slash.",
@@ -48,20 +50,46 @@ def frame_files(folder: Path, name: str, form: str, frames: Iterable[int]) -> di
 
     suffix = Path(name).suffix
     stem = name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
-    scene = bpy.data.scenes.new("Kiriko Names")
+    named = _named(scene, stem, frames)
+    for text in named.values():
+        if not _is_of_file(text):
+            raise ImageError(
+                "The name '{name}' becomes '{text}', which has a folder in it, and is that of files"
+                " alone: leave out what stands for it.",
+                name=name,
+                text=text,
+            )
+    return {frame: folder / f"{text}{FORMATS[form].suffix}" for frame, text in named.items()}
+
+
+def without_number(scene: bpy.types.Scene, name: str) -> str:
+    """The name of a movie of frames of such a name: without number and suffix; '' where nothing is
+    left. Raises ImageError as frame_files.
+    """
+    stem = Path(name).stem.rstrip("#").rstrip("_-. ").replace("#", "")
+    if not stem:
+        return ""
+    return _named(scene, f"{stem}#", (0,))[0][:-1]  # the number is one digit, 0
+
+
+def _is_of_file(name: str) -> bool:
+    return "/" not in name and "\\" not in name
+
+
+def _named(scene: bpy.types.Scene, stem: str, frames: Iterable[int]) -> dict[int, str]:
+    """What Blender makes of a name without suffix. The scene lends its own settings for that, as
+    the words in braces tell of it, and has them back.
+    """
+    render = scene.render
+    before = render.filepath, render.use_file_extension
     try:
-        scene.render.use_file_extension = False
-        scene.render.filepath = stem
-        return {
-            frame: folder
-            / f"{Path(scene.render.frame_path(frame=frame)).name}{FORMATS[form].suffix}"
-            for frame in frames
-        }
+        render.filepath, render.use_file_extension = stem, False
+        return {frame: render.frame_path(frame=frame) for frame in frames}
     except RuntimeError:  # Blender's report
         raise ImageError(
             "Blender takes the braces in the name '{name}' for a template, which it does not know:"
             " leave them out, or double each to have the brace itself.",
-            name=name,
+            name=stem,
         ) from None
     finally:
-        bpy.data.scenes.remove(scene)
+        render.filepath, render.use_file_extension = before

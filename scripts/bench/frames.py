@@ -89,7 +89,7 @@ def measured(kiriko: Any, folder: Path, form: str) -> dict[str, float]:
     """Median seconds of a frame after the first, as a whole and by part."""
     frames = importlib.import_module(f"{kiriko.__name__}.operators.frames")
     names = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
-    files = names.frame_files(folder, f"{form}_####", form, range(1, N + 1))
+    files = names.frame_files(bpy.context.scene, folder, f"{form}_####", form, range(1, N + 1))
     spent: dict[str, list[float]] = {}
     ends: list[tuple[float, float]] = []
 

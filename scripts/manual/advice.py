@@ -1084,6 +1084,10 @@ FILES = Section(
             " the last slash, and the slash.",
             "On the command line the folder is that of --out.",
             "コマンドラインでは、フォルダーは --out で指定します。",
+            alike=(
+                "The name '{name}' becomes '{text}', which has a folder in it, and is that of files"
+                " alone: leave out what stands for it.",
+            ),
         ),
         Advice(
             "Blender takes the braces in the name '{name}' for a template, which it does not know:"

@@ -123,7 +123,7 @@ def test_files_are_named_as_blender_names_renders(
     """By what Blender itself makes of the same path, with our suffix."""
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
     for name in ("####", "a_##_b", "plain", "##.png", "a.b_###", "x#y##"):
-        found = module.frame_files(tmp_path, name, "PNG8", (1, 117, 12345, -3))
+        found = module.frame_files(scene, tmp_path, name, "PNG8", (1, 117, 12345, -3))
         scene.render.filepath = str(tmp_path / name.removesuffix(".png"))
         scene.render.image_settings.file_format = "PNG"
         for frame, path in found.items():
@@ -174,6 +174,45 @@ def test_the_scene_gives_range_and_step(
     scene.frame_start, scene.frame_end, scene.frame_step = 2, 8, 3
     assert run("solve", "--out", folder(tmp_path), "--frames", "scene") == 0
     assert sorted(contents(folder(tmp_path))) == [f"source_{n:04}.png" for n in (2, 5, 8)]
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 5, 0), reason="braces are characters like others")
+def test_words_in_braces_are_read_by_the_scene(
+    run: Callable[..., int],
+    kiriko: ModuleType,
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """By hand from the scene's settings, and as Blender itself names its render; the scene has its
+    own path back, after an error too, and there is no undo step.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    scene = bpy.context.scene
+    scene.name = "Show A"
+    scene.render.fps, scene.render.resolution_x = 30, 640
+    scene.render.filepath, scene.render.use_file_extension = "//mine/shot_", True
+    before = scene.as_pointer(), [one.name for one in bpy.data.scenes]
+    name = "{scene_name}_{fps}_{resolution_x}_{blend_name}_##"
+    (path,) = module.frame_files(scene, tmp_path, name, "PNG8", (7,)).values()
+    found = path.stem.split("_")
+    assert (found[0], float(found[1]), *found[2:]) == ("Show A", 30.0, "640", "rig", "07")
+
+    with pytest.raises(Exception, match="which it does not know"):
+        module.frame_files(scene, tmp_path, "{nothing}_#", "PNG8", (7,))
+    with pytest.raises(Exception, match=r"becomes '.*/.*', which has a folder in it"):
+        module.frame_files(scene, tmp_path, "{blend_dir}_#", "PNG8", (7,))
+    assert scene.render.filepath == "//mine/shot_"
+    assert scene.render.use_file_extension
+    assert before == (scene.as_pointer(), [one.name for one in bpy.data.scenes])
+
+    scene.render.filepath = str(tmp_path / name)
+    scene.render.image_settings.file_format = "PNG"
+    assert str(path) == scene.render.frame_path(frame=7)
+    out = folder(tmp_path)
+    ask = ("--frames", "1-2", "--name", "{scene_name}_#", "--movie", "FFV1")
+    assert run("solve", "--out", out, *ask) == 0
+    assert sorted(contents(out)) == ["Show A.mkv", "Show A_1.png", "Show A_2.png"]
 
 
 @pytest.mark.parametrize("name", ["{", "a}_#", "a{_####", "{nothing}_#"])
@@ -323,7 +362,7 @@ def test_two_runs_with_placeholders_share_the_frames(
 ) -> None:
     """Each frame is made once, by one of them; none is half a file."""
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
-    files = module.frame_files(tmp_path, "f#", "PNG8", range(1, 5))
+    files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", range(1, 5))
     run = frames.Run(files, "PNG8", placeholders=True)
     one = frames.solved(bpy.context, run)
     while not files[1].exists():
@@ -360,7 +399,7 @@ def test_two_runs_that_write_the_same_frames_leave_whole_ones(
         place.mkdir()
 
     def run_in(place: Path) -> Iterator[float]:
-        files = module.frame_files(place, "f#", "PNG8", range(1, 4))
+        files = module.frame_files(bpy.context.scene, place, "f#", "PNG8", range(1, 4))
         return frames.solved(bpy.context, frames.Run(files, "PNG8", overwrite=True))
 
     list(run_in(alone))
@@ -384,7 +423,7 @@ def test_a_run_that_is_stopped_takes_its_placeholder_back(
         for name in ("frame_change_post", "depsgraph_update_post")
     }
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
-    files = module.frame_files(tmp_path, "f#", "PNG8", (1, 2))
+    files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", (1, 2))
     steps = frames.solved(bpy.context, frames.Run(files, "PNG8", placeholders=True))
     for _ in range(3):
         next(steps)
