@@ -106,7 +106,8 @@ def together(folder: Path) -> Iterator[Path]:
     """A folder to write files to, all of which take their place
     in `folder` when all went well, else none.
 
-    Where `folder` has a symbolic link of a file's name, the file that it points to is replaced.
+    Files in folders within it go to the folders of these names, which are made if need be. Where
+    `folder` has a symbolic link of a file's name, the file that it points to is replaced.
 
     Raises
     ------
@@ -118,10 +119,8 @@ def together(folder: Path) -> Iterator[Path]:
         staged = {}
 
         try:
-            for path in sorted(new.iterdir()):
-                target = Path(os.path.realpath(folder / path.name))
-                if target.is_dir():  # which could be moved aside like a file
-                    raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            for path in sorted(path for path in new.rglob("*") if not path.is_dir()):
+                target = _target(folder / path.relative_to(new), stack)
                 near = Path(stack.enter_context(_temporary(target.parent)))
                 shutil.move(path, near / "new")  # copied only where a link points to another disk
                 staged[path] = target, near / "new", near / "old"
@@ -137,8 +136,26 @@ def together(folder: Path) -> Iterator[Path]:
                 elif not made.exists():
                     target.unlink()
             if isinstance(reason, OSError):
-                raise _unwritable(folder / path.name, reason) from None
+                raise _unwritable(folder / path.relative_to(new), reason) from None
             raise
+
+
+def _target(place: Path, stack: ExitStack) -> Path:
+    """Where a file goes, in a folder that is there; one that is made for it, and stays empty, goes
+    with the stack.
+    """
+    target = Path(os.path.realpath(place))
+    if target.is_dir():  # which could be moved aside like a file
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not target.parent.exists():
+        target.parent.mkdir()
+        stack.callback(_remove_empty, target.parent)
+    return target
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # it is not empty
+        folder.rmdir()
 
 
 def unwritable_folder(folder: Path, reason: OSError) -> ImageError:

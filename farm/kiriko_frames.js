@@ -46,6 +46,14 @@ const JOB_TYPE = {
             visible: "submission",
         },
         {
+            key: "viewers",
+            type: "string",
+            required: false,
+            default: "",
+            description: "Names of viewers' cameras with commas between: tasks for each alone, with a folder of its name; empty: for all at once",
+            visible: "submission",
+        },
+        {
             key: "format",
             type: "string",
             required: true,
@@ -82,28 +90,50 @@ function compileJob(job) {
         throw "Kiriko Frames: a task of no frames: set the chunk size to 1 or more.";
     }
 
+    const viewers = viewersOf(settings);
     const chunks = frameChunker(settings.frames, settings.chunk_size);
+    const rig = settings.rig ? ["--rig=" + settings.rig] : []; // a name may begin with a dash
+    const overwrite = settings.overwrite ? ["--overwrite"] : [];
     const tasks = [];
-    for (const chunk of chunks) {
-        const task = author.Task("solve-" + chunk, "blender");
-        const rig = settings.rig ? ["--rig", settings.rig] : [];
-        const overwrite = settings.overwrite ? ["--overwrite"] : [];
-        task.addCommand(kiriko(settings, ["solve", "--frames=" + chunk, "--log=" + chunk]
-            .concat(rig, overwrite)));
-        job.addTask(task);
-        tasks.push(task);
+    for (const viewer of viewers.length ? viewers : [null]) {
+        for (const chunk of chunks) {
+            const task = author.Task((viewer ? viewer.folder + "-" : "") + "solve-" + chunk, "blender");
+            const alone = viewer ? ["--only-viewer=" + viewer.name] : [];
+            const folder = viewer ? path.join(settings.output, viewer.folder) : settings.output;
+            task.addCommand(kiriko(settings, ["solve", "--frames=" + chunk, "--log=" + chunk]
+                .concat(rig, alone, overwrite), folder));
+            job.addTask(task);
+            tasks.push(task);
+        }
     }
 
     const join = author.Task("join", "blender");
-    join.addCommand(kiriko(settings, ["join", "--frames=" + settings.frames]));
+    const folders = viewers.length ? ["--folders"].concat(viewers.map((one) => one.folder)) : [];
+    join.addCommand(kiriko(settings, ["join", "--frames=" + settings.frames].concat(folders),
+        settings.output));
     for (const task of tasks) {
         join.addDependency(task);
     }
     job.addTask(join);
 }
 
+// The viewers that are asked for, each with a folder of another name.
+function viewersOf(settings) {
+    const names = (settings.viewers || "").split(",").map((name) => name.trim()).filter((name) => name);
+    const taken = [];
+    return names.map((name) => {
+        const base = name.replace(/[\s.\/\\:*?"<>|-]+/g, "_");
+        let folder = base;
+        for (let n = 2; taken.includes(folder.toLowerCase()); n++) {
+            folder = base + "_" + n;
+        }
+        taken.push(folder.toLowerCase());
+        return { name: name, folder: folder };
+    });
+}
+
 // Kiriko's command line, in a Blender with factory settings.
-function kiriko(settings, verb) {
+function kiriko(settings, verb, folder) {
     return author.Command("blender-render", {
         exe: "{blender}",
         exeArgs: "{blenderArgs}",
@@ -113,6 +143,6 @@ function kiriko(settings, verb) {
             "--python-exit-code", "1",
             "--python", path.join(settings.kiriko, "kiriko_bootstrap.py"),
             "--",
-        ].concat(verb, ["--format", settings.format, "--out", settings.output]),
+        ].concat(verb, ["--format", settings.format, "--out", folder]),
     });
 }

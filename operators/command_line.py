@@ -4,10 +4,11 @@ DIR`: solve, measure or calibrate a saved rig.
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Generator
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import bpy
 
@@ -43,10 +44,17 @@ from .usage import UsageError, check
 from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
+NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")  # how a number below 0 begins, with an exponent or not
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that makes one sentence of a mistake, in place of the usage and an exit."""
+    """A parser that makes one sentence of a mistake, in place of the usage and an exit, and takes
+    -1e9 for a number. Python's own takes it for an option.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = NEGATIVE
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(
@@ -274,32 +282,22 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
     with folder.made(arguments.out):
-        if arguments.rig == ALL and arguments.run != farm_verbs.write_job:
+        if arguments.rig == ALL:
             yield from _each_rig(arguments)
             return
-        # the scene's settings are those of the rig that is chosen
-        if arguments.rig == ALL:
-            yield from _set_of_each_rig(arguments)
-        elif arguments.rig is not None:
+        if arguments.rig is not None:  # the scene's settings are those of the rig that is chosen
             choose_by_name(bpy.context, arguments.rig)
         yield from set_value.set_values(arguments.set)
         yield from arguments.run(arguments)
 
 
-def _set_of_each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Set the values that are asked for of each rig but the active one, which stays active."""
-    scene = bpy.context.scene
-    own = active_rig(scene)
-    for rig in rigs(scene) if arguments.set else ():
-        if rig != own:
-            choose_by_name(bpy.context, rig.name)
-            yield from set_value.set_values(arguments.set)
-    if own is not None:
-        choose_by_name(bpy.context, own.name)
-
-
 def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
-    """Do the work for each rig of the scene, in a folder of its name; yields lines of progress."""
+    """Do the work for each rig of the scene, in a folder of its name; yields lines of progress.
+
+    A job has all of them in one: it is written once, by the rig that the file shows.
+    """
+    own = active_rig(bpy.context.scene)
+    is_job = arguments.run == farm_verbs.write_job
     names = [rig.name for rig in rigs(bpy.context.scene)]
     if arguments.verb == "calibrate":
         raise UsageError("A photograph is of one rig: name it by --rig.")
@@ -310,9 +308,14 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
         choose_by_name(bpy.context, name)
         yield Message("rig '{name}'", name=name)
         yield from set_value.set_values(arguments.set)
-        out = arguments.out / of_name
-        with folder.made(out):
-            yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))
+        if not is_job:
+            out = arguments.out / of_name
+            with folder.made(out):
+                yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))
+    if is_job:
+        if own is not None:
+            choose_by_name(bpy.context, own.name)
+        yield from arguments.run(arguments)
 
 
 def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:

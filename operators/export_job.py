@@ -11,7 +11,8 @@ from ..core import disk
 from ..core.blender.files_read import files_read
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
-from ..core.errors import ImageError
+from ..core.blender.viewer import seats_of
+from ..core.errors import ImageError, RigError
 from ..core.farm import extension
 from ..core.farm.atlas_job import AtlasJob
 from ..core.farm.job import (
@@ -26,11 +27,14 @@ from ..core.farm.job import (
 )
 from ..core.messages import Message
 from . import folder, needed, telling
+from .job_check import check_rigs
 from .save_copy import save_copy_into
+from .viewer_reports import ALL, asked_for
 
 TEMPLATE = "template.json"
 VALUES = "parameter_values.json"
 ASSETS = "asset_references.json"
+CHUNK = 10  # frames for a task
 UNNAMED = "rig.blend"  # of a file that was never saved
 SCRIPTS = extension.ROOT / "farm"  # those that run elsewhere
 
@@ -65,6 +69,11 @@ def all_rigs(context: bpy.types.Context) -> tuple[Choice, ...]:
     return choices([rig.name for rig in rigs(context.scene)])
 
 
+def viewers_of_all(remedy: str) -> RigError:
+    """The error that viewers of all rigs are asked for; `remedy` ends its sentence."""
+    return RigError("The viewers of a job are those of one rig: {remedy}.", remedy=remedy)
+
+
 def frames_of_scene(scene: bpy.types.Scene) -> str:
     """The scene's frames, as a list of them in text."""
     step = f":{scene.frame_step}" if scene.frame_step > 1 else ""
@@ -97,12 +106,9 @@ def write(
         _refuse_results(target)
 
     kiriko = target / KIRIKO
-    with (
-        disk.together(target) as new,
-        folder.made(kiriko),
-        disk.together(kiriko) as scripts,
-    ):
-        _write_scripts(scripts, zips)
+    disk.remove_left(kiriko)
+    with disk.together(target) as new:
+        _write_scripts(new / KIRIKO, zips)
         save_copy_into(new, target / job.blend)
         for name, contents in (
             (ASSETS, asset_references(files_read())),
@@ -146,6 +152,7 @@ def _packed() -> str:
 def _write_scripts(new: Path, zips: list[Path]) -> None:
     """The scripts, and zips of Kiriko."""
     try:
+        new.mkdir()
         for name in (BOOTSTRAP, FLAMENCO):
             shutil.copyfile(SCRIPTS / name, new / name)
         for path in zips:
@@ -182,7 +189,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
     chunk: bpy.props.IntProperty(
         name="Frames a Task",
         description="How many frames a worker solves from one start of Blender",
-        default=10,
+        default=CHUNK,
         min=1,
         soft_max=1000,
     )
@@ -190,6 +197,11 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
         name="Every Rig",
         description="Tasks for all rigs of the scene, each with a folder of its name; else for the"
         " active one",
+    )
+    every_viewer: bpy.props.BoolProperty(
+        name="Every Viewer",
+        description="Tasks that solve for one of several viewers alone, each with a folder of its"
+        " name; else each task solves for all at once",
     )
     overwrite: bpy.props.BoolProperty(
         name="Overwrite",
@@ -217,6 +229,10 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
         layout.prop(self, "chunk")
         if len(rigs(context.scene)) > 1:
             layout.prop(self, "every_rig")
+        if len(seats_of(context.scene)) > 1:
+            row = layout.row()
+            row.active = not self.every_rig
+            row.prop(self, "every_viewer")
         layout.prop(context.scene.kiriko, "export_overwrite")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -227,6 +243,13 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             job = job_of(self.frames or frames_of_scene(context.scene), self.chunk)
             if self.every_rig:
                 job = replace(job, rigs=all_rigs(context))
+            if self.every_viewer and self.every_rig:
+                raise viewers_of_all(Message("leave out Every Rig"))
+            if self.every_viewer:
+                viewers = asked_for(context.scene, [ALL])
+                job = replace(job, viewers=choices(viewers))
+            job.check()
+            check_rigs(context, job)
 
             overwrite = self.overwrite or context.scene.kiriko.export_overwrite
             with folder.made(target):

@@ -10,7 +10,6 @@ import bpy
 
 from ..core import image_io
 from ..core.blender.frames import frame_files, frames_of_range
-from ..core.errors import RigError
 from ..core.farm import join as joining
 from ..core.farm.job import OUT
 from ..core.frame_list import frames_of
@@ -18,6 +17,7 @@ from ..core.messages import Message
 from ..core.steps import finish
 from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
+from .job_check import check_rigs
 from .set_value import check_values
 from .viewer_reports import ALL, asked_for
 
@@ -30,11 +30,12 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
     _add_form(job)
     job.add_argument(
         "--frames",
-        default="",
         metavar="LIST",
         help="such as 1-250:2 or 1,5,10-20, or 'scene'; without it the scene as it stands",
     )
-    job.add_argument("--chunk", type=int, default=10, metavar="N", help="frames for a task (10)")
+    job.add_argument(
+        "--chunk", type=int, metavar="N", help=f"frames for a task ({export_job.CHUNK})"
+    )
     job.add_argument(
         "--vary",
         default="",
@@ -66,7 +67,7 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
         help="see that all images of a job are there, whole and of one size, and join their logs",
     )
     _add_form(join)
-    join.add_argument("--frames", default="", metavar="LIST", help="the job's frames")
+    join.add_argument("--frames", metavar="LIST", help="the job's frames")
     join.add_argument(
         "--folders", nargs="+", default=["."], metavar="NAME", help="within the job's folder"
     )
@@ -79,7 +80,6 @@ def _add_form(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--name",
-        default=frames_to_folder.NAME,
         help=f"of the frames' files, where # are digits ({frames_to_folder.NAME})",
     )
 
@@ -87,15 +87,15 @@ def _add_form(parser: argparse.ArgumentParser) -> None:
 def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Write the bundle; yields lines of progress."""
     context = bpy.context
-    frames = arguments.frames
+    frames = arguments.frames or ""
     if frames == frames_to_folder.SCENE:
         frames = export_job.frames_of_scene(context.scene)
 
     options = ["--format", arguments.format] if arguments.format != "PNG8" else []
-    if frames and arguments.name != frames_to_folder.NAME:
+    if arguments.name is not None:
         options.append(f"--name={arguments.name}")
     job = replace(
-        export_job.job_of(frames, arguments.chunk),
+        export_job.job_of(frames, export_job.CHUNK if arguments.chunk is None else arguments.chunk),
         path=arguments.vary,
         values=export_job.choices(arguments.values),
         options=tuple(options),
@@ -108,16 +108,18 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
 
     if arguments.viewers:
         if arguments.rig == ALL:
-            raise RigError("The viewers of a job are those of one rig: name it by --rig.")
+            raise export_job.viewers_of_all("name it by --rig")
         viewers = asked_for(context.scene, arguments.viewers)
         job = replace(job, viewers=export_job.choices(viewers))
 
     job.check()
     if frames:  # a name that no file can have is told
         first = frames_of(frames)[:1]
-        frame_files(context.scene, arguments.out / OUT, arguments.name, arguments.format, first)
+        name = frames_to_folder.name_of(arguments)
+        frame_files(context.scene, arguments.out / OUT, name, arguments.format, first)
     if job.path:
         check_values(job.path, arguments.values)
+    check_rigs(context, job)
     names = export_job.write(
         arguments.out, job, arguments.zip, arguments.overwrite, "add --overwrite"
     )
@@ -136,7 +138,8 @@ def join_results(arguments: argparse.Namespace) -> Generator[str, None, None]:
         place = arguments.out / name
         files = [image_io.named_for(place / "source", arguments.format)]
         if numbers:
-            named = frame_files(bpy.context.scene, place, arguments.name, arguments.format, numbers)
+            of_name = frames_to_folder.name_of(arguments)
+            named = frame_files(bpy.context.scene, place, of_name, arguments.format, numbers)
             files = list(named.values())
         size = finish(joining.check(files))
         joining.join_logs(place)

@@ -30,7 +30,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--name",
-        default=NAME,
         help=f"of the frames' files, where # are digits of the number ({NAME})",
     )
     parser.add_argument(
@@ -53,7 +52,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--test-card",
         type=_card,
-        default=0.0,
         metavar="SECONDS",
         help=f"for which the movie begins with a test card, up to {movies.LONGEST:g} (0)",
     )
@@ -70,7 +68,12 @@ def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, P
     """The files of the frames that are asked for."""
     asked = arguments.frames
     numbers = frames_of_range(scene) if asked == SCENE else frames_of(asked)
-    return frame_files(scene, arguments.out, arguments.name, arguments.format, numbers)
+    return frame_files(scene, arguments.out, name_of(arguments), arguments.format, numbers)
+
+
+def name_of(arguments: argparse.Namespace) -> str:
+    """The name that is asked for."""
+    return NAME if arguments.name is None else arguments.name
 
 
 def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
@@ -96,9 +99,9 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         yield tally.told(arguments.out)
         return
 
-    name = without_number(context.scene, arguments.name) or "movie"
+    name = without_number(context.scene, name_of(arguments)) or "movie"
     wish = movies.Wish(
-        arguments.out / name, arguments.movie, arguments.test_card, arguments.overwrite
+        arguments.out / name, arguments.movie, arguments.test_card or 0.0, arguments.overwrite
     )
     steps = movies.made(context, run, wish, tally, "add --overwrite")
     yield from solve_to_folder.told_in_tenths(steps)

@@ -2,10 +2,12 @@
 behind `bpy.data.` or `bpy.context.scene.`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from math import isfinite
 
 import bpy
+import numpy as np
 
 from ..core.errors import RigError
 from ..core.messages import Message
@@ -25,22 +27,33 @@ def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
 def check_values(path: str, texts: Iterable[str]) -> None:
     """Raise RigError where a property could not be set to one of some values; it stays as it is."""
     for text in texts:
-        owner, name = _found(path)
-        was_set, before = owner.is_property_set(name), getattr(owner, name)
-        try:
-            _set(path, text)
-        finally:
-            if was_set:
-                setattr(owner, name, before)
-            else:
-                owner.property_unset(name)
+        with having(path, text):
+            pass
+
+
+@contextmanager
+def having(path: str, text: str) -> Iterator[None]:
+    """Have a property set to a value for a while."""
+    owner, name = _found(path)
+    was_set, before = owner.is_property_set(name), getattr(owner, name)
+    try:
+        _set(path, text)
+        yield
+    finally:
+        if was_set:
+            setattr(owner, name, before)
+        else:
+            owner.property_unset(name)
 
 
 def _set(path: str, text: str) -> Message:
     """Set one: of the scene, else of the file's data."""
     owner, name = _found(path)
+    known = owner.bl_rna.properties[name]
     try:
-        setattr(owner, name, _read(owner.bl_rna.properties[name], text))
+        value = _read(known, text)
+        _refuse_beyond(known, path, value)  # Blender would cut it without a word
+        setattr(owner, name, value)
     except (TypeError, ValueError):
         raise RigError(
             "The property '{path}' cannot be '{text}': give it a value of its kind.",
@@ -84,6 +97,29 @@ def _read(known: bpy.types.Property, text: str) -> object:
     if known.type in {"STRING", "ENUM"}:
         return text
     return kinds[known.type](text) if known.type in kinds else _refused(text)
+
+
+def _refuse_beyond(known: bpy.types.Property, path: str, value: object) -> None:
+    """Raise RigError where a property has no room for a value of its kind."""
+    if known.type in {"FLOAT", "INT"}:
+        stored = np.float32 if known.type == "FLOAT" else int
+        with np.errstate(over="ignore"):  # beyond all numbers that a property has
+            low, given, high = map(stored, (known.hard_min, value, known.hard_max))
+        if not low <= given <= high:
+            raise RigError(
+                "The property '{path}' cannot be {value}: give it a value from {low} to {high}.",
+                path=path,
+                value=value,
+                low=str(low),
+                high=str(high),
+            )
+    elif known.type == "STRING" and 0 < known.length_max <= len(str(value).encode()):
+        raise RigError(
+            "The property '{path}' has no room for {n} letters: give it {most} at most.",
+            path=path,
+            n=len(str(value).encode()),
+            most=known.length_max - 1,
+        )
 
 
 def _finite(text: str) -> float:

@@ -3,7 +3,6 @@
 import argparse
 
 from ..core.errors import KirikoError
-from .frames_to_folder import NAME
 
 
 class UsageError(KirikoError):
@@ -20,6 +19,8 @@ NEEDED = {
         "--test-card": "--movie",
     },
     "atlas": {"--zip": "--job"},
+    "job": {"--name": "--frames", "--chunk": "--frames"},
+    "join": {"--name": "--frames"},
 }
 
 
@@ -28,7 +29,7 @@ def check(arguments: argparse.Namespace) -> None:
 
     def is_given(option: str) -> bool:
         value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
-        return bool(value) and value != NAME
+        return not any(value is absent for absent in (None, False)) and value != []
 
     for option, needed in NEEDED.get(arguments.verb, {}).items():
         if is_given(option) and not is_given(needed):

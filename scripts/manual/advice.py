@@ -1112,6 +1112,12 @@ FILES = Section(
             ),
         ),
         Advice(
+            "Rig '{rig}': {error}",
+            "Every task of that rig, or of that viewer, would end so: no job is written.",
+            "そのリグまたは視点のすべてのタスクがこのエラーで終わるため、ジョブは書き出されません。",
+            alike=("Viewer '{viewer}': {error}",),
+        ),
+        Advice(
             "Frame {frame}: {error}",
             "The other frames are made; the same command makes those that are missing.",
             "ほかのフレームは作られています。同じコマンドが、足りないフレームを作ります。",
@@ -1223,7 +1229,7 @@ FARM = Section(
             "--vary kiriko.tolerance --values 0.1 0.2 のように、両方を指定します。",
             alike=(
                 "The job has no values of the property '{path}': give some by --values.",
-                "The viewers of a job are those of one rig: name it by --rig.",
+                "The viewers of a job are those of one rig: {remedy}.",
             ),
         ),
         Advice(
@@ -1271,7 +1277,11 @@ FARM = Section(
             ' objects["Glass"].kiriko.ior, or kiriko.tolerance of the scene.',
             "Copy Full Data Path, by a right click on the setting, has it behind bpy.data.",
             "設定を右クリックしてフルデータパスをコピーすると、bpy.data の後ろにあります。",
-            alike=("The property '{path}' cannot be '{text}': give it a value of its kind.",),
+            alike=(
+                "The property '{path}' cannot be '{text}': give it a value of its kind.",
+                "The property '{path}' cannot be {value}: give it a value from {low} to {high}.",
+                "The property '{path}' has no room for {n} letters: give it {most} at most.",
+            ),
         ),
     ),
 )

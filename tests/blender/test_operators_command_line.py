@@ -1,6 +1,8 @@
+import importlib
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import numpy as np
@@ -142,6 +144,11 @@ def test_folder_that_cannot_be_written_is_one_sentence(
         ("solve", ("--log", "1"), "--frames"),
         ("solve", ("--name", "a_##"), "--frames"),
         ("solve", ("--frames", "1", "--test-card", "3"), "--movie"),
+        ("solve", ("--name", "source_####"), "--frames"),
+        ("solve", ("--frames", "1", "--test-card", "0"), "--movie"),
+        ("job", ("--chunk", "10"), "--frames"),
+        ("job", ("--name", "source_####"), "--frames"),
+        ("join", ("--name", "a_##"), "--frames"),
         ("atlas", ("--zip", "kiriko.zip"), "--job"),
     ],
 )
@@ -170,6 +177,23 @@ def test_mistyped_command_is_one_sentence(
     """A command line that cannot be understood gives exit code 2."""
     assert run(*argv) == 2
     assert "--help" in refusal(capsys)
+
+
+def test_negative_numbers_may_have_exponents(
+    kiriko: ModuleType, run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """In all options of all verbs that take numbers: what cannot be is told by its own sentence."""
+    parser = importlib.import_module(f"{kiriko.__name__}.operators.command_line").parser()
+    read = parser.parse_args(["atlas", "--out", "x", "--right", "-1e9", "1e9", "--up", "-.5", "-2"])
+    assert (read.right, read.up) == ([-1e9, 1e9], [-0.5, -2.0])
+    read = parser.parse_args(["maps", "--out", "x", "--overscan", "-1e-3", "--mesh-step", "-inf"])
+    assert (read.overscan, read.mesh_step) == (-1e-3, float("-inf"))
+    words = ["job", "--out", "x", "--vary", "a.b", "--values", "-1e9", "-2E+3", "--frames", "-5"]
+    read = parser.parse_args(words)
+    assert (read.values, read.frames) == (["-1e9", "-2E+3"], "-5")
+    assert parser.parse_args(["solve", "--out", "x", "--set", "a", "-1e9"]).set == [["a", "-1e9"]]
+    assert run("maps", "--out", saved, "--overscan", "-1e9") == 1
+    assert refusal(capsys).startswith("kiriko: Overscan is -1e+09 %: set it from 0 to 100.")
 
 
 def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixture) -> None:

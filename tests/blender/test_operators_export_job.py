@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import bpy
+import numpy as np
 import pytest
 
 from known.kiriko_zip import kiriko_zip
@@ -119,6 +120,7 @@ def test_rigs_and_values_become_tasks(
             "'kiriko.tolerance' cannot be 'b'",
         ),
         (("--vary", "kiriko.tolerance", "--values", "nan"), "'kiriko.tolerance' cannot be 'nan'"),
+        (("--vary", "kiriko.tolerance", "--values", "0.1", "-1e9"), "cannot be -1000000000.0"),
         (("--frames", "1-3", "--name", "a/"), "'a/' has a folder in it"),
         (("--frames", "1-3", "--name", "a\\b"), "has a folder in it"),
     ],
@@ -348,6 +350,147 @@ def test_viewers_become_tasks_that_solve_for_one_alone(
     images = [(folder / "source.png").read_bytes() for folder in (both, task, alone)]
     assert images[1] == images[2]
     assert images[0] != images[1]
+
+
+def test_button_has_a_task_for_each_viewer(
+    kiriko: ModuleType, saved: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The template is that of the command line."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.export_job")
+    monkeypatch.setattr(module.extension, "pack", kiriko_zip)
+    scene = bpy.context.scene
+    first = scene.kiriko.viewer or scene.camera
+    second = first.copy()
+    second.name = "-Second / 2"
+    scene.collection.objects.link(second)
+    for camera in (first, second, None):
+        scene.kiriko.viewers.add().camera = camera
+    scene.kiriko.viewers[2].is_on = False
+    scene.kiriko.viewer_shown = 1
+    before = [one.is_on for one in scene.kiriko.viewers], 1
+    bpy.ops.kiriko.export_job(directory=str(saved), frames="1-2", every_viewer=True)
+    solve = read(saved / "template.json")["steps"][0]
+    ranges = {
+        one["name"]: one["range"] for one in solve["parameterSpace"]["taskParameterDefinitions"]
+    }
+    assert ranges["Viewer"] == [first.name, "-Second / 2"]
+    now = [one.is_on for one in scene.kiriko.viewers], scene.kiriko.viewer_shown
+    assert now == before
+    with pytest.raises(RuntimeError, match="leave out Every Rig"):
+        bpy.ops.kiriko.export_job(
+            directory=str(saved / "b"), frames="1-2", every_viewer=True, every_rig=True
+        )
+    assert not (saved / "b").exists()
+
+
+def sentence_of_solve(run: Callable[..., int], out: Path, capsys: pytest.CaptureFixture) -> str:
+    capsys.readouterr()
+    assert run("solve", "--out", out) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    return line.removeprefix("kiriko: ")
+
+
+def test_a_rig_that_no_task_could_solve_is_refused(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """With Solve's own sentence, by the rig's name where there are several; one that is whole at
+    another frame of the job, or with one of its values, is good enough. The scene stays as it is.
+    """
+    scene = bpy.context.scene
+    display = next(one for one in scene.objects if one.kiriko.role == "DISPLAY")
+    display.kiriko.role = "NONE"
+    said = sentence_of_solve(run, saved, capsys)
+    assert "has no display" in said
+    job = ("job", "--zip", zipped, "--out", saved)
+    for words, start in (
+        (("--frames", "1-12"), ""),
+        (("--vary", "kiriko.tolerance", "--values", "0.1", "0.2"), ""),
+        (("--rig", "all", "--frames", "1-12"), "Rig 'Kiriko Rig': "),
+    ):
+        assert run(*job, *words) == 1
+        assert capsys.readouterr().err == f"kiriko: {start}{said}\n"
+        assert not saved.exists()
+
+    display.kiriko.role = "DISPLAY"
+    for frame in range(1, 13):
+        display.hide_viewport = frame != 7
+        display.keyframe_insert("hide_viewport", frame=frame)
+    scene.frame_set(3, subframe=0.5)
+    said = sentence_of_solve(run, saved, capsys)
+    assert run(*job, "--frames", "1-6") == 1
+    assert capsys.readouterr().err == f"kiriko: {said}\n"
+    assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
+    assert run(*job, "--frames", "1-12") == 0
+    assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
+
+
+def test_a_value_may_make_the_rig_whole(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    display = next(one for one in bpy.context.scene.objects if one.kiriko.role == "DISPLAY")
+    display.hide_viewport = True
+    vary = ("--vary", f'objects["{display.name}"].hide_viewport', "--values")
+    job = ("job", "--zip", zipped, "--out", saved)
+    assert run(*job, *vary, "true") == 1
+    assert display.name in capsys.readouterr().err
+    assert run(*job, *vary, "true", "false") == 0
+    assert display.hide_viewport
+
+
+def test_what_cannot_be_replaced_leaves_all_as_it_was(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """A folder in the template's place, and a file in that of the scripts' folder: no part of the
+    bundle is there.
+    """
+    job = ("job", "--frames", "1-3", "--zip", zipped, "--overwrite", "--out", saved)
+    (saved / "template.json").mkdir(parents=True)
+    assert run(*job) == 1
+    assert "template.json' cannot be written" in capsys.readouterr().err
+    assert [path.name for path in saved.iterdir()] == ["template.json"]
+
+    (saved / "template.json").rmdir()
+    (saved / "kiriko").write_text("mine")
+    assert run(*job) == 1
+    assert "cannot be written" in capsys.readouterr().err
+    assert [path.name for path in saved.iterdir()] == ["kiriko"]
+    assert (saved / "kiriko").read_text() == "mine"
+
+    (saved / "kiriko").unlink()
+    assert run(*job) == 0
+    before = {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()}
+    (saved / "template.json").unlink()
+    (saved / "template.json").mkdir()
+    bpy.context.scene.kiriko.tolerance = 0.7
+    assert run(*job) == 1
+    before.pop(saved / "template.json")
+    assert {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()} == before
+
+
+def test_values_beyond_a_property_s_range_are_refused(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Which Blender would cut without a word; the ends of the range are no error."""
+    ours = bpy.context.scene.kiriko
+    known = ours.bl_rna.properties
+    float_, whole = known["tolerance"], known["max_events"]
+    for path, text in (
+        ("kiriko.tolerance", f"{float_.hard_min * 0.99}"),
+        ("kiriko.tolerance", "-1e9"),
+        ("kiriko.max_events", f"{whole.hard_min - 1}"),
+        ("kiriko.max_events", f"{2**31}"),
+        ('objects["Cube"].name', "x" * 300),
+    ):
+        before = repr(ours.path_resolve("tolerance")), ours.max_events
+        assert run("solve", "--set", path, text, "--out", saved) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert path in line
+        assert "give it" in line
+        assert (repr(ours.tolerance), ours.max_events) == before
+    lowest = repr(np.float32(float_.hard_min)).removeprefix("np.float32(").rstrip(")")
+    assert run("solve", "--set", "kiriko.tolerance", lowest, "--set", "kiriko.max_events",
+               whole.hard_min, "--frames", "x", "--out", saved) == 1  # fmt: skip
+    assert "is no list of frames" in capsys.readouterr().err
 
 
 def test_values_are_tried_and_taken_back(

@@ -13,6 +13,7 @@ SETTINGS = {
     "kiriko": "/share/金魚 job/kiriko",
     "output": "/share/a job/out",
     "rig": "",
+    "viewers": "",
     "format": "PNG8",
     "overwrite": False,
     "blendfile": "/share/a job/rig.blend",
@@ -51,8 +52,29 @@ def test_settings_are_those_that_the_tasks_use() -> None:
     assert settings.keys() == SETTINGS.keys()
     assert {one["type"] for one in settings.values()} <= {"string", "int32", "bool", "float"}
     words = words_of(made["tasks"][0], "blender")
-    assert words[words.index("--rig") + 1] == "Rig 二"
+    assert "--rig=Rig 二" in words
     assert "--overwrite" in words
+
+
+@needs_node
+def test_each_viewer_has_tasks_and_a_folder_of_its_own() -> None:
+    """Also where names differ in capitals or in what no folder can have; the join sees them all."""
+    wanted = "Left 眼, left 眼,-a/b,-a:b"
+    made = compiled(NODE, **{**SETTINGS, "viewers": wanted, "chunk_size": 12})
+    assert made["error"] is None
+    *solve, join = made["tasks"]
+    assert join["dependencies"] == [task["name"] for task in solve]
+    assert len(set(join["dependencies"])) == 4
+    words = [words_of(task, "blender") for task in solve]
+    for name, of_task in zip(wanted.split(","), words, strict=True):
+        assert f"--only-viewer={name.strip()}" in of_task
+    folders = [of_task[-1].removeprefix(f"{SETTINGS['output']}/") for of_task in words]
+    assert len({folder.lower() for folder in folders}) == 4
+    assert not any(set('/\\:*?"<>|') & set(folder) or folder[0] == "-" for folder in folders)
+    joined = words_of(join, "blender")
+    at = joined.index("--folders")
+    assert joined[at + 1 : at + 5] == folders
+    assert joined[-1] == SETTINGS["output"]
 
 
 @needs_node

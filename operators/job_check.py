@@ -1,0 +1,104 @@
+"""Before a job is written: can its tasks solve anything, for each rig and each viewer?"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import bpy
+
+from ..core.blender.active_rig import make_active
+from ..core.blender.frames import frame_kept
+from ..core.blender.rigs import active_rig, rigs
+from ..core.errors import KirikoError, RigError
+from ..core.farm.job import Job
+from ..core.frame_list import frames_of
+from . import work
+from .one_viewer import choose_alone
+from .set_value import having
+
+MOST = 64  # frames of a job that are looked at, where the rig is whole at none before
+
+
+def check_rigs(context: bpy.types.Context, job: Job) -> None:
+    """Raise the error with which all tasks of a rig, or of a viewer, would end: that of Solve.
+
+    A rig that is whole at one frame at least, or with one of the values, is good enough. Nothing of
+    the scene is changed in the end.
+    """
+    for rig in [one.value for one in job.rigs] or [None]:
+        with _chosen(context.scene, rig):
+            for viewer in [one.value for one in job.viewers] or [None]:
+                try:
+                    with _alone(context.scene, viewer):
+                        _check_one(context, job)
+                except KirikoError as error:
+                    if viewer is not None:
+                        error = RigError(
+                            "Viewer '{viewer}': {error}", viewer=viewer, error=error.message
+                        )
+                    if rig is not None:
+                        error = RigError("Rig '{rig}': {error}", rig=rig, error=error.message)
+                    raise error from None
+
+
+def _check_one(context: bpy.types.Context, job: Job) -> None:
+    """Raise the first of the errors, where each of the job's tasks for a rig has one."""
+    first = None
+    for value in [one.value for one in job.values] or [None]:
+        with ExitStack() as stack:
+            if value is not None:
+                stack.enter_context(having(job.path, value))
+            stack.enter_context(frame_kept(context.scene))
+            for frame in _frames(context.scene, job):
+                if frame != context.scene.frame_current:
+                    context.scene.frame_set(frame)
+                try:
+                    work.read(context).rig.check()
+                except KirikoError as error:
+                    first = first or error
+                else:
+                    return
+    if first is not None:
+        raise first
+
+
+def _frames(scene: bpy.types.Scene, job: Job) -> list[int]:
+    """Those that are looked at: the one that the scene shows first, which costs least."""
+    if not job.frames:
+        return [scene.frame_current]
+    frames = frames_of(job.frames)
+    n = min(len(frames), MOST)
+    some = [frames[k * (len(frames) - 1) // max(n - 1, 1)] for k in range(n)]
+    return sorted(some, key=lambda frame: frame != scene.frame_current)
+
+
+@contextmanager
+def _chosen(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
+    """Have the scene's settings be those of a rig for a while."""
+    own = active_rig(scene)
+    rig = next((one for one in rigs(scene) if one.name == name), own)
+    if rig == own:
+        yield
+        return
+    make_active(scene, rig)
+    try:
+        yield
+    finally:
+        if own is not None:
+            make_active(scene, own)
+
+
+@contextmanager
+def _alone(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
+    """Have all other viewers be off for a while."""
+    ours = scene.kiriko
+    before = [one.is_on for one in ours.viewers], ours.viewer_shown
+    try:
+        if name is not None:
+            choose_alone(scene, name)
+        yield
+    finally:
+        for one, is_on in zip(ours.viewers, before[0], strict=True):
+            if one.is_on != is_on:
+                one.is_on = is_on
+        if ours.viewer_shown != before[1]:
+            ours.viewer_shown = before[1]
