@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-from ..core.atlas.heads import check_perspective, check_viewer, evenly, viewer_at
+from ..core.arrays import Floats
+from ..core.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
 from ..core.blender.eyes import Place, heads, make_viewers, two_eyes
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.scene import read_seat
@@ -20,6 +21,7 @@ from . import compared, look_through, needed, telling
 NO_LIST = Message("There is one viewer: add another")
 MOST = 1000  # heads of a grid
 BOX = (0.12, 0.06, 0.06)  # m
+MOST_LENGTH = 1e4  # m, of a box, or between two eyes
 
 
 class _OfList:
@@ -121,7 +123,19 @@ class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
     def places(
         self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
     ) -> Iterator[Place]:
-        """Where the eyes are, and how they look."""
+        """Where the eyes are, and how they look; RigError where their distances are none."""
+        stereo, metres = camera.data.stereo, length_of_unit(context.scene)
+        apart, away = (
+            metres * x for x in (stereo.interocular_distance, stereo.convergence_distance)
+        )
+        if not (0 < apart < MOST_LENGTH and away > 0):  # nor NaN
+            raise RigError(
+                "The viewer '{viewer}' has eyes {apart:g} m apart that converge at {away:g} m: set"
+                " two lengths in its camera's Stereoscopy.",
+                viewer=camera.name,
+                apart=apart,
+                away=away,
+            )
         return two_eyes(camera)
 
 
@@ -157,15 +171,39 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
         n = int(np.prod(self.heads))
         if not 1 < n <= MOST:
             raise RigError("A grid of {n} heads: set 2 to {most} in all.", n=n, most=MOST)
-        depsgraph = context.evaluated_depsgraph_get()
-        pictures = read_places(depsgraph, context.scene, KeptPlaces()).pictures
-        if not pictures:
-            raise RigError("{reason}.", reason=needed.NEEDED["PICTURE"])
-
-        check_viewer(viewer, pictures[0])
         metres = length_of_unit(context.scene)
         if not self.properties.is_property_set("box"):
             self.box = [length / metres for length in BOX]
-        offsets = evenly(self.heads, metres * np.array(self.box))
-        others = [viewer_at(viewer, pictures[0], offset) for offset in offsets]
+        sizes = metres * np.array(self.box)
+        if not (sizes < MOST_LENGTH).all():  # nor NaN
+            raise RigError(
+                "The box of the heads is {right:g} x {up:g} x {forward:g} m: set three lengths.",
+                **dict(zip(AXES, sizes, strict=True)),
+            )
+        offsets = evenly(self.heads, sizes)
+        middle, name = _looked_at(context, camera, viewer)
+        others = [viewer_about(viewer, middle, name, offset) for offset in offsets]
         return heads(camera, viewer, others, metres)
+
+
+def _looked_at(
+    context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
+) -> tuple[Floats, Message]:
+    """The point (3,) m that heads look at, and its name: the picture's middle; where that is in the
+    viewers' own pixels, the point straight ahead at which two eyes would converge.
+    """
+    scene = context.scene
+    if scene.kiriko.picture_source == "IMAGE":
+        away = length_of_unit(scene) * camera.data.stereo.convergence_distance
+        if not away > 0:  # NaN, by a script
+            raise RigError(
+                "The viewer '{viewer}' converges at {away:g} m: set a length in its camera's"
+                " Stereoscopy.",
+                viewer=camera.name,
+                away=away,
+            )
+        return viewer.position + away * viewer.axes[2], Message("its Convergence Plane Distance")
+    pictures = read_places(context.evaluated_depsgraph_get(), scene, KeptPlaces()).pictures
+    if not pictures:
+        raise RigError("{reason}.", reason=needed.NEEDED["PICTURE"])
+    return middle_of(pictures[0])

@@ -146,7 +146,7 @@ def curved(arguments: argparse.Namespace) -> None:
 
 
 def growth(arguments: argparse.Namespace) -> None:
-    """Measure how time and rays grow with pixels and triangles
+    """Measure how time and rays grow with pixels, triangles and viewers
     (further options go to scripts/bench/growth.py).
     """
     run_with_tests("bench.growth", arguments.rest)

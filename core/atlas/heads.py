@@ -143,7 +143,16 @@ def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:
     ------
     RigError : the head is at the picture, or behind it
     """
-    middle = place.mesh.bounds.mean(axis=0)
+    return viewer_about(viewer, *middle_of(place), offset)
+
+
+def middle_of(place: PicturePlace) -> tuple[Floats, Message]:
+    """The middle (3,) m of a picture on a plane, and its name in a sentence."""
+    return place.mesh.bounds.mean(axis=0), Message("the picture '{picture}'", picture=place.name)
+
+
+def viewer_about(viewer: Viewer, middle: Floats, name: Message, offset: Offset) -> Viewer:
+    """The same about a point (3,) m, which is called by a name where the head is at it."""
     before = middle - viewer.position
     position = viewer.position + np.array(offset) @ viewer.axes
     after = middle - position
@@ -151,10 +160,10 @@ def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:
     far, near = np.linalg.norm(before), np.linalg.norm(after)
     if near < IS_ASIDE * far or after @ before <= 0:
         raise RigError(
-            "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at the picture '{picture}', or"
-            " behind it: let it move less far.",
+            "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at {point}, or behind it: let"
+            " it move less far.",
             **dict(zip(AXES, (1e3 * x for x in offset), strict=True)),
-            picture=place.name,
+            point=name,
         )
 
     window = tuple(edge * far / near for edge in viewer.window)

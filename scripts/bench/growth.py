@@ -1,17 +1,20 @@
-"""How time and rays grow with display pixels, viewer
-pixels and triangles, on the ball: `dev.py growth`.
+"""How time and rays grow with display pixels, viewer pixels, triangles and viewers, on the ball:
+`dev.py growth`.
 
-Slopes are of straight lines in logarithms. Each solve is
-from scratch but for the ray engine, which is kept.
+Slopes are of straight lines in logarithms. Each solve is from scratch but for the ray engine, which
+is kept; of several viewers, of which there are 1, 2, 9 and 49, that is not kept, either. Exits with
+1 where rays or time do not grow in proportion to these: the marks of `dev.py eyes`.
 """
 
 import argparse
 import statistics
+import sys
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from bench.eyes import growth as by_viewers
 from kiriko.core.rig import Rig
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
@@ -55,26 +58,34 @@ def table(head: str, cases: Iterable[tuple[int, Rig]], runs: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument(
         "--most", type=int, default=4096, help="largest side of display and viewer, px"
     )
+    parser.add_argument(
+        "--pixels", type=int, default=256, help="of several viewers and their display, each way"
+    )
+    tables = ("display", "viewer", "triangles", "viewers")
+    parser.add_argument("--only", nargs="+", choices=tables, default=tables, metavar="TABLE")
     arguments = parser.parse_args()
     image = lattice_image(PICTURE)
     sides = [256 * 2**k for k in range(5) if 256 * 2**k <= arguments.most]
-    table(
-        "display pixels",
-        ((n * n, ball_rig(5, display_pixels=n, image=image)) for n in sides),
-        arguments.runs,
-    )
-    table(
-        "viewer pixels",
-        ((n * n, ball_rig(5, pixels=n, image=image)) for n in sides),
-        arguments.runs,
-    )
-    levels = ((20 * 4**k, ball_rig(k, image=image)) for k in range(3, 9))
-    table("triangles", levels, arguments.runs)
+    cases = {
+        "display": (
+            "display pixels",
+            ((n * n, ball_rig(5, display_pixels=n, image=image)) for n in sides),
+        ),
+        "viewer": ("viewer pixels", ((n * n, ball_rig(5, pixels=n, image=image)) for n in sides)),
+        "triangles": ("triangles", ((20 * 4**k, ball_rig(k, image=image)) for k in range(3, 9))),
+    }
+    for name, (head, rigs) in cases.items():
+        if name in arguments.only:
+            table(head, rigs, arguments.runs)
+    is_right = "viewers" not in arguments.only or by_viewers(arguments.runs, arguments.pixels)
+    sys.exit(0 if is_right else 1)
 
 
 if __name__ == "__main__":

@@ -1346,8 +1346,13 @@ ATLAS = Section(
             alike=(
                 "The head moves from {low:g} to {high:g} mm {axis}: set two numbers, the smaller"
                 " one first.",
-                "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at the picture"
-                " '{picture}', or behind it: let it move less far.",
+                "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at {point}, or behind it:"
+                " let it move less far.",
+                "The box of the heads is {right:g} x {up:g} x {forward:g} m: set three lengths.",
+                "The viewer '{viewer}' has eyes {apart:g} m apart that converge at {away:g} m: set"
+                " two lengths in its camera's Stereoscopy.",
+                "The viewer '{viewer}' converges at {away:g} m: set a length in its camera's"
+                " Stereoscopy.",
                 "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
                 " Perspective.",
                 "The viewers are at one place and span no box: add some elsewhere, by Two Eyes or"

@@ -207,12 +207,47 @@ def test_a_grid_looks_at_the_picture_from_all_over_a_box(kiriko: ModuleType, rig
         assert thing.data.lens / found[2] == pytest.approx(viewer.data.lens / expected[2], rel=1e-4)
 
 
+def test_a_grid_before_images_of_the_viewers_own_looks_where_eyes_converge(
+    kiriko: ModuleType, rig: dict
+) -> None:
+    """There is no plane in the room. All see the point straight ahead of the viewer at its
+    convergence distance in the middle of their images, and as large, by Blender's own projection;
+    and what each is to see can be solved for. A head that would be there is told of.
+    """
+    viewer, scene = ours().viewer, bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    ours().picture_source = "IMAGE"
+    viewer.data.stereo.convergence_distance = 0.9
+    before = inventory()
+    with pytest.raises(RuntimeError, match="is at its Convergence Plane Distance, or behind it"):
+        bpy.ops.kiriko.viewer_grid(heads=(1, 1, 2), box=(0, 0, 5))
+    assert (inventory(), listed()) == (before, [])
+
+    point = viewer.matrix_world @ Vector((0, 0, -0.9))
+    assert bpy.ops.kiriko.viewer_grid(heads=(2, 2, 2), box=(0.12, 0.06, 0.1)) == {"FINISHED"}
+    made = [one.camera for one in ours().viewers][1:]
+    assert len(made) == 8
+    for thing in made:
+        found = world_to_camera_view(scene, thing, point)
+        assert found[:2] == pytest.approx((0.5, 0.5), abs=1e-4)
+        assert thing.data.lens / found[2] == pytest.approx(viewer.data.lens / 0.9, rel=1e-4)
+    for one in ours().viewers:
+        one.image = bpy.data.images["Kiriko Lattice"].copy()
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert len(details()["viewers"]) == 8
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
         ({"heads": (1, 1, 1)}, "A grid of 1 heads: set 2 to 1000 in all"),
         ({"heads": (100, 100, 1)}, "A grid of 10000 heads: set 2 to 1000 in all"),
         ({"heads": (1, 1, 2), "box": (0, 0, 5)}, "is at the picture 'Kiriko Picture', or behind"),
+        ({"box": (float("nan"), 0, 0)}, "The box of the heads is nan x 0 x 0 m: set three lengths"),
+        (
+            {"box": (0.1, float("inf"), 0)},
+            "The box of the heads is 0.1 x .* x 0 m: set three lengths",
+        ),
     ],
 )
 def test_a_grid_that_cannot_be_changes_nothing(rig: dict, values: dict, words: str) -> None:
@@ -229,6 +264,32 @@ def test_an_orthographic_viewer_has_no_eyes(rig: dict) -> None:
     before = inventory()
     with pytest.raises(RuntimeError, match="'Kiriko Viewer' is orthographic"):
         bpy.ops.kiriko.two_eyes()
+    assert (inventory(), listed()) == (before, [])
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("interocular_distance", NAN, "nan m apart that converge"),
+        ("interocular_distance", INF, "m apart that converge"),
+        ("interocular_distance", 0.0, "0 m apart that converge"),
+        ("convergence_distance", NAN, "converge at nan m"),
+    ],
+)
+def test_stereo_settings_that_are_no_lengths_are_told(
+    rig: dict, name: str, value: float, told: str
+) -> None:
+    setattr(ours().viewer.data.stereo, name, value)
+    before = inventory()
+    with pytest.raises(RuntimeError, match=f"'Kiriko Viewer' has eyes .*{told}.*Stereoscopy"):
+        bpy.ops.kiriko.two_eyes()
+    if name == "convergence_distance":
+        ours().picture_source = "IMAGE"
+        with pytest.raises(RuntimeError, match="'Kiriko Viewer' converges at nan m"):
+            bpy.ops.kiriko.viewer_grid()
     assert (inventory(), listed()) == (before, [])
 
 

@@ -59,3 +59,14 @@ def test_help_after_a_verb_of_dev_itself_is_its_own(verb: str) -> None:
     """The verbs that hand nothing on say their work, and which options they have."""
     assert OWN[verb] in told(verb)
     assert f"dev.py {verb}" in told(verb)
+
+
+def test_growth_shows_time_and_rays_of_1_2_9_and_49_viewers() -> None:
+    """Rays grow in proportion to the viewers."""
+    options = ("--only", "viewers", "--runs", "1", "--pixels", "12")
+    answer = subprocess.run(
+        [sys.executable, str(DEV), "growth", *options], capture_output=True, text=True, timeout=600
+    )
+    rows = [line.split() for line in answer.stdout.splitlines() if line[:1].isdigit()]
+    assert [int(row[0]) for row in rows] == [1, 2, 9, 49], answer.stderr
+    assert "mark rays: met" in answer.stdout
