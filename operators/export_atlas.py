@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core import image_io
 from ..core.atlas import making as atlases
+from ..core.atlas import planning
 from ..core.atlas.atlas import Atlas, amount
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
@@ -49,7 +50,8 @@ def making_of(context: bpy.types.Context, target: Path, has_images: bool) -> Mak
         viewer=reading.rig.viewer,
         settings=work.settings_of(scene),
         folder=target,
-        save_image=save if has_images else None,
+        save_image=save,
+        has_images=has_images,
     )
 
 
@@ -210,7 +212,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
     """Plan an atlas and make all of it."""
     yield Message("planning the atlas")
     atlas = yield from solve_to_folder.told_in_tenths(
-        atlases.planned(
+        planning.planned(
             making,
             _box(arguments),
             arguments.tolerance,
@@ -228,7 +230,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
 
 def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
     """Make places of an atlas that was planned."""
-    atlas = atlases.planned_before(making)
+    atlas = planning.planned_before(making)
     numbers = arguments.places
     if arguments.share is not None:
         numbers = atlases.share(atlas, *arguments.share)
@@ -238,7 +240,7 @@ def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, 
 
 def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
     """Check an atlas whose places were made, and halve its grid where that is asked for."""
-    atlas = atlases.planned_before(making)
+    atlas = planning.planned_before(making)
     if arguments.halve:
         steps = atlases.halved(making, atlas, arguments.most)
         atlas = yield from solve_to_folder.told_in_tenths(steps)
@@ -368,8 +370,8 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
                 names = export_job.write(target, job, [], overwrite, remedy)
                 return export_job.told(names, target)
 
-            planning = atlases.planned(making, box, self.tolerance, self.most, overwrite, remedy)
-            atlas = yield from within(planning, 0.0, PLANNED)
+            steps = planning.planned(making, box, self.tolerance, self.most, overwrite, remedy)
+            atlas = yield from within(steps, 0.0, PLANNED)
             report(self, "INFO", Message("{atlas}; Esc stops it.", atlas=amount(atlas)))
             atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)
         return told(atlas, target)

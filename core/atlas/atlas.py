@@ -39,7 +39,7 @@ class Atlas:
     origin, frame : the viewer's own place, (3,) m, and its axes (3, 3)
     picture_size, display_size : (width, height) px
     tolerance : px of the picture
-    has_images : is there a source image beside each map?
+    image_key : fingerprint of what the source images beside the maps are of; None: there are none
     planned : what refining told; checked : what heads at random places told
     """
 
@@ -50,10 +50,15 @@ class Atlas:
     picture_size: tuple[int, int]
     display_size: tuple[int, int]
     tolerance: float
-    has_images: bool
+    image_key: str | None
     grid: HeadGrid
     planned: dict[str, Any]
     checked: dict[str, Any] | None = None
+
+    @property
+    def has_images(self) -> bool:
+        """Is there a source image beside each map?"""
+        return self.image_key is not None
 
     @property
     def maps(self) -> list[str]:
@@ -69,7 +74,7 @@ class Atlas:
 
 
 def new(
-    rig: Rig, viewer: Viewer, key: str, refined: Refined, tolerance: float, has_images: bool
+    rig: Rig, viewer: Viewer, key: str, refined: Refined, tolerance: float, image_key: str | None
 ) -> Atlas:
     """The atlas of a viewer's head with a grid that is fine enough; key: the rig's fingerprint."""
     place, display = rig.picture_place, rig.display
@@ -81,7 +86,7 @@ def new(
         picture_size=(place.width, place.height),
         display_size=(display.width, display.height),
         tolerance=tolerance,
-        has_images=has_images,
+        image_key=image_key,
         grid=refined.grid,
         planned={
             "seconds_a_map": refined.seconds,
@@ -106,6 +111,7 @@ def write(folder: Path, atlas: Atlas) -> None:
         "halvings": atlas.grid.halvings,
         "maps": atlas.maps,
         "images": atlas.images,
+        "images_of": atlas.image_key,
         "planned": atlas.planned,
         "checked": atlas.checked,
         "convention": CONVENTION,
@@ -138,7 +144,7 @@ def read(folder: Path) -> Atlas | None:
             picture_size=tuple(told["picture_size"]),
             display_size=tuple(told["display_size"]),
             tolerance=float(told["tolerance_px"]),
-            has_images=bool(told["images"]),
+            image_key=told["images_of"] if told["images"] else None,
             grid=HeadGrid(HeadBox(low, high), tuple(map(int, told["halvings"]))),
             planned=told["planned"],
             checked=told["checked"],

@@ -1,4 +1,4 @@
-"""An atlas is made: planned, then written place by place, then checked at heads between them.
+"""An atlas is made: as it is planned, place by place, then checked at heads between them.
 
 Places do not know of each other, so that many machines may share them. A place whose files are
 there is not made again, so that work that was stopped goes on where it was.
@@ -21,10 +21,10 @@ from ..solve.session import Session
 from ..steps import within
 from ..viewer import Viewer
 from . import head_map
-from .atlas import INDEX, Atlas, map_name, new, random_heads, read, write
+from .atlas import Atlas, random_heads, write
 from .head_map import HeadMap
-from .heads import AXES, HeadBox, Offset
-from .refine import check, map_at, refine, solved_at
+from .heads import AXES, Offset
+from .refine import map_at, solved_at
 
 SaveImage = Callable[[Path, NDArray[np.float32]], None]
 CHECKED = 8  # heads
@@ -36,7 +36,8 @@ class Making:
 
     viewer : of the rig, whose head moves
     known : maps that planning traced, by their files' names; each is let go when it is written
-    save_image : writes a source image to a new file; None where there are to be none
+    save_image : writes a source image to a new file; None where none can be written
+    has_images : are source images asked for?
     """
 
     session: Session
@@ -45,108 +46,23 @@ class Making:
     settings: Settings
     folder: Path
     save_image: SaveImage | None = None
+    has_images: bool = False
     known: dict[str, HeadMap] = field(default_factory=dict)
 
     @cached_property
     def key(self) -> str:
-        """Fingerprint of all that the files depend on."""
-        rig = self.rig
-        if self.save_image is None:
-            rig = replace(rig, pictures=(rig.picture_place,))
-        settings = self.settings.of_optics if self.save_image is None else self.settings
-        return fingerprint(rig, self.viewer, settings)
+        """Fingerprint of all that the maps depend on."""
+        rig = replace(self.rig, pictures=(self.rig.picture_place,))
+        return fingerprint(rig, self.viewer, self.settings.of_optics)
+
+    @cached_property
+    def image_key(self) -> str:
+        """The same, of the source images."""
+        return fingerprint(self.rig, self.viewer, self.settings)
 
     def at(self, offset: Offset) -> Generator[float, None, HeadMap]:
         """The map of the head at an offset; yields progress 0..1."""
         return map_at(self.session, self.rig, self.viewer, self.settings, offset)
-
-
-def planned(
-    making: Making, box: HeadBox, tolerance: float, most: int, overwrite: bool, remedy: str
-) -> Generator[float, None, Atlas]:
-    """Find how fine the grid has to be, and write the index; yields progress 0..1.
-
-    Maps in the folder that are of the same rig stay, others go where they may.
-
-    Raises
-    ------
-    RigError, MeshError : the rig cannot be solved somewhere in the box, or not finely enough
-    ImageError : an atlas of another rig or box is there, and `overwrite` is not set; `remedy`
-        ends the sentence
-    """
-    rig = making.rig
-    check(rig, making.viewer, box, tolerance, most)
-    before = read(making.folder)
-    if before is not None and _is_for(before, making, box, tolerance):
-        return before
-    if before is not None and before.rig != making.key and not overwrite:
-        raise ImageError(
-            "The folder '{folder}' has the atlas of another rig: choose another or {remedy}.",
-            folder=making.folder,
-            remedy=remedy,
-        )
-    if _has_places_of_another_box(making.folder, before, box) and not overwrite:
-        raise ImageError(
-            "The folder '{folder}' has the atlas of a head in another box: choose another folder or"
-            " {remedy}.",
-            folder=making.folder,
-            remedy=remedy,
-        )
-
-    refined = yield from refine(making.at, box, rig.picture_place, tolerance, most)
-    if making.save_image is None:  # else their source images are wanted, too
-        making.known.update((map_name(offset), found) for offset, found in refined.maps.items())
-    atlas = new(rig, making.viewer, making.key, refined, tolerance, making.save_image is not None)
-    write(making.folder, atlas)
-    if before is not None:
-        kept = {*atlas.maps, *atlas.images} if before.rig == atlas.rig else set()
-        _remove(making.folder, {*before.maps, *before.images} - kept)
-    return atlas
-
-
-def _is_for(atlas: Atlas, making: Making, box: HeadBox, tolerance: float) -> bool:
-    """Is an atlas what was asked for, though it may not be whole?"""
-    wanted = making.key, box, tolerance
-    return (atlas.rig, atlas.grid.box, atlas.tolerance) == wanted
-
-
-def _has_places_of_another_box(folder: Path, atlas: Atlas | None, box: HeadBox) -> bool:
-    """Are files of an atlas there that would go, since hardly a place of another box is one of
-    this one?
-    """
-    if atlas is None or atlas.grid.box == box:
-        return False
-    return len(missing(folder, atlas)) < len(atlas.grid)
-
-
-def _remove(folder: Path, names: Iterable[str]) -> None:
-    for name in names:
-        try:
-            (folder / name).unlink(missing_ok=True)
-        except OSError as reason:
-            raise ImageError(
-                "The file '{path}' of an earlier atlas cannot be removed ({why}): remove it"
-                " yourself.",
-                path=folder / name,
-                why=reason.strerror,
-            ) from None
-
-
-def planned_before(making: Making) -> Atlas:
-    """The atlas whose index is in the folder; RigError where it is of another rig."""
-    atlas = read(making.folder)
-    if atlas is None:
-        raise ImageError(
-            "The folder '{folder}' has no {index}: plan the atlas first.",
-            folder=making.folder,
-            index=INDEX,
-        )
-    if atlas.rig != making.key:
-        raise RigError(
-            "The rig is not the one that the atlas in '{folder}' was planned for: plan it anew.",
-            folder=making.folder,
-        )
-    return atlas
 
 
 def missing(folder: Path, atlas: Atlas) -> list[int]:
@@ -172,7 +88,7 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
         found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
         with disk.together(making.folder) as new_files:
             head_map.write(new_files / maps[place], found)
-            if making.save_image is not None:
+            if atlas.has_images:
                 making.save_image(new_files / images[place], source)
     return len(wanted)
 

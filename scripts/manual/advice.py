@@ -1368,6 +1368,12 @@ ATLAS = Section(
                 " folder or {remedy}.",
                 "The rig is not the one that the atlas in '{folder}' was planned for: plan it"
                 " anew.",
+                "The folder '{folder}' has source images of another picture, or in another light:"
+                " choose another folder or {remedy}.",
+                "The picture, or its light, is not the one that the source images in '{folder}'"
+                " were planned for: plan them anew.",
+                "The atlas in '{folder}' was planned without source images: plan it anew with them,"
+                " and its maps stay.",
                 "The folder '{folder}' has no {index}: plan the atlas first.",
                 "The atlas in '{folder}' lacks {n} of {of} places, the first is {name}: make them"
                 " first.",
