@@ -29,7 +29,7 @@ from ..core.warp.files import (
     suffixes,
     write_maps,
 )
-from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions
+from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions, wavelengths_for
 from . import folder, work
 from .export import use_bundled_modules
 from .into_folder import IntoFolder
@@ -64,8 +64,7 @@ def exported(
     """
     options.check()
     use_bundled_modules()
-    has_openimageio = importlib.util.find_spec("OpenImageIO") is not None
-    if "EXR" in options.formats and not has_openimageio:
+    if "EXR" in options.formats and not has_openimageio():
         raise ImageError(
             "This Blender's Python has no OpenImageIO, which writes .exr: choose other formats, or"
             " {remedy}.",
@@ -77,31 +76,58 @@ def exported(
     rig.check()
     options.check_for(rig.picture_place)
     settings = work.settings_of(scene)
-    of_channels = suffixes([(viewer.name, settings.wavelength) for viewer in rig.viewers])
+    wavelengths = wavelengths_for(rig, settings.wavelength)
+    seen_by = [(viewer.name, wavelength) for wavelength in wavelengths for viewer in rig.viewers]
+    of_channels = suffixes(seen_by)
     names = [names_of(suffix, options) for suffix in of_channels]
     files = [name for forms in names for of_form in forms.values() for name in of_form]
     if not overwrite:
         folder.refuse_existing(target, [*files, SIDECAR], remedy)
 
-    solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
-    told = []
+    told: list[dict[str, Any]] = []
     earlier = earlier_files(target)
 
     with disk.together(target) as new:
-        n = len(names)
-        for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
-            steps = maps_of(channel, options)
-            start, stop = (SOLVED + (MAPPED - SOLVED) * i / n for i in (k, k + 1))
-            maps = yield from within(steps, start, stop)
-            write_maps(new, forms, maps, ABOUT, None if has_openimageio else save_png)
-            told.append(description(channel, maps, forms, options))
-            yield stop
+        n, each = len(wavelengths), len(rig.viewers)
+        for k, wavelength in enumerate(wavelengths):
+            of_it = names[k * each : (k + 1) * each]
+            steps = _written(new, rig, replace(settings, wavelength=wavelength), options, of_it)
+            told += yield from within(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
         # undo, or another file, may have taken the scene away meanwhile: nothing is written then
         about = {**_about(scene, rig, settings, options), "maps": told}
         disk.write_text(new / SIDECAR, json.dumps(about, indent=2) + "\n")
 
     remove_earlier(target, earlier, files)
     return about
+
+
+def _written(
+    new: Path,
+    rig: Rig,
+    settings: Settings,
+    options: MapOptions,
+    names: list[dict[str, tuple[str, ...]]],
+) -> Generator[float, None, list[dict[str, Any]]]:
+    """Write the maps of a rig at one wavelength, those of each viewer by their names, to a folder.
+
+    Yields progress 0..1, returns what maps.json tells of each.
+    """
+    save = None if has_openimageio() else save_png
+    solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
+    told = []
+    n = len(names)
+    for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
+        start, stop = (SOLVED + (1 - SOLVED) * i / n for i in (k, k + 1))
+        maps = yield from within(maps_of(channel, options), start, stop)
+        write_maps(new, forms, maps, ABOUT, save)
+        told.append(description(channel, maps, forms, options))
+        yield stop
+    return told
+
+
+def has_openimageio() -> bool:
+    """Has this Blender's Python the library that writes .exr?"""
+    return importlib.util.find_spec("OpenImageIO") is not None
 
 
 def files_in(about: dict[str, Any]) -> list[str]:

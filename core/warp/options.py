@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import RigError
-from ..rig import PicturePlace
+from ..rig import PicturePlace, Rig
 
 # the files of each format
 FORMATS = {
@@ -18,7 +18,17 @@ FORMATS = {
 }
 TIMES = (1, 2, 4)
 MOST_OVERSCAN = 100.0
+# m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709, as of sRGB
+PRIMARIES = (611e-9, 549e-9, 464e-9)
 NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
+
+
+def wavelengths_for(rig: Rig, wavelength: float) -> tuple[float, ...]:
+    """The wavelengths, m, that a rig needs maps for: where its glass disperses, those of a
+    display's colours, else the one that it is solved for.
+    """
+    disperses = any(len({glass.ior.at(one) for one in PRIMARIES}) > 1 for glass in rig.glasses)
+    return PRIMARIES if disperses else (wavelength,)
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,11 @@
 import importlib
 import json
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import bpy
 import numpy as np
@@ -30,6 +33,74 @@ def numbers_of(path: Path) -> np.ndarray:
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     return pixels(image)
+
+
+def cauchy(kiriko: ModuleType, a: float, b: float) -> Any:
+    """An index n = a + b / wavelength^2, as of glass that disperses."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.index")
+
+    @dataclass(frozen=True)
+    class Cauchy(module.Index):
+        a: float
+        b: float
+
+        def at(self, wavelength: float) -> float:
+            return self.a + self.b / wavelength**2
+
+    return Cauchy(a, b)
+
+
+def test_glass_that_disperses_has_a_map_for_each_colour(
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    run: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By the button and the command line, for each of two viewers: each map is that of glass whose
+    index is the same for all light, and is the one of that colour.
+    """
+    glass = small_rig()["GLASS"]
+    first = scene.kiriko.viewer or scene.camera
+    second = first.copy()
+    second.name, second.location.x = "Second", first.location.x + 0.02
+    scene.collection.objects.link(second)
+    for camera in (first, second):
+        scene.kiriko.viewers.add().camera = camera
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    index = cauchy(kiriko, 1.3, 1e-13)
+    alone = {}
+    for nm in (611, 549, 464):
+        glass.kiriko.ior = index.at(nm * 1e-9)
+        folder = tmp_path / str(nm)
+        bpy.ops.kiriko.export_maps(directory=str(folder), formats={"NPZ"})
+        alone[nm] = {path.stem: np.load(path) for path in folder.glob("*.npz")}
+        assert alone[nm].keys() == {"warp_Kiriko_Viewer", "warp_Second"}
+
+    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
+    read = work.read
+
+    def dispersing(*arguments: Any) -> Any:
+        reading = read(*arguments)
+        glasses = tuple(replace(one, ior=index) for one in reading.rig.glasses)
+        return replace(reading, rig=replace(reading.rig, glasses=glasses))
+
+    monkeypatch.setattr(work, "read", dispersing)
+    button, line = tmp_path / "button", tmp_path / "line"
+    bpy.ops.kiriko.export_maps(directory=str(button), formats={"NPZ"})
+    assert run("maps", "--formats", "npz", "--out", line) == 0
+    for folder in (button, line):
+        about = json.loads((folder / "maps.json").read_text())["maps"]
+        assert len(list(folder.glob("*.npz"))) == len(about) == 6
+        for one in about:
+            nm = round(one["wavelength_nm"])
+            assert one["index"]["Cube"] == pytest.approx(index.at(nm * 1e-9), abs=1e-12)
+            (name,) = one["files"]["NPZ"]
+            found, wanted = np.load(folder / name), alone[nm][name.removesuffix(f"_{nm}nm.npz")]
+            for key in ("map_x", "map_y", "coverage"):
+                assert np.allclose(found[key], wanted[key], atol=0.001)  # ior is float32
+    maps = [np.load(path)["map_x"] for path in sorted(button.glob("warp_Second*.npz"))]
+    assert not np.allclose(maps[0], maps[-1], atol=0.2)
 
 
 def test_all_formats_are_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
