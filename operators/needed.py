@@ -5,6 +5,7 @@ from time import monotonic
 import bpy
 
 from ..core.blender.parts import LeftOut, hidden_words
+from ..core.blender.rig_objects import has_lost_plate
 from ..core.blender.rigs import elsewhere
 from ..core.blender.viewer import own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
@@ -21,6 +22,7 @@ NEEDED = {
     "PICTURE": Message("No picture: set a textured plane's role to Picture, or choose an image"),
     "VIEWER": Message("No viewer: choose a camera"),
 }
+NO_PLATE = Message("The rig's plate is gone: make it anew, or go without")
 NO_MIRRORS = Message(
     "There is no plate whose mirrors could be simulated: Preview shows the viewer's image"
 )
@@ -137,6 +139,8 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
         if role in found
     }
 
+    if "PLATE" not in found and has_lost_plate(scene):
+        lacks["PLATE"] = NO_PLATE
     if ours.picture_source == "IMAGE":
         lacks.pop("PICTURE", None)
         if ours.picture_image is None and not own_images(scene):

@@ -68,9 +68,18 @@ class KIRIKO_OT_remove_viewer(_OfSeveral, bpy.types.Operator):
     bl_idname = "kiriko.remove_viewer"
     bl_label = "Remove Viewer"
 
+    number: bpy.props.IntProperty(
+        name="Number",
+        description="Of the entry; -1: the chosen one",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
+    )
+
     def change(self, context: bpy.types.Context) -> None:
         with changing(context.scene) as listed:
-            listed.remove(number_shown(context.scene))
+            here = number_shown(context.scene) if self.number < 0 else self.number
+            listed.remove(min(here, len(listed) - 1))
 
 
 class KIRIKO_OT_move_viewer(_OfSeveral, bpy.types.Operator):

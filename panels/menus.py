@@ -54,6 +54,8 @@ class VIEW3D_MT_kiriko_parts(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
         layout.operator("kiriko.make_glass", icon="MATSPHERE")
+        layout.operator_menu_enum("kiriko.make_part", "role", icon="ADD")
+        layout.operator("kiriko.go_without_plate")
         for preset in ("glass_preset", "plate_preset", "display_preset"):
             layout.operator_menu_enum(f"kiriko.{preset}", "preset", icon="PRESET")
 

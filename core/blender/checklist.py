@@ -10,14 +10,13 @@ from math import floor, log10
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
-from ..rig import ROLES
 from ..words import percent
-from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Named, Thing
+from .checklist_parts import naming, on_hidden, on_missing, on_too_many, on_viewers, shown
+from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Thing
 
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
 MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
 WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
-SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
 
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
 # and the buttons. Operators that make a part as large as needed add themselves here.
@@ -56,79 +55,15 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
     length_text : a length, m, in words
     """
     found = [
-        *_on_missing(look),
-        *_on_too_many(look),
-        *_on_hidden(look),
-        *(entry for thing in _shown(look) for entry in _on_thing(thing)),
+        *on_missing(look),
+        *on_viewers(look),
+        *on_too_many(look),
+        *on_hidden(look),
+        *(entry for thing in shown(look) for entry in _on_thing(thing)),
         *_on_result(look, length_text),
         *_on_size(look, length_text),
     ]
     return sorted(found, key=lambda entry: entry.icon == ADVICE)
-
-
-def _shown(look: Look) -> list[Thing]:
-    return [thing for thing in look.things if not thing.hidden_by]
-
-
-def _naming(named: Named, **more: object) -> tuple[tuple[str, object], ...]:
-    return (("part", named.name), ("library", named.library), *more.items())
-
-
-def _on_missing(look: Look) -> Iterator[Entry]:
-    """What is not there can be made as long as there is no rig; a hidden part is shown."""
-    roles = {thing.role for thing in look.things}
-    is_new = not roles & set(SINGLE)
-    for role, phrase in look.missing:
-        hidden = next((t for t in look.things if t.role == role and t.hidden_by), None)
-        buttons: tuple[Button, ...] = ()
-        if hidden is not None:
-            buttons = (_show(hidden),)
-        elif role == "VIEWER" and look.cameras:
-            name = look.cameras[0]
-            values = (("data_path", "scene.kiriko.viewer"), ("value", name))
-            label = Message("Use '{camera}'", camera=name)
-            buttons = (Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA"),)
-        elif is_new:
-            buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
-            is_new = False  # once is enough
-        yield Entry(Message("{reason}.", reason=phrase), PROBLEM, buttons)
-
-
-def _show(thing: Thing) -> Button:
-    return Button("kiriko.show_part", Message("Show"), _naming(thing.named), "HIDE_OFF")
-
-
-def _on_too_many(look: Look) -> Iterator[Entry]:
-    for role, label in SINGLE.items():
-        things = [thing for thing in _shown(look) if thing.role == role]
-        if len(things) < 2:
-            continue
-        text = Message(
-            "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
-            n=len(things),
-            role=label,
-        )
-        buttons = [
-            Button(
-                "kiriko.leave_out",
-                Message("Leave Out '{name}'", name=thing.named.name),
-                _naming(thing.named),
-                "X",
-            )
-            for thing in things
-        ]
-        yield Entry(text, PROBLEM, tuple(buttons))
-
-
-def _on_hidden(look: Look) -> Iterator[Entry]:
-    """Hidden parts that the rig can do without; those it needs are missing."""
-    missing = {role for role, _ in look.missing}
-    for thing in look.things:
-        if thing.hidden_by and thing.role not in missing:
-            text = Message(
-                "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
-            )
-            yield Entry(text, ADVICE, (_show(thing),))
 
 
 def _on_thing(thing: Thing) -> Iterator[Entry]:
@@ -136,7 +71,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
     name = thing.named.name
     if thing.is_opaque:
         text = Message("'{name}' is no glass: its material does not refract.", name=name)
-        properties = _naming(thing.named)
+        properties = naming(thing.named)
         button = Button("kiriko.make_glass", Message("Make It Glass"), properties, "MATSPHERE")
         yield Entry(text, PROBLEM, (button,))
 
@@ -147,12 +82,12 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
     if thing.has_no_scale:
         text = Message("'{name}' is scaled to nothing.", name=name)
         button = Button(
-            "kiriko.reset_scale", Message("Reset Scale"), _naming(thing.named), "LOOP_BACK"
+            "kiriko.reset_scale", Message("Reset Scale"), naming(thing.named), "LOOP_BACK"
         )
         yield Entry(text, PROBLEM, (button,))
     elif thing.is_flat and thing.role == "GLASS":
         text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
-        button = Button("kiriko.thicken", Message("Thicken"), _naming(thing.named), "MOD_SOLIDIFY")
+        button = Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
         yield Entry(text, PROBLEM, (button,))
     elif thing.faults is not None and not thing.is_flat:
         yield from _on_mesh(thing, thing.faults, thing.own_faults or Counts())
@@ -170,7 +105,7 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
             s="s" if n_flat > 1 else "",
         )
         label = "Remove" if own.n_flat else "Weld"
-        button = Button("kiriko.merge_flat", label, _naming(thing.named), "AUTOMERGE_ON")
+        button = Button("kiriko.merge_flat", label, naming(thing.named), "AUTOMERGE_ON")
         yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
 
     if n_open and thing.role == "GLASS":
@@ -192,15 +127,13 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
 
     if n_open and is_inside_out and thing.role == "GLASS":
         text = Message("The faces of '{name}' look into the glass.", name=name)
-        button = Button(
-            "kiriko.turn_out", Message("Turn Out"), _naming(thing.named), "NORMALS_FACE"
-        )
+        button = Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
         yield Entry(text, PROBLEM, (button,))
 
     if n_facets and not thing.has_facets:
         text = Message("'{name}' looks curved, but its {n} faces are flat.", name=name, n=n_facets)
         button = Button(
-            "kiriko.shade_smooth", Message("Shade Smooth"), _naming(thing.named), "SPHERECURVE"
+            "kiriko.shade_smooth", Message("Shade Smooth"), naming(thing.named), "SPHERECURVE"
         )
         yield Entry(text, ADVICE, (button,))
 
@@ -208,13 +141,13 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
 def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
     if not n:
         return ()
-    properties = _naming(thing.named, kind=kind)
+    properties = naming(thing.named, kind=kind)
     return (Button("kiriko.select_faults", Message("Select"), properties, "RESTRICT_SELECT_OFF"),)
 
 
 def _select_part(thing: Thing) -> Button:
     return Button(
-        "kiriko.select_part", Message("Select Part"), _naming(thing.named), "RESTRICT_SELECT_OFF"
+        "kiriko.select_part", Message("Select Part"), naming(thing.named), "RESTRICT_SELECT_OFF"
     )
 
 
@@ -271,7 +204,7 @@ def meant_factors(width: float) -> list[float]:
 
 def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Glass that was drawn in Blender's units, with no size in mind."""
-    glass = [thing for thing in _shown(look) if thing.role == "GLASS"]
+    glass = [thing for thing in shown(look) if thing.role == "GLASS"]
     widest = max(glass, key=lambda thing: thing.width, default=None)
     if widest is None or widest.width <= LARGEST:
         return

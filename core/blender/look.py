@@ -1,6 +1,7 @@
 """Looks at a scene for its checklist: cheap, but for the meshes, which are kept."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import bpy
 import numpy as np
@@ -8,14 +9,19 @@ import numpy as np
 from ..bench.helps import Help
 from ..errors import ImageError
 from ..messages import Message
+from .bodies import bodiless
 from .cuts import cut_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
 from .material import refracts
+from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
+from .result_images import images_of
+from .rigs import active_rig
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
+from .viewer import camera_at
 
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
@@ -48,13 +54,49 @@ def look_at(
     return Look(
         things=tuple(things),
         missing=tuple(missing.items()),
-        cameras=tuple(thing.name for thing in scene.objects if thing.type == "CAMERA"),
+        **_around(scene, missing),
         misses=details.get("misses", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
         is_coarse=result.is_coarse,
         is_stale=is_stale,
         is_solved=result.source is not None,
     )
+
+
+def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any]:
+    """What is there of the rig and beside it, where something is missing."""
+    listed = scene.kiriko.viewers
+    cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
+    seated = [(n, camera_at(scene, n)) for n, one in enumerate(listed) if one.is_on]
+    known = {camera for _, camera in seated}
+    gone = [(n, c) for n, c in seated if c is None or not c.users_scene]
+    return {
+        "has_rig": active_rig(scene) is not None,
+        "cameras": tuple(camera.name for camera in cameras),
+        "free_cameras": tuple(camera.name for camera in cameras if camera not in known),
+        "empty_seats": tuple((n, "" if c is None else c.name) for n, c in gone),
+        "are_viewers_off": bool(listed) and not seated,
+        "solids": tuple(_solids(scene)) if "GLASS" in missing else (),
+        "images": tuple(_images(scene)) if "IMAGE" in missing else (),
+    }
+
+
+def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
+    """Objects without a role that may be glass, the active one first."""
+    active = bpy.context.view_layer.objects.active
+    for thing in sorted(scene.objects, key=lambda thing: thing != active):
+        is_free = thing.kiriko.role == "NONE" and OBJECT_MARK not in thing
+        if is_free and not bodiless(thing) and thing.visible_get() and min(thing.dimensions) > 0:
+            yield Named(thing.name, "" if thing.library is None else thing.library.filepath)
+
+
+def _images(scene: bpy.types.Scene) -> Iterator[str]:
+    """Images of this file that are no results."""
+    ours = images_of(scene.kiriko.result)
+    for image in bpy.data.images:
+        is_made = image.type in {"RENDER_RESULT", "COMPOSITING"} or image in ours
+        if image.library is None and not is_made and any(image.size):
+            yield image.name
 
 
 def _thing(

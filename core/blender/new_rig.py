@@ -10,26 +10,24 @@ import bpy
 import numpy as np
 
 from ..arrays import Floats
-from ..bench.placement import Proposal, lattice
+from ..bench.placement import Proposal
 from ..errors import RigError
 from ..messages import Message, quoted
 from ..rig import ROLES, ConstantIndex, Glass, Rig
-from . import shaders
 from .bodies import bodiless
 from .elements import DEFAULT_IOR
-from .eyes import EYES
-from .image import encoded_image
 from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
 from .parts import Part, parts_by_role, read_parts, role_label
 from .rig_names import RIG
+from .rig_objects import in_units, make_display, make_picture, make_plate, make_viewer
 from .rig_record import Record
 from .rigs import rigs_of
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
-from .viewport_look import be_seen_as_glass, be_seen_as_plate, be_seen_as_screen, see_through
+from .viewport_look import be_seen_as_glass, see_through
 from .visibility import Shown
 
 BALL = Message("Kiriko Ball")
@@ -206,6 +204,7 @@ def make_rig(
     """
     before = scene.camera
     made = Workbench(scene, RIG)
+    made.collection.kiriko.has_plate = proposal.placement.plate is not None
     record = Record(scene, made.collection)
 
     try:
@@ -245,32 +244,10 @@ def _make_parts(
     """Plate, if the rig has one, picture and display."""
     metres = length_of_unit(scene)
     where = proposal.placement
-    columns, rows = pixels
     if where.plate is not None:
-        side = proposal.plate / metres
-        plate = made.rectangle("Kiriko Plate", _in_units(where.plate, metres), side, side)
-        plate.kiriko.role, plate.show_name = "PLATE", True
-        plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
-
-    side = proposal.picture / metres
-    picture = made.rectangle("Kiriko Picture", _in_units(where.picture, metres), side, side)
-    picture.kiriko.role, picture.show_in_front = "PICTURE", True
-    image = made.keep(encoded_image("Kiriko Lattice", lattice()))
-    picture.data.materials.append(
-        made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
-    )
-
-    for kind in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-        # a guide: in the artist's own renders the light itself is there
-        setattr(picture, f"visible_{kind}", False)
-
-    width = proposal.display / metres
-    display = made.rectangle(
-        "Kiriko Display", _in_units(where.display, metres), width, width * rows / columns
-    )
-    display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
-    display.data.materials.append(made.material("Kiriko Display", be_seen_as_screen))
-    picture.show_name = display.show_name = True
+        make_plate(made, in_units(where.plate, metres), proposal.plate / metres)
+    make_picture(made, in_units(where.picture, metres), proposal.picture / metres)
+    make_display(made, in_units(where.display, metres), proposal.display / metres, pixels)
 
 
 def _make_viewer(
@@ -278,20 +255,10 @@ def _make_viewer(
 ) -> None:
     """The viewer's camera, which is the scene's only where an artist has none."""
     metres = length_of_unit(scene)
-    frame = _in_units(proposal.placement.viewer, metres)
-    viewer = made.camera(
-        "Kiriko Viewer", frame, proposal.viewer_distance / metres, proposal.field / metres
-    )
-    viewer.data.stereo.interocular_distance = EYES / metres
+    frame = in_units(proposal.placement.viewer, metres)
+    viewer = make_viewer(made, frame, proposal.viewer_distance, proposal.field, metres)
     if resolution is not None:
         viewer.kiriko.use_resolution, viewer.kiriko.resolution = True, resolution
 
     scene.kiriko.viewer = viewer
     scene.camera = scene.camera or viewer
-
-
-def _in_units(frame: Floats, metres: float) -> Floats:
-    """A frame (4, 4), m, in Blender units."""
-    scaled = frame.copy()
-    scaled[:3, 3] /= metres
-    return scaled

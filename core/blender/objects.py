@@ -18,12 +18,17 @@ OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make a
 
 
 class Workbench:
-    """A new collection and the objects that are made in it.
+    """A collection, a new one where none is given, and the objects that are made in it.
     Frames (4, 4) and lengths are in Blender units.
     """
 
-    def __init__(self, scene: bpy.types.Scene, name: str) -> None:
+    def __init__(
+        self, scene: bpy.types.Scene, name: str, collection: bpy.types.Collection | None = None
+    ) -> None:
         self.made: list[bpy.types.ID] = []
+        if collection is not None:
+            self.collection = collection
+            return
         self.collection = self.keep(bpy.data.collections.new(data_name(name)))
         scene.collection.children.link(self.collection)
 

@@ -100,8 +100,13 @@ class Record:
 
     def mark(self, made: list[bpy.types.ID]) -> None:
         """Mark datablocks as the rig's own."""
-        for block in made:
-            block[RIG_MARK] = json.dumps([self.rig.key, block.name])
+        mark_made(made, self._collection)
+
+
+def mark_made(made: list[bpy.types.ID], rig: bpy.types.Collection) -> None:
+    """Mark datablocks as those of a rig."""
+    for block in made:
+        block[RIG_MARK] = json.dumps([rig.kiriko.key, block.name])
 
 
 def keep(block: bpy.types.ID) -> None:

@@ -80,7 +80,14 @@ class Look:
     """A scene as far as its checklist needs it.
 
     missing : phrases on the roles that a rig needs and has not, by role
+    has_rig : has the scene a rig of Add Rig?
     cameras : names of the scene's cameras
+    free_cameras : those that are no viewers
+    empty_seats : numbers of entries of the list of viewers that are on and whose camera is gone,
+        with its name, '' where there was none
+    are_viewers_off : all of the list?
+    solids : objects without a role that may be glass, the active one first
+    images : names of images that may be the picture
     misses : shares of the picture by the reason why they are lost, of the last result
     helps : remedies that were found for them, the most helpful first; None where none were sought
     is_followed : does Live follow the scene, so that the final image comes by itself?
@@ -88,7 +95,13 @@ class Look:
 
     things: tuple[Thing, ...] = ()
     missing: tuple[tuple[str, str], ...] = ()
+    has_rig: bool = False
     cameras: tuple[str, ...] = ()
+    free_cameras: tuple[str, ...] = ()
+    empty_seats: tuple[tuple[int, str], ...] = ()
+    are_viewers_off: bool = False
+    solids: tuple[Named, ...] = ()
+    images: tuple[str, ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
     is_coarse: bool = False

@@ -44,6 +44,17 @@ RIG = Section(
             "「リグを追加」を押すか、「オブジェクト」パネルでオブジェクトに役割を設定します。",
         ),
         Advice(
+            "The rig has a {noun} already.",
+            "Make Part makes what is missing. To have another one, delete it first.",
+            "「部品を作る」は足りないものを作ります。別のものにするには、先に削除します。",
+        ),
+        Advice(
+            "Too little is left of the rig to tell where the part stands: press Undo, or remove the"
+            " rig and add it again.",
+            "Picture, plate and display each stand where the other two and the glass ask for them.",
+            "絵、プレート、ディスプレイの位置は、それぞれ残りの二つとガラスから決まります。",
+        ),
+        Advice(
             "{owner} has the weight {weight:g}: set one above 0, or take it out of the list.",
             "A viewer with twice the weight is displaced half as much as the other.",
             "重みが2倍の視点では、像のずれがもう一方の半分になります。",

@@ -643,3 +643,122 @@ def test_glass_of_modifiers_is_not_flat_after_undo(
     assert not any("flat" in text for text in told(look()))
     shown = drawn("object", "VIEW3D_PT_kiriko_object", glass, bpy.context.scene)
     assert "flat" not in " ".join(shown.texts)
+
+
+def test_an_entry_of_the_viewers_without_a_camera_is_told(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """A camera of the scene takes the place, or the entry goes; one whose camera was deleted is
+    told by its name, and one that is off does no harm.
+    """
+    small_rig()
+    bpy.context.view_layer.objects.active = None
+    bpy.ops.kiriko.add_viewer()
+    assert told(look()) == ["The list of viewers has an entry without a camera."]
+    press(look(), "without a camera", n=-1)
+    assert len(scene.kiriko.viewers) == 0
+    assert told(look()) == []
+
+    mine = new_object(bpy.data.cameras.new("mine"))
+    bpy.ops.kiriko.add_viewer()
+    press(look(), "without a camera", n=0)
+    assert scene.kiriko.viewers[1].camera == mine
+    bpy.context.view_layer.update()
+    assert told(look()) == []
+    scene.collection.objects.unlink(mine)
+    assert told(look()) == ["The viewer 'thing' is in no scene any more, as after deleting it."]
+    scene.kiriko.viewers[1].is_on = False
+    assert told(look()) == []
+    scene.kiriko.viewers[0].is_on = False
+    press(look(), "All viewers in the list are off.")
+    assert told(look()) == []
+
+
+@pytest.mark.parametrize("kind", ["IN_GLASS", "BEHIND_GLASS"])
+@pytest.mark.parametrize("role", ["DISPLAY", "PICTURE", "PLATE", "VIEWER"])
+def test_a_part_that_was_deleted_is_made_anew(
+    scene: bpy.types.Scene, look: Callable[[], list], role: str, kind: str
+) -> None:
+    """It stands where Add Rig had it, all of the picture arrives, and Remove Rig takes it along."""
+    if (role, kind) == ("PLATE", "BEHIND_GLASS"):
+        return
+    untouched = {block.name for block in bpy.data.objects}
+    glass = cube()
+    glass.kiriko.use_ior = True
+    bpy.ops.kiriko.add_rig(kind=kind, viewer_resolution=64, display_resolution=(64, 48))
+    by_role = {thing.kiriko.role: thing for thing in scene.objects}
+    by_role["VIEWER"] = scene.kiriko.viewer
+    place = by_role[role].matrix_world.copy()
+    bpy.ops.kiriko.solve()
+    before = scene.kiriko.result.coverage
+    assert before > 0.99
+    bpy.data.objects.remove(by_role[role])
+    assert not bpy.ops.kiriko.solve.poll()
+    entries = [entry for entry in look() if entry.icon == "ERROR"]
+    assert len(entries) == 1
+    words = {"PLATE": "The rig's plate is gone: make it anew, or go without."}
+    assert entries[0].text.startswith(words.get(role, f"No {role.lower()}: "))
+    press(entries, entries[0].text)
+
+    made = scene.kiriko.viewer if role == "VIEWER" else scene.objects[f"Kiriko {role.title()}"]
+    found, expected = (np.array(matrix) for matrix in (made.matrix_world, place))
+    assert np.abs(found[:3, :3] - expected[:3, :3]).max() < 1e-5
+    tolerance = 0.02 * SIDE if role == "PICTURE" else 1e-5
+    assert np.abs(found[:3, 3] - expected[:3, 3]).max() < tolerance
+    bpy.ops.kiriko.solve()
+    assert scene.kiriko.result.coverage > 0.99
+    assert not [entry for entry in look() if entry.icon == "ERROR"]
+    bpy.ops.kiriko.remove_rig()
+    assert {block.name for block in bpy.data.objects} == untouched | {glass.name}
+
+
+def test_a_rig_may_go_on_without_its_plate(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """By the button; one whose role is None was put out of use, and is no matter."""
+    rig = small_rig()
+    rig["PLATE"].kiriko.role = "NONE"
+    assert told(look()) == []
+    rig["PLATE"].kiriko.role = "PLATE"
+    bpy.data.objects.remove(rig["PLATE"])
+    press(look(), "plate is gone", n=1)
+    assert told(look()) == []
+
+
+def test_glass_that_is_gone_may_be_another_object(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """The active one first, of those that have a body."""
+    rig = small_rig()
+    bpy.data.objects.remove(rig["GLASS"])
+    new_object(primitive("cube", size=SIDE))
+    ball = new_object(primitive("icosphere", subdivisions=2, radius=SIDE))
+    new_object(primitive("grid", x_segments=2, y_segments=2, size=SIDE))
+    ball.kiriko.use_ior = True
+    bpy.context.view_layer.objects.active = ball
+    bpy.context.view_layer.update()
+    (entry,) = look()
+    assert [str(button.label) for button in entry.buttons] == ["Use 'thing.001'", "Use 'thing'"]
+    press([entry], "No glass")
+    assert ball.kiriko.role == "GLASS"
+    assert not [text for text in told(look()) if "No " in text]
+
+
+def test_a_picture_in_own_pixels_that_is_none_has_buttons(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """An image of the file takes its place, or the plane."""
+    small_rig()
+    scene.kiriko.picture_source = "IMAGE"
+    image = bpy.data.images.new("mine", 64, 64)
+    (entry,) = look()
+    assert [str(b.label) for b in entry.buttons][-1] == "Set Picture to Plane"
+    press([entry], "No picture", n=-1)
+    assert scene.kiriko.picture_source == "PLANE"
+    scene.kiriko.picture_source = "IMAGE"
+    for one in list(bpy.data.images):
+        if one != image:
+            bpy.data.images.remove(one)
+    press(look(), "No picture")
+    assert scene.kiriko.picture_image == image
+    assert told(look()) == []

@@ -1,7 +1,7 @@
 """A rig that Add Rig made, and what it changed of things that were there before."""
 
 import bpy
-from bpy.props import CollectionProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
 
 from .viewers import KirikoViewer
 
@@ -19,6 +19,11 @@ class KirikoRig(bpy.types.PropertyGroup):
     changed: StringProperty(
         name="Changed",
         description="Settings of the scene that Add Rig changed, as JSON",
+        options={"HIDDEN"},
+    )
+    has_plate: BoolProperty(
+        name="Has Plate",
+        description="Has the rig a plate, so that it is missed where it was deleted?",
         options={"HIDDEN"},
     )
     views: StringProperty(

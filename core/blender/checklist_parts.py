@@ -1,0 +1,140 @@
+"""What the checklist tells of parts as a whole: those that are
+missing, hidden, or too many, and viewers without a camera.
+"""
+
+from collections.abc import Iterator
+
+from ..messages import Message
+from ..rig import ROLES
+from .to_do import ADVICE, PROBLEM, Button, Entry, Look, Named, Thing
+
+SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
+MADE = {
+    "DISPLAY": Message("Make a Display"),
+    "PICTURE": Message("Make a Picture"),
+    "VIEWER": Message("Make a Viewer"),
+    "PLATE": Message("Make a Plate"),
+}
+MOST_OFFERED = 2  # objects that may be the glass
+
+
+def shown(look: Look) -> list[Thing]:
+    """The parts that are shown."""
+    return [thing for thing in look.things if not thing.hidden_by]
+
+
+def naming(named: Named, **more: object) -> tuple[tuple[str, object], ...]:
+    """Values of the properties of a button that names a part."""
+    return (("part", named.name), ("library", named.library), *more.items())
+
+
+def on_missing(look: Look) -> Iterator[Entry]:
+    """What is not there is made, all by Add Rig as long as there is no rig; a hidden part is
+    shown.
+    """
+    roles = {thing.role for thing in look.things}
+    is_new = not (look.has_rig or roles & set(SINGLE))
+    for role, phrase in look.missing:
+        hidden = next((t for t in look.things if t.role == role and t.hidden_by), None)
+        buttons: tuple[Button, ...] = ()
+        if hidden is not None:
+            buttons = (_show(hidden),)
+        elif role == "VIEWER" and look.cameras:
+            buttons = (_use_camera("scene.kiriko.viewer", look.cameras[0]),)
+        elif role == "IMAGE":
+            buttons = _images(look)
+        elif is_new:
+            buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
+            is_new = False  # once is enough
+        elif role == "GLASS":
+            buttons = tuple(_use_as_glass(named) for named in look.solids[:MOST_OFFERED])
+        elif role == "PLATE":
+            without = Button("kiriko.go_without_plate", Message("Go Without"), (), "CHECKMARK")
+            buttons = (_make(role), without)
+        elif role in MADE and "GLASS" in roles:
+            buttons = (_make(role),)
+        yield Entry(Message("{reason}.", reason=phrase), PROBLEM, buttons)
+
+
+def _make(role: str) -> Button:
+    return Button("kiriko.make_part", MADE[role], (("role", role),), "ADD")
+
+
+def _use_as_glass(named: Named) -> Button:
+    label = Message("Use '{name}'", name=named.name)
+    return Button("kiriko.use_part", label, naming(named), "MATSPHERE")
+
+
+def _images(look: Look) -> tuple[Button, ...]:
+    """Where the picture is to be an image in the viewer's own pixels, and there is none."""
+    values = (("data_path", "scene.kiriko.picture_source"), ("value", "PLANE"))
+    plane = Button("wm.context_set_enum", Message("Set Picture to Plane"), values, "MESH_PLANE")
+    if not look.images:
+        return (plane,)
+    values = (("data_path", "scene.kiriko.picture_image"), ("value", look.images[0]))
+    label = Message("Use '{name}'", name=look.images[0])
+    return Button("wm.context_set_id", label, values, "IMAGE_DATA"), plane
+
+
+def _use_camera(path: str, name: str) -> Button:
+    label = Message("Use '{camera}'", camera=name)
+    values = (("data_path", path), ("value", name))
+    return Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA")
+
+
+def on_viewers(look: Look) -> Iterator[Entry]:
+    """Entries of the list of viewers that are on, and see nothing, for their camera is gone."""
+    if look.are_viewers_off:
+        values = (("data_path", "scene.kiriko.viewers[0].is_on"), ("value", True))
+        turn_on = Button("wm.context_set_boolean", Message("Turn On"), values, "CHECKBOX_HLT")
+        yield Entry(Message("All viewers in the list are off."), PROBLEM, (turn_on,))
+    for number, name in look.empty_seats:
+        text = (
+            Message("The viewer '{name}' is in no scene any more, as after deleting it.", name=name)
+            if name
+            else Message("The list of viewers has an entry without a camera.")
+        )
+        remove = Button(
+            "kiriko.remove_viewer", Message("Remove Entry"), (("number", number),), "REMOVE"
+        )
+        path = f"scene.kiriko.viewers[{number}].camera" if number else "scene.kiriko.viewer"
+        use = [_use_camera(path, camera) for camera in look.free_cameras[:1]]
+        yield Entry(text, PROBLEM, (*use, remove))
+
+
+def _show(thing: Thing) -> Button:
+    return Button("kiriko.show_part", Message("Show"), naming(thing.named), "HIDE_OFF")
+
+
+def on_too_many(look: Look) -> Iterator[Entry]:
+    """Parts of which a rig has one."""
+    for role, label in SINGLE.items():
+        things = [thing for thing in shown(look) if thing.role == role]
+        if len(things) < 2:
+            continue
+        text = Message(
+            "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
+            n=len(things),
+            role=label,
+        )
+        buttons = [
+            Button(
+                "kiriko.leave_out",
+                Message("Leave Out '{name}'", name=thing.named.name),
+                naming(thing.named),
+                "X",
+            )
+            for thing in things
+        ]
+        yield Entry(text, PROBLEM, tuple(buttons))
+
+
+def on_hidden(look: Look) -> Iterator[Entry]:
+    """Hidden parts that the rig can do without; those it needs are missing."""
+    missing = {role for role, _ in look.missing}
+    for thing in look.things:
+        if thing.hidden_by and thing.role not in missing:
+            text = Message(
+                "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
+            )
+            yield Entry(text, ADVICE, (_show(thing),))

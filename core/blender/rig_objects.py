@@ -1,0 +1,78 @@
+"""The objects of a rig that Add Rig makes, one by one: so one that was deleted is made anew.
+
+Frames (4, 4) and lengths are in Blender units, where nothing else is said.
+"""
+
+import bpy
+
+from ..arrays import Floats
+from ..bench.placement import lattice
+from . import shaders
+from .eyes import EYES
+from .image import encoded_image
+from .objects import Workbench
+from .own_words import data_name
+from .rigs import RIG_MARK, active_rig, mark_of
+from .viewport_look import be_seen_as_plate, be_seen_as_screen
+
+
+def has_lost_plate(scene: bpy.types.Scene) -> bool:
+    """Was the plate of a scene's active rig deleted? One whose role is None was put out of use."""
+    rig = active_rig(scene)
+    if rig is None or not rig.kiriko.has_plate:
+        return False
+    made = (mark_of(thing) for thing in scene.objects if RIG_MARK in thing)
+    return not any(
+        key == rig.kiriko.key and data_name("Kiriko Plate") in name for key, name in made
+    )
+
+
+def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
+    """A square plate."""
+    plate = made.rectangle("Kiriko Plate", frame, side, side)
+    plate.kiriko.role, plate.show_name = "PLATE", True
+    plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
+    return plate
+
+
+def make_picture(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
+    """A square picture, of the lattice."""
+    picture = made.rectangle("Kiriko Picture", frame, side, side)
+    picture.kiriko.role, picture.show_in_front, picture.show_name = "PICTURE", True, True
+    image = made.keep(encoded_image("Kiriko Lattice", lattice()))
+    picture.data.materials.append(
+        made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
+    )
+
+    for kind in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        # a guide: in the artist's own renders the light itself is there
+        setattr(picture, f"visible_{kind}", False)
+    return picture
+
+
+def make_display(
+    made: Workbench, frame: Floats, width: float, pixels: tuple[int, int]
+) -> bpy.types.Object:
+    """A display with square pixels, as many across and down."""
+    columns, rows = pixels
+    display = made.rectangle("Kiriko Display", frame, width, width * rows / columns)
+    display.kiriko.role, display.kiriko.resolution = "DISPLAY", pixels
+    display.show_name = True
+    display.data.materials.append(made.material("Kiriko Display", be_seen_as_screen))
+    return display
+
+
+def make_viewer(
+    made: Workbench, frame: Floats, distance: float, field: float, metres: float
+) -> bpy.types.Object:
+    """A camera that sees a field so wide at a distance, both m."""
+    viewer = made.camera("Kiriko Viewer", frame, distance / metres, field / metres)
+    viewer.data.stereo.interocular_distance = EYES / metres
+    return viewer
+
+
+def in_units(frame: Floats, metres: float) -> Floats:
+    """A frame (4, 4), m, in Blender units."""
+    scaled = frame.copy()
+    scaled[:3, 3] /= metres
+    return scaled

@@ -1,0 +1,162 @@
+"""Make a part anew that the rig lacks, as after deleting it; or have an object be that part."""
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import bpy
+
+from ..core.bench.anew import Stand, stand_of
+from ..core.bench.picture_room import fit_picture
+from ..core.bench.placement import rectangle
+from ..core.bench.room import fit_display
+from ..core.blender.objects import Workbench
+from ..core.blender.places import KeptPlaces, read_places
+from ..core.blender.rig_objects import (
+    has_lost_plate,
+    in_units,
+    make_display,
+    make_picture,
+    make_plate,
+    make_viewer,
+)
+from ..core.blender.rig_record import mark_made
+from ..core.blender.rigs import active_rig
+from ..core.blender.units import length_of_unit, length_text
+from ..core.errors import KirikoError, RigError
+from ..core.messages import Message
+from ..core.rig import ROLES, Display, PicturePlace, Rig
+from ..core.steps import within
+from . import long_work, needed, telling, work
+from .mend import MendsPart
+
+PIXELS = (1920, 1080)
+MADE = ("DISPLAY", "PICTURE", "PLATE", "VIEWER")
+ROLES_MADE = tuple((role.name, role.label, "") for role in ROLES if role.name in MADE)
+
+
+class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
+    """Make this part of the rig anew, where the others ask for it, as large as the light needs"""
+
+    bl_idname = "kiriko.make_part"
+    bl_label = "Make Part"
+    bl_options = {"REGISTER", "UNDO"}
+
+    role: bpy.props.EnumProperty(
+        name="Role", description="The part", items=ROLES_MADE, options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, Message]:
+        scene, metres = context.scene, length_of_unit(context.scene)
+        context.view_layer.update()
+        rig = read_places(context.evaluated_depsgraph_get(), scene, KeptPlaces())
+        noun = next(role.noun for role in ROLES if role.name == self.role)
+        if rig.of(next(role for role in ROLES if role.name == self.role)):
+            raise RigError("The rig has a {noun} already.", noun=noun)
+        stand = stand_of(self.role, rig)
+        source = scene.kiriko.result.source
+        pixels = tuple(source.size) if source is not None and all(source.size) else PIXELS
+        width = stand.side * max(pixels[0] / pixels[1], 1.0)
+        yield 0.05
+
+        side = width if self.role == "DISPLAY" else stand.side
+        side *= yield from within(self._fitted(scene, rig, stand, pixels, width), 0.05, 1.0)
+        thing = self._made(scene, stand, side, pixels, metres)
+        context.view_layer.update()
+        if self.role == "VIEWER":
+            return Message("'{name}' is made anew.", name=thing.name)
+        return Message(
+            "'{name}' is made anew, {width} wide.",
+            name=thing.name,
+            width=length_text(scene, side),
+        )
+
+    def _fitted(
+        self,
+        scene: bpy.types.Scene,
+        rig: Rig,
+        stand: Stand,
+        pixels: tuple[int, int],
+        width: float,
+    ) -> Generator[float, None, float]:
+        """How many times as large a display or picture has to be; 1 where nothing tells."""
+        if self.role not in {"DISPLAY", "PICTURE"}:
+            return 1.0
+        settings = work.settings_of(scene)
+        if self.role == "DISPLAY":
+            mesh = rectangle(stand.frame, width, width * pixels[1] / pixels[0])
+            rig = replace(rig, displays=(Display("display", mesh, *pixels),))
+        else:
+            mesh = rectangle(stand.frame, stand.side, stand.side)
+            rig = replace(rig, pictures=(PicturePlace("picture", 1, 1, mesh),))
+        fit = fit_display if self.role == "DISPLAY" else fit_picture
+        try:
+            rig.check()
+            fitted = yield from fit(rig, lambda rig: work.session().plan(rig, settings))
+        except KirikoError:  # the checklist tells what else is missing
+            return 1.0
+        # as large as the picture is it shows where it is, without a plate
+        return fitted.size if rig.plates or self.role == "PICTURE" else max(fitted.size, 1.0)
+
+    def _made(
+        self,
+        scene: bpy.types.Scene,
+        stand: Stand,
+        side: float,
+        pixels: tuple[int, int],
+        metres: float,
+    ) -> bpy.types.Object:
+        """The object, in the rig's collection, as Remove Rig will find it."""
+        rig = active_rig(scene)
+        made = Workbench(scene, "", rig or scene.collection)
+        at = in_units(stand.frame, metres)
+        try:
+            if self.role == "DISPLAY":
+                thing = make_display(made, at, side / metres, pixels)
+            elif self.role == "PICTURE":
+                thing = make_picture(made, at, side / metres)
+            elif self.role == "PLATE":
+                thing = make_plate(made, at, side / metres)
+            else:
+                thing = make_viewer(made, at, stand.distance, stand.side, metres)
+                scene.kiriko.viewer = thing
+                scene.camera = scene.camera or thing
+            if rig is not None:
+                mark_made(made.made, rig)
+                rig.kiriko.has_plate |= self.role == "PLATE"
+        except BaseException:
+            made.clear()
+            raise
+        return thing
+
+
+class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
+    """Make this object the glass of the rig"""
+
+    bl_idname = "kiriko.use_part"
+    bl_label = "Use as Glass"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        thing.kiriko.role = "GLASS"
+        return Message("'{name}' is glass of the rig now.", name=thing.name)
+
+
+class KIRIKO_OT_go_without_plate(bpy.types.Operator):
+    """Have the rig be one without a plate, in which light goes straight from display to glass"""
+
+    bl_idname = "kiriko.go_without_plate"
+    bl_label = "Go Without"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_lost = has_lost_plate(context.scene)
+        return needed.can_run(cls, [] if is_lost else [Message("The rig misses no plate")])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        active_rig(context.scene).kiriko.has_plate = False
+        telling.report(self, "INFO", Message("The rig does without a plate now."))
+        return {"FINISHED"}
