@@ -88,7 +88,7 @@ def _plate(rig: Rig) -> Stand:
     normal = normalise(way)
     middle = picture[:3, 3] + way / 2
     if rig.viewers:
-        sight = normalise(picture[:3, 3] - rig.viewer.position)
+        sight = normalise(picture[:3, 3] - rig.viewers[0].position)
         steep = sight @ normal
         if steep > LEAST:
             middle = picture[:3, 3] + sight * (np.linalg.norm(way) / 2 / steep)
@@ -119,7 +119,7 @@ def _in_glass(rig: Rig) -> Stand:
     """A picture in the middle of the glass, which faces the viewer, or whoever looks along +y."""
     right, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     if rig.viewers:
-        right, up, _ = rig.viewer.axes
+        right, up, _ = rig.viewers[0].axes
     low, high = _bounds(rig)
     corners = np.stack(np.meshgrid(*_bounds(rig).T), axis=-1).reshape(-1, 3)
     width, height = (float(np.ptp(corners @ np.asarray(axis))) for axis in (right, up))
