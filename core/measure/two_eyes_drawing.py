@@ -1,4 +1,5 @@
-"""How two eyes see the picture, drawn over it: vertical disparity and depth of each point.
+"""How two eyes see the picture, drawn over it: vertical and horizontal disparity of each point, and
+its depth.
 
 A panel for each of the ways to show it, before and after compensation. All have one scale.
 """
@@ -26,13 +27,13 @@ WAYS = ("uncompensated", "for_left", "for_right", "for_both")  # fields of TwoEy
 WIDTH = 330  # of the picture
 GAP = 30
 HEAD = 46  # over a picture, for its words
-TOP = 40
+TOP = 60
 MOST_PIXELS = 220  # of the picture's own, each way
 FADED = 0.25
 LONGEST = 0.42  # of the way between two points: the longest arrow, and the largest disc
-LEAST_ARCMIN = 0.01  # the longest arrow and the largest disc tell of so much, or of more
-LEAST_M = 1e-5
-HIGHER, LOWER, BEFORE, BEHIND = "#c8501e", "#0b6e99", "#c8501e", "#0b6e99"
+# the longest arrow and the largest disc tell of so much, arcmin and m, or of more
+LEAST = {"vertical": 0.01, "horizontal": 0.01, "depth": 1e-5}
+MORE, LESS = "#c8501e", "#0b6e99"  # than nothing
 
 
 def as_data(found: TwoEyes) -> dict[str, Any]:
@@ -60,7 +61,8 @@ def _rows(values: Floats) -> list[list[float | None]]:
 
 
 def as_svg(rig: Rig, found: TwoEyes) -> str:
-    """The drawing: a column for each way to show the picture, arrows over discs.
+    """The drawing: a column for each way to show the picture: arrows up and down, arrows aside,
+    discs.
 
     Raises
     ------
@@ -81,8 +83,9 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
     parts = []
     for column, (title, one) in enumerate(zip(titles, sights, strict=True)):
         for row, (words, marks) in enumerate((
-            (_vertical_words(one), _arrows(one, size, scales[0])),
-            (_depth_words(one), _discs(one, size, scales[1])),
+            (_vertical_words(one), _arrows(one, size, "vertical", scales)),
+            (_horizontal_words(one), _arrows(one, size, "horizontal", scales)),
+            (_depth_words(one), _discs(one, size, scales["depth"])),
         )):  # fmt: skip
             x = GAP + column * (WIDTH + GAP)
             y = TOP + HEAD + row * (size[1] + HEAD + GAP)
@@ -95,31 +98,33 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
                 "</g>",
             ]
     width = GAP + len(WAYS) * (WIDTH + GAP)
-    height = TOP + 2 * (size[1] + HEAD + GAP)
+    height = TOP + 3 * (size[1] + HEAD + GAP)
     title = (
-        "Two eyes, over the picture. Above: arrows up where the left eye sees a point higher"
-        " (arcmin). Below: depth (mm), full discs before the picture's plane, rings behind it."
+        "Two eyes, over the picture. Above, arcmin: arrows up where the left eye sees a point"
+        " higher than the right eye does.",
+        "Middle, arcmin: arrows to the right where they converge more than for the picture's plane."
+        " Below, mm: full discs before that plane, rings behind it.",
     )
     return "\n".join([
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
         f' viewBox="0 0 {width:.0f} {height:.0f}" font-family="{FONT}">',
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
-        text_at((GAP, 26), title, size=15),
+        *(text_at((GAP, 26 + 20 * n), line, size=15) for n, line in enumerate(title)),
         *parts,
         "</svg>",
         "",
     ])  # fmt: skip
 
 
-def _scales(sights: list[Sights]) -> tuple[float, float]:
-    """The largest vertical disparity, arcmin, and the largest depth that is not beyond infinity, m,
-    of all.
+def _scales(sights: list[Sights]) -> dict[str, float]:
+    """The largest disparities, arcmin, and the largest depth that is not beyond infinity, m, of all
+    panels, by the fields of `Sights`.
     """
-    found = []
-    for field, least in (("vertical", LEAST_ARCMIN), ("depth", LEAST_M)):
+    found = {}
+    for field, least in LEAST.items():
         values = np.concatenate([getattr(one, field).ravel() for one in sights])
-        found.append(float(np.abs(values[np.isfinite(values)]).max(initial=least)))
-    return found[0], found[1]
+        found[field] = float(np.abs(values[np.isfinite(values)]).max(initial=least))
+    return found
 
 
 def _places(sights: Sights, size: Floats) -> tuple[Floats, float]:
@@ -129,22 +134,27 @@ def _places(sights: Sights, size: Floats) -> tuple[Floats, float]:
     return np.stack([uv[..., 0], 1 - uv[..., 1]], axis=2) * size, LONGEST * size.min() / n
 
 
-def _arrows(sights: Sights, size: Floats, scale: float) -> list[str]:
-    """Arrows for vertical disparity, upward where the left eye sees a point higher."""
+def _arrows(sights: Sights, size: Floats, field: str, scales: dict[str, float]) -> list[str]:
+    """Arrows for a disparity: upward where the left eye sees a point higher, to the right where it
+    sees it farther to the right.
+    """
     places, longest = _places(sights, size)
+    along = np.array([0.0, -1.0] if field == "vertical" else [1.0, 0.0])
+    beside = np.array([4.0, 4.0] if field == "vertical" else [4.0, 12.0])  # px, for the number
     parts = []
-    for (x, y), value in zip(places.reshape(-1, 2), sights.vertical.ravel(), strict=True):
+    for middle, value in zip(places.reshape(-1, 2), getattr(sights, field).ravel(), strict=True):
         if not np.isfinite(value):
             continue
-        way = -longest * value / scale
-        colour = HIGHER if value > 0 else LOWER
-        head = 0.3 * way
+        way = longest * value / scales[field] * along
+        start, end = middle - way, middle + way
+        across = 0.3 * way[::-1]
+        barbs = end - 0.3 * way + across, end - 0.3 * way - across
+        (x0, y0), (x1, y1), (x2, y2), (x3, y3) = start, end, *barbs
         parts += [
-            f'<path class="arrow" d="M{x:.2f},{y - way:.2f} L{x:.2f},{y + way:.2f}'
-            f" M{x - abs(head):.2f},{y + way - head:.2f} L{x:.2f},{y + way:.2f}"
-            f' L{x + abs(head):.2f},{y + way - head:.2f}" fill="none" stroke="{colour}"'
-            f' stroke-width="2"/>',
-            text_at((x + 4, y + 4), rounded(value), size=8),
+            f'<path class="arrow" d="M{x0:.2f},{y0:.2f} L{x1:.2f},{y1:.2f}'
+            f' M{x2:.2f},{y2:.2f} L{x1:.2f},{y1:.2f} L{x3:.2f},{y3:.2f}" fill="none"'
+            f' stroke="{MORE if value > 0 else LESS}" stroke-width="2"/>',
+            text_at(tuple(middle + beside), rounded(value), size=8),
         ]
     return parts
 
@@ -164,8 +174,8 @@ def _discs(sights: Sights, size: Floats, scale: float) -> list[str]:
         text = "beyond" if np.isinf(depth) else rounded(1e3 * depth)
         if np.isfinite(depth):
             radius = longest * np.sqrt(abs(depth) / scale)
-            paint = f'fill="{BEFORE}" fill-opacity="0.6"' if depth > 0 else (
-                f'fill="none" stroke="{BEHIND}" stroke-width="2"'
+            paint = f'fill="{MORE}" fill-opacity="0.6"' if depth > 0 else (
+                f'fill="none" stroke="{LESS}" stroke-width="2"'
             )  # fmt: skip
             parts.append(
                 f'<circle class="disc" cx="{x:.2f}" cy="{y:.2f}" r="{radius:.2f}" {paint}/>'
@@ -179,6 +189,13 @@ def _vertical_words(sights: Sights) -> str:
         return "no point is seen by both eyes"
     mean, most = sights.mean_vertical, sights.largest_vertical
     return f"vertical disparity: mean {number(mean)}, largest {number(most)} arcmin"
+
+
+def _horizontal_words(sights: Sights) -> str:
+    if not sights.is_seen.any():
+        return "no point is seen by both eyes"
+    mean, most = sights.mean_horizontal, sights.largest_horizontal
+    return f"horizontal disparity: mean {number(mean)}, largest {number(most)} arcmin"
 
 
 def _depth_words(sights: Sights) -> str:

@@ -331,7 +331,7 @@ def test_a_part_of_the_image_is_looked_at_where_it_is():
     np.testing.assert_allclose(found.depth, seen(a_rig).uncompensated.depth, atol=1e-9)
 
 
-def test_the_drawing_has_an_arrow_and_a_disc_for_each_point():
+def test_the_drawing_has_arrows_and_a_disc_for_each_point():
     """Lengths and areas are in proportion to the numbers, one scale for all panels; the picture's
     own pixels are in it.
     """
@@ -340,18 +340,24 @@ def test_the_drawing_has_an_arrow_and_a_disc_for_each_point():
     drawing = ET.fromstring(as_svg(a_rig, found))
     svg = "{http://www.w3.org/2000/svg}"
     panels = drawing.findall(f"{svg}g")
-    assert len(panels) == 8
-    for n, sights in enumerate(every(found)):
-        arrows = panels[2 * n].findall(f"{svg}path[@class='arrow']")
-        ends = np.array([
-            [float(place.split(",")[1]) for place in arrow.get("d").split(" ")[:2]]
-            for arrow in arrows
-        ])  # fmt: skip
-        up = (ends[:, 0] - ends[:, 1]) / (ends[0, 0] - ends[0, 1])
-        expected = sights.vertical[sights.is_seen]
-        assert up == pytest.approx(expected / expected[0], abs=5e-3)
+    assert len(panels) == 12
+    for field, axis, sign, row in (("vertical", 1, -1, 0), ("horizontal", 0, 1, 1)):
+        lengths = []
+        for n, sights in enumerate(every(found)):
+            arrows = panels[3 * n + row].findall(f"{svg}path[@class='arrow']")
+            lines = [arrow.get("d").split(" ")[:2] for arrow in arrows]
+            ends = np.array([[place[1:].split(",") for place in line] for line in lines], float)
+            way = ends[:, 1] - ends[:, 0]
+            assert not way[:, 1 - axis].any()
+            values = getattr(sights, field)[sights.is_seen]
+            lengths += zip(sign * way[:, axis], values, strict=True)
+            numbers = [text.text for text in panels[3 * n + row].findall(f"{svg}text")[2:]]
+            assert [float(text) for text in numbers] == pytest.approx(values, abs=6e-3)
+        lengths = np.array(lengths) / np.abs(lengths).max(axis=0)
+        np.testing.assert_allclose(*lengths.T, atol=5e-3)
 
-        discs = panels[2 * n + 1].findall(f"{svg}circle[@class='disc']")
+    for n, sights in enumerate(every(found)):
+        discs = panels[3 * n + 2].findall(f"{svg}circle[@class='disc']")
         area = np.array([float(disc.get("r")) ** 2 for disc in discs])
         depth = np.abs(sights.depth[sights.is_seen])
         assert area / area.max() == pytest.approx(depth / depth.max(), abs=5e-3)
@@ -387,7 +393,7 @@ def test_points_that_not_both_see_are_left_out_of_the_drawing():
     found = replace(found, for_both=changed)
     drawing = ET.fromstring(as_svg(a_rig, found))
     svg = "{http://www.w3.org/2000/svg}"
-    arrows, discs = drawing.findall(f"{svg}g")[-2:]
+    arrows, _, discs = drawing.findall(f"{svg}g")[-3:]
     assert len(arrows.findall(f"{svg}path")) == 48
     assert len(discs.findall(f"{svg}circle")) == 47
     assert "beyond" in {text.text for text in discs.findall(f"{svg}text")}
