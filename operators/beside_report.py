@@ -210,6 +210,11 @@ def eye_box_of(
     return eye_box_curves.as_data(box, viewer, curves), {eye_box_curves.FILE: drawing}
 
 
+def files_of(rig: Rig) -> tuple[str, ...]:
+    """The files that the verb writes."""
+    return (*names(rig), NUMBERS)
+
+
 def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
     """Add `eyes` to the command line."""
     eyes = verbs.add_parser(
@@ -241,7 +246,7 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
     context = bpy.context
     rig = work.read(context).rig
     rig.check()
-    files = (*names(rig), NUMBERS)
+    files = files_of(rig)
     if len(rig.viewers) == len(files) == 1:
         check_head(rig)  # tells why there is nothing
     for viewer in rig.viewers:  # before minutes of work on the others

@@ -23,6 +23,7 @@ from ..core.warp.options import FORMATS, TIMES, MapOptions
 from . import (
     bench_drawing,
     beside_report,
+    each_rig,
     export_atlas,
     export_maps,
     farm_verbs,
@@ -304,12 +305,17 @@ def _each_rig(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if not names:
         raise RigError("The scene has no rig that Add Rig made: leave out --rig.")
 
-    for name, of_name in zip(names, folder.names_for(names), strict=True):
+    folders = {
+        name: arguments.out / of_name
+        for name, of_name in zip(names, folder.names_for(names), strict=True)
+    }
+    if not is_job:
+        each_rig.check(arguments, folders)
+    for name, out in folders.items():
         choose_by_name(bpy.context, name)
         yield Message("rig '{name}'", name=name)
         yield from set_value.set_values(arguments.set)
         if not is_job:
-            out = arguments.out / of_name
             with folder.made(out):
                 yield from arguments.run(argparse.Namespace(**{**vars(arguments), "out": out}))
     if is_job:

@@ -151,16 +151,12 @@ def products_given(
 
 def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) -> list[Given]:
     """Change parts of the open file for the products that are asked for."""
+    check_products(context.scene, arguments)
     parts = needed.parts(context.scene)
     plates, displays, glasses = (
         list(parts.get(role, {})) for role in ("PLATE", "DISPLAY", "GLASS")
     )
     given = []
-    if arguments.plate and not plates:
-        raise RigError(
-            "The rig has no plate that could be '{plate}': leave out --plate.",
-            plate=arguments.plate,
-        )
     if arguments.plate:
         given += [give_plate(context, thing, PLATES[arguments.plate]) for thing in plates]
     if arguments.display:
@@ -168,6 +164,15 @@ def _with_products(context: bpy.types.Context, arguments: argparse.Namespace) ->
     if arguments.glass:
         given += give_glass(glasses, GLASSES[arguments.glass])
     return given
+
+
+def check_products(scene: bpy.types.Scene, arguments: argparse.Namespace) -> None:
+    """Raise RigError where no part could be a product that is asked for."""
+    if arguments.plate and not needed.parts(scene).get("PLATE"):
+        raise RigError(
+            "The rig has no plate that could be '{plate}': leave out --plate.",
+            plate=arguments.plate,
+        )
 
 
 def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:

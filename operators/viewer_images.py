@@ -77,6 +77,16 @@ def open_images(scene: bpy.types.Scene, file: str) -> int:
     return len(images)
 
 
+def check_images(scene: bpy.types.Scene, file: str) -> None:
+    """Raise the error of `open_images`; nothing is changed."""
+    before = set(bpy.data.images)
+    try:
+        for name, path in files_of(scene, file).items():
+            _opened(path, name)
+    finally:
+        bpy.data.batch_remove([one for one in bpy.data.images if one not in before])
+
+
 def give(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
     """Have the viewers of some names see these images, in their own pixels."""
     ours = scene.kiriko

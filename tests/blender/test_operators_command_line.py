@@ -268,6 +268,56 @@ def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_sav
     assert len(list(two_saved.iterdir())) == 2
 
 
+@pytest.mark.parametrize(
+    ("verb", "options", "told"),
+    [
+        ("solve", ("--viewers", "Kiriko Viewer"), "no viewer 'Kiriko Viewer': there are 'Kir"),
+        ("solve", ("--only-viewer", "Kiriko Viewer"), "no viewer 'Kiriko Viewer': there are 'Kir"),
+        (
+            "solve",
+            ("--pictures", "//Kiriko Viewer.png"),
+            "of the viewer 'Kiriko Viewer.001' cannot",
+        ),
+        ("solve", (), "report.json already"),
+        ("report", (), "report.json already"),
+        ("eyes", (), "eyes.json already"),
+        ("drawing", ("--set", "kiriko.viewers_shown", "0"), "viewers_shown"),
+    ],
+)
+def test_what_the_second_rig_refuses_is_told_before_the_first_is_solved(
+    run: Callable[..., int],
+    two_saved: Path,
+    capsys: pytest.CaptureFixture,
+    verb: str,
+    options: tuple[str, ...],
+    told: str,
+) -> None:
+    """Nothing is written for either."""
+    image = bpy.data.images.new("image", 8, 8)
+    image.filepath_raw, image.file_format = str(two_saved.parent / "Kiriko Viewer.png"), "PNG"
+    image.save()
+    if "already" in told:
+        second = two_saved / "Kiriko_Rig_001"
+        second.mkdir(parents=True)
+        (second / told.split()[0]).touch()
+    before = sorted(two_saved.rglob("*"))
+    assert run(verb, "--out", two_saved, "--rig", "all", *options) == 1
+    assert told in refusal(capsys)
+    assert sorted(two_saved.rglob("*")) == before
+
+
+def test_a_broken_second_rig_is_told_before_the_first_is_solved(
+    run: Callable[..., int], two_saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Nothing is written."""
+    display = next(one for one in bpy.data.objects if one.name.startswith("Kiriko Display.0"))
+    display.scale = (0, 0, 0)
+    bpy.ops.wm.save_mainfile()
+    assert run("solve", "--out", two_saved, "--rig", "all") == 1
+    assert display.name in refusal(capsys)
+    assert not two_saved.exists()
+
+
 def test_values_are_set_of_the_rig_that_is_solved(run: Callable[..., int], two_saved: Path) -> None:
     """Whichever the file shows; with all of them, of each."""
     wanted = ("--set", "kiriko.tolerance", "0.5")

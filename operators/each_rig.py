@@ -1,0 +1,52 @@
+"""What the command line would refuse of one of several rigs, before anything is written."""
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+
+import bpy
+
+from . import beside_report, folder, report, set_value, solve_to_folder, viewer_images, work
+from .choose_rig import choose_by_name
+from .viewer_reports import asked_for
+
+
+def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
+    """Raise the error that the work for a rig would begin with; each rig is chosen once.
+
+    folders : for results, by the rigs' names
+    """
+    for name, out in folders.items():
+        choose_by_name(bpy.context, name)
+        set_value.set_values(arguments.set)
+        _check_active(argparse.Namespace(**{**vars(arguments), "out": out}))
+
+
+def _check_active(arguments: argparse.Namespace) -> None:
+    scene, given = bpy.context.scene, vars(arguments)
+    is_changed = False  # the rig, before it is read
+    asked_for(scene, given.get("viewers", []))
+    if given.get("only_viewer") is not None:
+        asked_for(scene, [arguments.only_viewer])
+        is_changed = True
+    if given.get("pictures"):
+        viewer_images.check_images(scene, arguments.pictures)
+        is_changed = True
+    if any(given.get(role) for role in solve_to_folder.PRODUCTS):
+        solve_to_folder.check_products(scene, arguments)
+        is_changed = True
+    if not is_changed:
+        work.read(bpy.context).rig.check()
+    if not arguments.overwrite:
+        folder.refuse_existing(arguments.out, _files(arguments), "add --overwrite")
+
+
+def _files(arguments: argparse.Namespace) -> Iterable[str]:
+    """The files that the work for the active rig writes, as far as they are known before it."""
+    if arguments.verb == "solve" and arguments.frames is None:
+        return [path.name for path in solve_to_folder.file_names(arguments).values()]
+    if arguments.verb == "report":
+        return report.names(work.read(bpy.context).rig)
+    if arguments.verb == "eyes":
+        return beside_report.files_of(work.read(bpy.context).rig)
+    return []
