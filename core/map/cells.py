@@ -20,6 +20,7 @@ THINNEST = 1e-5
 SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors
 LEVEL = 1e-100  # px: an edge that falls by less has no area beside it
 INSIDE = 1e-9  # of a cell: a share's centroid keeps this far from the border
+LEAST_LEAN = 1e-3  # px: an edge that leans less is upright
 FARTHEST = 1e15  # px: beyond it a double cannot tell one pixel from the next
 
 
@@ -72,6 +73,32 @@ def signed_area(x: Floats, y: Floats) -> Floats:
     if len(x) == 3:
         return 0.5 * cross(x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0])
     return 0.5 * cross(x[2] - x[0], y[2] - y[0], x[3] - x[1], y[3] - y[1])
+
+
+def area_within(x: Floats, y: Floats, size: tuple[int, int]) -> Floats:
+    """Area (c,) of the part of polygons (k, c) that lies in the rectangle from (0, 0) to a size.
+
+    By Green's theorem it is the sum over the edges of the integral of x dy, x and y taken to the
+    rectangle's border where they are beyond it. The integral of a straight edge is closed: with
+    F' = clip(x, 0, w) it is the slope of F between both ends times their height.
+    """
+    width, height = size
+    bx, by = np.roll(x, -1, axis=0), np.roll(y, -1, axis=0)
+    low, high = np.clip(y, 0, height), np.clip(by, 0, height)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        slope = (bx - x) / (by - y)
+        ends = x + (low - y) * slope, x + (high - y) * slope
+        inside = [np.clip(end, 0, width) for end in ends]
+        # F is quadratic in the rectangle, and goes on as a straight line
+        first, last = (
+            0.5 * near**2 + np.maximum(end - width, 0) * width
+            for near, end in zip(inside, ends, strict=True)
+        )
+        is_upright = np.abs(ends[1] - ends[0]) < LEAST_LEAN
+        mean = np.where(is_upright, inside[0], (last - first) / (ends[1] - ends[0]))
+        mean = np.clip(mean, np.minimum(*inside), np.maximum(*inside))
+        strips = np.where(low == high, 0, (high - low) * mean)
+    return np.abs(strips.sum(axis=0))
 
 
 def centroid(x: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints, each_value, taken
 from ..light.landings import Reason
+from .cells import area_within
 from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around
-from .points import Points, areas, bounds_of
+from .points import Points, bounds_of
 from .subdivision import n_parts
 
 QUADS_AT_ONCE = 1 << 15
-SHARES_OF_QUAD = 2.0  # of a smooth cell, about
+CORNERS = [0, 4, 24, 20]  # of the nodes of a smooth cell, around it
 COUNTED = 1 << 16  # pieces at the least of which the shares are counted, where there are more
 
 
@@ -116,33 +117,31 @@ class ViewMap:
         quad or triangle makes a share for each display pixel that it touches.
         """
         cut = [(len(kind), self._n_shares_of(kind)) for kind in (self.quads, self.triangles)]
-        return np.transpose(
-            [(self.n_quads, SHARES_OF_QUAD * self.n_quads), *cut, (len(self.samples),) * 2]
-        )
+        smooth = self.n_quads, self._n_shares_of(self.nodes[:, CORNERS], self._n_parts)
+        return np.transpose([smooth, *cut, (len(self.samples),) * 2])
 
     @property
     def n_cut_shares(self) -> float:
         """About how many shares the pixels make that are not in smooth cells."""
         return float(self.n_by_kind[1, 1:].sum())
 
-    def _n_shares_of(self, pieces: Ints) -> float:
-        """About how many shares pieces (n, 4 or 3) make: known
-        from some of them, where they are many.
+    def _n_shares_of(self, pieces: Ints, n_parts: Ints | None = None) -> float:
+        """About how many shares pieces (n, 4 or 3) make, cut into n_parts a side: known from some
+        of them, where they are many.
+
+        A convex part wide w and high h, of area a, touches a + w + h + 1 pixels on average.
         """
-        some = pieces[:: 1 + len(pieces) // COUNTED]
+        step = 1 + len(pieces) // COUNTED
+        some = pieces[::step]
+        parts = np.ones(len(some)) if n_parts is None else n_parts[::step]
         corners = [taken(self.points.xy, number) for number in some.T]
         low, high = (reduce(bound, corners) for bound in (np.minimum, np.maximum))
-        first = np.clip(low, 0, self.display_size)
-        last = np.clip(high, 0, self.display_size)
+        size = np.clip(high, 0, self.display_size) - np.clip(low, 0, self.display_size)
+        is_seen = ((high > 0) & (low < self.display_size)).all(axis=1)
 
-        columns, rows = (np.ceil(last) - np.floor(first)).T
-        with np.errstate(over="ignore", invalid="ignore"):
-            area = areas(self.points.xy, some[:, :3]) * (some.shape[1] - 2)
-            area *= np.fmin.reduce(
-                (last - first) / (high - low), axis=1
-            )  # of long ones most may lie beside the display
-
-        n_shares = np.fmin(columns * rows, area + columns + rows).sum()
+        area = area_within(*np.moveaxis(corners, 2, 0), self.display_size)
+        area = np.fmin(area, size.prod(axis=1))
+        n_shares = (area + parts * size.sum(axis=1) + parts**2)[is_seen].sum()
         return float(n_shares) * len(pieces) / max(len(some), 1)
 
     @property

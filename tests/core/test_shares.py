@@ -1,5 +1,6 @@
 """Shares against a polygon clipper that knows nothing of edges, rows or cumulative sums."""
 
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from kiriko.core.map import rasterise as rasterise_module
 from kiriko.core.map import share_batches
+from kiriko.core.map.cells import area_within
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage, add_at
 from known.polygons import area_and_centroid, clip, clipped, covariance, pieces_of
@@ -162,6 +164,24 @@ def test_any_triangle_agrees_with_exact_clipper(corners):
     height = 1e-5 * np.ptp(np.array(corners), axis=0).max()
     thin = abs(area_and_centroid(corners)[0]) <= height
     np.testing.assert_allclose(image, expected, rtol=0, atol=2 * height if thin else 1e-12)
+
+
+@fixed
+@given(
+    st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=3),
+    st.sampled_from([1.0, 1e3, 1e9]),
+    st.sampled_from([(8, 8), (3, 11), (4096, 1)]),
+)
+def test_the_area_in_a_rectangle_is_the_exact_clippers(corners, far, size):
+    """Also of triangles that reach far beyond it, on either side."""
+    points = [tuple(Fraction(far * (value - 4)) + 4 for value in corner) for corner in corners]
+    part = points
+    for axis, limit in enumerate(size):
+        part = clip(clip(part, axis, 0, 1), axis, limit, -1)
+    exact = float(abs(area_and_centroid(part)[0]))
+    x, y = np.array([[float(value) for value in point] for point in points]).T[:, :, None]
+    slack = 1e-12 * far * max(size) + 1e-3 * max(size)  # of an edge taken for an upright one
+    assert area_within(x, y, size)[0] == pytest.approx(exact, abs=slack)
 
 
 @fixed

@@ -207,6 +207,21 @@ SCENES = {
 }
 
 
+@pytest.mark.parametrize("display", [0.03, 0.1])
+@pytest.mark.parametrize("scene", ["bottle", "flat ball", "critical curve"])
+def test_shares_are_counted_before_they_are_made(scene, display):
+    """Within a tenth, wherever pieces lie on the display, and however far beyond it."""
+    mesh = {
+        "bottle": bottle,
+        "flat ball": lambda: icosphere(0.025, 2, smooth=False),
+        "critical curve": lambda: wavy_slab(96, thickness=0.03, amplitude=0.003),
+    }[scene]()
+    found = view_map(rig(mesh, pixels=96, display=display))
+    sizes = found.display_size, found.view_size
+    made = sum(len(rasterise(*sizes, view, xy)) for view, xy, *_ in found.pieces())
+    assert found.n_by_kind[1].sum() == pytest.approx(made, rel=0.1)
+
+
 @cache
 def judged(scene, n=None):
     """A scene's rig, and its rays by `dense`: the same rays for every tolerance."""
