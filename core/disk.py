@@ -80,15 +80,22 @@ def remove_left(folder: Path) -> None:
     Only those of this start of this machine, whose process is gone: another machine may be at work
     in the same folder. One that has a user's file, as of a set that was being replaced, stays.
     """
-    started = _started()
-    for place in folder.glob(f"{PREFIX}{started}-*-*") if started != "any" else ():
-        number = place.name.removeprefix(f"{PREFIX}{started}-").partition("-")[0]
-        if number.isdecimal() and not _is_running(int(number)) and not (place / "old").exists():
+    for place in folder.glob(f"{PREFIX}*"):
+        if is_of_the_gone(place.name) and not (place / "old").exists():
             if place.is_dir():
                 shutil.rmtree(place, ignore_errors=True)
             else:
                 with suppress(OSError):
                     place.unlink()
+
+
+def is_of_the_gone(name: str) -> bool:
+    """Does a name begin with that of a process, of this start of this machine, that is gone?"""
+    started = _started()
+    own = f"{PREFIX}{started}-"
+    number, dash, _ = name.removeprefix(own).partition("-")
+    is_own = started != "any" and name.startswith(own) and dash and number.isdecimal()
+    return bool(is_own) and not _is_running(int(number))
 
 
 def _is_running(process: int) -> bool:
@@ -136,7 +143,7 @@ def together(folder: Path) -> Iterator[Path]:
                 elif not made.exists():
                     target.unlink()
             if isinstance(reason, OSError):
-                raise _unwritable(folder / path.relative_to(new), reason) from None
+                raise unwritable(folder / path.relative_to(new), reason) from None
             raise
 
 
@@ -167,7 +174,8 @@ def unwritable_folder(folder: Path, reason: OSError) -> ImageError:
     )
 
 
-def _unwritable(path: Path, reason: OSError) -> ImageError:
+def unwritable(path: Path, reason: OSError) -> ImageError:
+    """The error that a file cannot be written, likewise."""
     why = reason.strerror
     return ImageError(
         "The file '{path}' cannot be written ({why}): check the disk or choose another name.",
@@ -207,7 +215,7 @@ def write_text(path: Path, text: str) -> None:
         try:
             (new / path.name).write_text(text, encoding="utf-8")
         except OSError as reason:
-            raise _unwritable(path, reason) from None
+            raise unwritable(path, reason) from None
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -216,7 +224,7 @@ def write_bytes(path: Path, data: bytes) -> None:
         try:
             (new / path.name).write_bytes(data)
         except OSError as reason:
-            raise _unwritable(path, reason) from None
+            raise unwritable(path, reason) from None
 
 
 def append_line(path: Path, text: str) -> None:
@@ -236,21 +244,7 @@ def append_line(path: Path, text: str) -> None:
         finally:
             os.close(file)
     except OSError as reason:
-        raise _unwritable(path, reason) from None
-
-
-def claim(path: Path) -> bool:
-    """Make an empty file, which holds a place for one that is being made; was there none yet?
-
-    Of several processes one alone is told so.
-    """
-    try:
-        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-    except FileExistsError:
-        return False
-    except OSError as reason:
-        raise _unwritable(path, reason) from None
-    return True
+        raise unwritable(path, reason) from None
 
 
 def remove(path: Path) -> None:
@@ -258,14 +252,7 @@ def remove(path: Path) -> None:
     try:
         path.unlink()
     except OSError as reason:
-        raise _unwritable(path, reason) from None
-
-
-def give_up(path: Path) -> None:
-    """Remove a file that only holds a place."""
-    with suppress(OSError):
-        if path.stat().st_size == 0:
-            path.unlink()
+        raise unwritable(path, reason) from None
 
 
 def digest(path: Path | str) -> str:

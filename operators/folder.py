@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk
+from ..core import disk, placeholder
 from ..core.errors import ImageError
 
 LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
@@ -29,6 +29,7 @@ def made(folder: Path) -> Iterator[None]:
     try:
         disk.check_folder(folder)
         disk.remove_left(folder)
+        placeholder.remove_left(folder)
         yield
     finally:
         for path in new:

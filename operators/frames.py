@@ -16,7 +16,7 @@ from typing import Any
 
 import bpy
 
-from ..core import disk, image_io
+from ..core import disk, image_io, placeholder
 from ..core.blender.frames import frame_kept
 from ..core.blender.image import save_png
 from ..core.blender.moving import OfMovie, Reel
@@ -25,6 +25,7 @@ from ..core.errors import ImageError, KirikoError
 from ..core.farm.join import LOG
 from ..core.light.kept import Kept as KeptGlass
 from ..core.messages import Message, joined
+from ..core.placeholder import PATIENCE
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from ..core.steps import within
@@ -118,9 +119,10 @@ class Tally:
         if self.others:
             parts.append(
                 Message(
-                    "{n} have a placeholder, as of another process that is at work on them: where"
-                    " there is none, run again without placeholders.",
+                    "{n} have a placeholder of another process, which is at work on them: one that"
+                    " was killed on another machine holds them for {minutes} min more.",
                     n=self.others,
+                    minutes=f"{PATIENCE / 60:g}",
                 )
             )
         if self.failed:
@@ -170,28 +172,41 @@ def solved(
             if not _is_wanted(path, run, tally):
                 continue
             try:
-                yield from within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n)
+                for done in within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n):
+                    placeholder.keep(path)
+                    yield done
             finally:
                 if run.placeholders:
-                    disk.give_up(path)
+                    placeholder.give_up(path)
 
     return tally
 
 
 def _is_wanted(path: Path, run: Run, tally: Tally) -> bool:
     """Is a frame still to be solved, and by us?"""
-    is_there = disk.is_there(path)
-    is_empty = is_there and path.stat().st_size == 0
-
-    # an empty file holds a place; without placeholders it was left by a process that was ended
-    if is_there and not run.overwrite and not (is_empty and not run.placeholders):
-        tally.others += is_empty
-        tally.there += not is_empty
-        return False
-    if run.placeholders and not is_there and not disk.claim(path):
+    if _is_made(path):
+        tally.there += not run.overwrite
+        return run.overwrite
+    if not run.placeholders:  # then an empty file was left by a process that was killed
+        return True
+    if not placeholder.claim(path):
         tally.others += 1
         return False
+    if _is_made(path) and not run.overwrite:  # meanwhile
+        placeholder.give_up(path)
+        tally.there += 1
+        return False
     return True
+
+
+def _is_made(path: Path) -> bool:
+    """Is a file there that is no placeholder?"""
+    if not disk.is_there(path):
+        return False
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:  # a placeholder that was given up right now
+        return False
 
 
 def _one(

@@ -306,17 +306,3 @@ def test_lines_are_added_whole_or_not_at_all(
     with pytest.raises(ImageError, match=r"log' cannot be written \(No space left"):
         disk.append_line(path, "three")
     assert path.read_text(encoding="utf-8") == "one\ntwo ü\n"
-
-
-def test_one_of_many_is_given_a_place(tmp_path: Path) -> None:
-    """An empty file holds it, which goes again; one with content stays."""
-    path = tmp_path / "frame.png"
-    assert disk.claim(path)
-    assert not disk.claim(path)
-    disk.give_up(path)
-    assert not path.exists()
-    path.write_text("whole")
-    disk.give_up(path)
-    assert path.read_text() == "whole"
-    with pytest.raises(ImageError, match="cannot be written"):
-        disk.claim(tmp_path / "no folder" / "frame.png")
