@@ -237,6 +237,13 @@ def clicks(arguments: argparse.Namespace) -> None:
     run_with_tests("manual.clicks", arguments.rest, MANUAL)
 
 
+def shown(arguments: argparse.Namespace) -> None:
+    """Compare Show Window with the source image's file, pixel for pixel, in the
+    real Blender (further options go to scripts/manual/shown.py).
+    """
+    run_with_tests("manual.shown", arguments.rest, MANUAL)
+
+
 def farm(arguments: argparse.Namespace) -> None:
     """Prove that other programs make of the files for shows what
     Kiriko means (further options go to scripts/bench/farm.py).
@@ -373,6 +380,7 @@ def main() -> None:
         pipeline,
         manual,
         clicks,
+        shown,
         messages,
         languages,
         lint,

@@ -48,7 +48,8 @@ def look(window: bpy.types.Window, path: Path) -> np.ndarray:
     """The window's pixels (height, width, 3), uint8; the path is of a file that is gone again."""
     if is_black(path):
         return by_x_server(window.width, window.height)
-    return by_blender(path)
+    with bpy.context.temp_override(window=window):
+        return by_blender(path)
 
 
 def glance(window: bpy.types.Window, path: Path) -> bytes:

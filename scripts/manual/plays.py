@@ -216,4 +216,23 @@ TASKS = {
 }
 
 WAYS = {**COUNTED, **TASKS}
-PLAYS = {**MANUAL, **{name: way.steps for name, way in WAYS.items()}}
+# for a comparison with the screen (shown.py)
+SHOWN: list[Step] = [
+    Do("ball"),
+    Do("seaside"),
+    *SIDEBAR,
+    Press(IN_THE_GLASS),
+    Until("has_rig"),
+    Do("small_display"),
+    *OWN_PICTURE,
+    Press(SOLVE),
+    Until("is_solved"),
+    Until("is_quiet"),
+    Press(EXPORT),
+    TAKE_FILE,
+    Until("is_exported"),
+    Do("show_window"),
+    Still(1.0),
+    Do("keep_shown"),
+]
+PLAYS = {**MANUAL, "shown": SHOWN, **{name: way.steps for name, way in WAYS.items()}}

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import json
+import shutil
+import sys
 import tempfile
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +13,8 @@ from types import ModuleType
 import bmesh
 import bpy
 import numpy as np
+
+from manual.grab import grab
 
 
 def has_rig() -> bool:
@@ -78,6 +83,37 @@ def is_exported() -> bool:
 def remove_exported() -> None:
     """Leave no file behind."""
     exported().unlink()
+
+
+def small_display() -> None:
+    """Give the display fewer pixels than a screen has, odd numbers of them, in its shape."""
+    for thing in bpy.context.scene.objects:
+        if thing.kiriko.role == "DISPLAY":
+            thing.kiriko.resolution = (801, 451)
+
+
+def show_window() -> None:
+    """As its button does: it is in a panel of a panel, whose header Blender does not tell."""
+    bpy.ops.kiriko.show_window("INVOKE_DEFAULT")
+
+
+def keep_shown() -> None:
+    """What the show window has on the screen, and the exported file, beside the accounts."""
+    folder = Path(sys.argv[sys.argv.index("--") + 2])
+    (window,) = kiriko("operators.show_window").show_windows()
+    region = next(
+        region
+        for area in window.screen.areas
+        for region in area.regions
+        if area.type == "TEXT_EDITOR" and region.type == "WINDOW"
+    )
+    told = {
+        "window": grab(window, folder / "shown.rgb"),
+        "region": (region.x, region.y, region.width, region.height),
+    }
+    (folder / "shown.json").write_text(json.dumps(told), encoding="utf-8")
+    shutil.copyfile(exported(), folder / "source.png")
+    remove_exported()
 
 
 def glass_material() -> bpy.types.Material:
