@@ -1,6 +1,7 @@
 """Export an atlas: warp maps for a head that moves."""
 
 import argparse
+import textwrap
 from collections.abc import Generator
 from functools import partial
 from pathlib import Path
@@ -26,14 +27,16 @@ from ..core.messages import Message
 from ..core.steps import within
 from ..core.words import percent
 from . import export_job, folder, solve_to_folder, work
+from .atlas_estimate import estimate
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder
-from .telling import report
+from .telling import in_words, report
 
 TOLERANCE = 1.0  # px of the picture
 MOST = 500  # places of the head
 PLANNED = 0.2  # progress, about
 MM = 1e-3  # m
+LINE = 34  # letters of a line in the dialogue's sidebar
 ASIDE = 0.03  # m to each side, at first: from eye to eye
 
 
@@ -346,19 +349,26 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         edges.prop(self, "high", index=2, text="Forward")
         for name in ("tolerance", "most", "images"):
             layout.prop(self, name)
+        told = layout.column(align=True)
+        for text in estimate(context.scene, self._box(context), self.most, self.images):
+            for line in textwrap.wrap(in_words(text), LINE):
+                told.label(text=line)
         layout.prop(context.scene.kiriko, "export_overwrite")
         layout.prop(self, "job")
         tasks = layout.row()
         tasks.active = self.job
         tasks.prop(self, "shares")
 
+    def _box(self, context: bpy.types.Context) -> HeadBox:
+        unit = length_of_unit(context.scene)
+        return HeadBox(*(tuple(unit * x for x in edge) for edge in (self.low, self.high)))
+
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:
             raise ImageError("The atlas has no folder: choose one.")
 
         target = absolute(self.directory)
-        unit = length_of_unit(context.scene)
-        box = HeadBox(*(tuple(unit * x for x in edge) for edge in (self.low, self.high)))
+        box = self._box(context)
         overwrite = self.overwrite or context.scene.kiriko.export_overwrite
         remedy = Message("set Overwrite")
         with folder.made(target):
