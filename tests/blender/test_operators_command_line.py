@@ -275,7 +275,7 @@ def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_sav
         ("solve", ("--only-viewer", "Kiriko Viewer"), "no viewer 'Kiriko Viewer': there are 'Kir"),
         (
             "solve",
-            ("--pictures", "//Kiriko Viewer.png"),
+            ("--pictures", "//{viewer}.png"),
             "of the viewer 'Kiriko Viewer.001' cannot",
         ),
         ("solve", (), "report.json already"),
