@@ -477,6 +477,58 @@ def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str)
     assert after == whole(name)
 
 
+@pytest.mark.parametrize("way", ["SHARP", "BLENDED", "own images"])
+def test_esc_stops_a_solve_of_several_viewers_and_leaves_all(
+    rig: dict, window: Window, way: str
+) -> None:
+    """At any step: the image, the conflict, what is told of each viewer and the list are as before.
+    Afterwards the result is that of a fresh session.
+    """
+    ours = bpy.context.scene.kiriko
+    bpy.ops.kiriko.viewer_grid(heads=(3, 1, 1))
+    if way == "own images":
+        ours.picture_source = "IMAGE"
+        for n, one in enumerate(ours.viewers):
+            one.image = bpy.data.images.new(f"image {n}", 8, 8)
+            one.image.generated_color = (0.3 * n, 0.5, 0.5, 1.0)
+    else:
+        ours.disagreement = way
+    bpy.ops.kiriko.solve()
+    assert len(json.loads(ours.result.details)["viewers"]) == 3
+
+    def of_viewers() -> tuple:
+        listed = [(one.camera, one.weight, one.is_on, one.image) for one in ours.viewers]
+        return state(), pixels(ours.result.conflict).tobytes(), listed, ours.viewer_shown
+
+    ours.viewers[1].weight = 3.0
+    ours.viewers[2].camera.location.x += 0.02
+    bpy.context.view_layer.update()
+    part("operators.work").forget()
+    operator = pressed("solve", window)
+    n_steps = 0
+    while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
+        n_steps += 1
+    bpy.ops.kiriko.solve()
+    expected = of_viewers()[1]
+
+    ours.viewers[1].weight = 1.0
+    bpy.ops.kiriko.solve()
+    ours.viewers[1].weight = 3.0
+    before = of_viewers()
+    assert before[1] != expected
+    for k in np.unique(np.linspace(1, n_steps, SAMPLES).astype(int)):
+        part("operators.work").forget()
+        operator = pressed("solve", window)
+        for _ in range(k):
+            assert operator.modal(window, TIMER) == {"PASS_THROUGH"}
+        assert operator.modal(window, ESC) == {"CANCELLED"}
+        assert window.is_clean
+        assert not part("operators.work").is_busy()
+        assert of_viewers() == before, k
+    bpy.ops.kiriko.solve()
+    assert of_viewers()[1] == expected
+
+
 @pytest.mark.parametrize("name", marked(STAGES))
 def test_an_error_in_any_stage_is_one_sentence_and_changes_nothing(
     rig: dict, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, name: str
