@@ -31,7 +31,7 @@ from ..core.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen
 from ..core.steps import at, within
 from . import folder, solve_to_folder, telling, viewer_words, work
-from .eye_box import begin
+from .eye_box import begin, of_blended
 from .viewer_reports import CONFLICT, reports_of
 
 NUMBERS = "eyes.json"  # of the verb, where a report has report.json
@@ -53,8 +53,12 @@ class Beside:
     errors: dict[str, Exception] = field(default_factory=dict)
 
     def lines(self, scene: bpy.types.Scene) -> Iterator[Message]:
-        """What is told of several viewers, in the words that the panel has after a solve."""
-        return viewer_words.lines(scene, self.of_viewers)
+        """What is told of several viewers, in the words that the panel has after a solve, and of
+        which way to settle their disagreement the boxes are.
+        """
+        yield from viewer_words.lines(scene, self.of_viewers)
+        if {"eye_box", "head_box"} & self.numbers.keys():
+            yield from of_blended(scene)
 
     def missing(self, translate: telling.Translate | None = None) -> list[str]:
         """A sentence on each part that is missing, as `telling.sentence` has it."""
@@ -132,6 +136,8 @@ def beside(
                 missing = found.numbers.setdefault("missing", {})
                 missing[name] = str(error) or type(error).__name__
             else:
+                if len(rig.viewers) > 1 and name.endswith("_box"):
+                    told["disagreement"] = "sharp"  # whichever way is chosen
                 found.numbers[name] = told
                 found.drawings |= drawings
         start = end

@@ -9,6 +9,7 @@ import bpy
 from ..core.blender.kept import Numbers
 from ..core.blender.objects import surface_object
 from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.viewer import seats_of
 from ..core.errors import RigError
 from ..core.light.plan import Plan
 from ..core.measure.eye_box import LEAST, LIMIT, EyeBox, Walk
@@ -24,6 +25,10 @@ from .visible_range import Remove
 
 DISPLACEMENT = "displacement"  # arcmin, at the surface's points
 SERVED = "head_box"  # among the numbers
+BLENDED = Message(
+    "Blended shows double edges: what is told here is how far off their middle is, as Sharp shows"
+    " it."
+)
 NUMBERS = "kiriko_eye_box"  # the surface's own property that keeps them, as text
 # of the progress, when the box is found, and when its surface is: the rest is the viewers' box
 FOUND, SURFACE = 0.5, 0.7
@@ -94,13 +99,22 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         thing = surface_object(scene, NAME, positions, surface.triangles, off)
         numbers = {**numbers_of(box, viewer), **served}
         thing[NUMBERS], thing[MADE_FOR] = Numbers(numbers).text(), made_for
-        return Message(
+        told = Message(
             "Within {limit} arcmin the head of '{viewer}' may go {ways}: '{name}'.",
             limit=number(self.limit),
             viewer=viewer,
             ways=joined(ways_in_words(scene, numbers), ", "),
             name=thing.name,
         )
+        return joined([told, *of_blended(scene)])
+
+
+def of_blended(scene: bpy.types.Scene) -> list[Message]:
+    """What a box leaves out where the colours that several viewers ask for are blended; else
+    nothing.
+    """
+    is_blended = scene.kiriko.disagreement == "BLENDED" and len(seats_of(scene)) > 1
+    return [BLENDED] if is_blended else []
 
 
 def begin(walk: Walk) -> Pauses[None]:

@@ -7,7 +7,7 @@ from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
 from ..core.messages import Message, quoted
 from ..core.numbers import number
 from ..operators import needed, watch
-from ..operators.eye_box import box_of, served_in_words, ways_in_words
+from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
 from ..operators.parts import name_part
 from ..operators.surfaces import EYE_BOX, LABELS, RANGE, looked_up
 from .object import draw_resolution, draw_tone, labelled
@@ -110,6 +110,8 @@ def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         sentence(column, context, way, icon="BLANK1")
     for k, line in enumerate(served_in_words(box)):
         sentence(column, context, line, icon="BLANK1" if k else "LIGHTPROBE_VOLUME")
+    for line in of_blended(context.scene):
+        sentence(column, context, line, icon="BLANK1")
     draw_if_old(column, context, EYE_BOX)
 
 
