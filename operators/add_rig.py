@@ -19,13 +19,14 @@ from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.errors import RigError, one_line
+from ..core.light.checks import InsideGlassError
 from ..core.light.landings import REASON_WORDS, Reason
-from ..core.messages import Message, as_message, joined
+from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.rig import ROLES
 from ..core.steps import within
 from ..core.words import listed, percent, summary
-from . import compared, framing, live, long_work, look_through, needed, work
+from . import automatic, compared, framing, live, long_work, look_through, needed, work
 from .telling import in_words
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
@@ -44,26 +45,7 @@ def _length(name: str, description: str) -> bpy.props.FloatProperty:
     )
 
 
-def _automatic(name: str) -> bpy.props.BoolProperty:
-    """A checkbox for a length that is automatic while it is 0.
-
-    Without it the length begins with the one that the last rig got.
-    """
-
-    def set_automatic(ours: bpy.types.OperatorProperties, is_on: bool) -> None:
-        setattr(ours, name, 0.0 if is_on else _taken.get(name, LEAST))
-
-    return bpy.props.BoolProperty(
-        name="Automatic",
-        description="As the glass and the picture's light ask for",
-        get=lambda ours: getattr(ours, name) == 0,
-        set=set_automatic,
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
-
-
-_taken: dict[str, float] = {}  # Blender units: automatic lengths of the last rig, by property
-LEAST = 0.01  # Blender units: a length that nothing is known of
+_taken: automatic.Taken = {}  # of the last rig
 
 KINDS = (
     (
@@ -159,13 +141,13 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         max=16384,
     )
 
-    auto_distance: _automatic("distance")
-    auto_picture_size: _automatic("picture_size")
-    auto_viewer_distance: _automatic("viewer_distance")
-    auto_field: _automatic("field")
-    auto_plate_size: _automatic("plate_size")
-    auto_display_size: _automatic("display_size")
-    auto_max_display_size: _automatic("max_display_size")
+    auto_distance: automatic.checkbox("distance", _taken)
+    auto_picture_size: automatic.checkbox("picture_size", _taken)
+    auto_viewer_distance: automatic.checkbox("viewer_distance", _taken)
+    auto_field: automatic.checkbox("field", _taken)
+    auto_plate_size: automatic.checkbox("plate_size", _taken)
+    auto_display_size: automatic.checkbox("display_size", _taken)
+    auto_max_display_size: automatic.checkbox("max_display_size", _taken)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -189,14 +171,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
             column.prop(self, name)
             return
 
-        heading = in_words(as_message(self.rna_type.properties[name].name))
-        row = column.row(heading=heading, translate=False)
-        row.prop(self, f"auto_{name}", text="Automatic")
-        if getattr(self, name):
-            row.prop(self, name, text="")
-        elif name in _taken:
-            metres = _taken[name] * length_of_unit(context.scene)
-            row.label(text=in_words(length_text(context.scene, metres)), translate=False)
+        automatic.draw(column, context, self, name, _taken)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -219,7 +194,14 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         request = Request(bench.rig, bench.bounds, wishes, viewer, pixels)
         settings = work.settings_of(scene)
         steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
-        proposal, spread = yield from within(steps, 0.05, 1.0)
+        try:
+            proposal, spread = yield from within(steps, 0.05, 1.0)
+        except InsideGlassError:  # which names a camera that is not made yet
+            raise RigError(
+                "With a Viewer Distance of {distance} the viewer would be inside the glass: choose"
+                " a longer one.",
+                distance=length_text(scene, proposal.viewer_distance),
+            ) from None
 
         aspect = pixels[0] / pixels[1]
         limit = 0.0 if self.display_size else proposal.display

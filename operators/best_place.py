@@ -13,11 +13,12 @@ from ..core.messages import Message, joined
 from ..core.rig import Rig
 from ..core.steps import within
 from ..core.words import percent
-from . import needed, proposal, proposing, work
+from . import automatic, needed, proposal, proposing, work
 from .choose_picture import the_picture
 
 FAR = 1e-3  # of the picture's side: a smaller shift is not told
 REACH = 0.5  # of the picture's side: so far it may move by itself
+_taken: automatic.Taken = {}
 
 
 class KIRIKO_OT_best_place(proposing.Proposes, bpy.types.Operator):
@@ -29,12 +30,13 @@ class KIRIKO_OT_best_place(proposing.Proposes, bpy.types.Operator):
 
     shift: bpy.props.FloatProperty(
         name="Move up to",
-        description="How far the picture may move in its plane; 0: half of its side",
+        description="How far the picture may move in its plane",
         subtype="DISTANCE",
         default=0.0,
         min=0.0,
         precision=4,
     )
+    auto_shift: automatic.checkbox("shift", _taken, "Up to half of the picture's side")
     turn: bpy.props.FloatProperty(
         name="Turn up to",
         description="How far the picture may turn in its plane",
@@ -62,6 +64,16 @@ class KIRIKO_OT_best_place(proposing.Proposes, bpy.types.Operator):
             return needed.can_run(cls, [reason])
         return super().poll(context)
 
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        automatic.draw(layout, context, self, "shift", _taken)
+        layout.prop(self, "turn")
+        layout.prop(self, "turn_glass")
+        if self.turn_glass:
+            layout.prop(self, "glass_limit")
+
     def proposed(
         self, context: bpy.types.Context
     ) -> Generator[float, None, proposal.Proposal | Message]:
@@ -70,6 +82,7 @@ class KIRIKO_OT_best_place(proposing.Proposes, bpy.types.Operator):
         rig = work.read(context).rig
         settings = work.settings_of(scene)
         side = float(np.linalg.norm(plane_of(rig).sides, axis=1).max())
+        _taken["shift"] = REACH * side / metres
         limits = Limits(
             shift=self.shift * metres or REACH * side,
             turn=self.turn,

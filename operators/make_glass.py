@@ -3,9 +3,9 @@
 import bpy
 
 from ..core.blender.elements import DEFAULT_IOR
+from ..core.blender.given_glass import give
 from ..core.blender.material import refracts
-from ..core.blender.rig_record import keep
-from ..core.blender.viewport_look import be_seen_as_glass, draw_as_solid
+from ..core.blender.viewport_look import be_seen_as_glass
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
 from . import needed, telling
@@ -57,7 +57,9 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 bpy.data.materials.remove(glass)
                 raise
 
-            kept = dict.fromkeys(name for thing in things for name in _give(thing, glass))
+            kept = dict.fromkeys(
+                name for thing in things for name in give(context.scene, thing, glass)
+            )
             names = quoted(thing.name for thing in things)
             result = context.scene.kiriko.result
             told = tuple(
@@ -88,23 +90,3 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             return {"FINISHED"}
 
         return {"CANCELLED"}
-
-
-def _give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
-    """Link the material to an object in place of those of its mesh, which may be others', too.
-
-    Returns their names.
-    """
-    if not thing.material_slots:
-        thing.data.materials.append(None)
-
-    kept = []
-    for slot in thing.material_slots:
-        if slot.material is not None:
-            keep(slot.material)
-            kept.append(slot.material.name)
-        slot.link = "OBJECT"
-        slot.material = glass
-
-    draw_as_solid(thing)
-    return kept

@@ -9,6 +9,9 @@ from ..core.errors import ImageError
 from ..core.messages import as_message
 from .of_rig import OfRig
 
+# of kinds of files, which say nothing where a file is of another kind
+OTHERS = {".bmp", ".exr", ".gif", ".jpeg", ".jpg", ".pdf", ".png", ".svg", ".tif", ".tiff", ".webp"}
+
 
 class ToFile(OfRig):
     """Mix-in for an operator that writes a file.
@@ -59,4 +62,8 @@ class ToFile(OfRig):
         return absolute(self._named())
 
     def _named(self) -> str:
-        return bpy.path.ensure_ext(self.filepath, Path(self.default_name).suffix)
+        """The name with its suffix, in place of another kind's, such as .pdf."""
+        name, suffix = Path(self.filepath), Path(self.default_name).suffix
+        if name.suffix.lower() in OTHERS - {suffix}:
+            return self.filepath.removesuffix(name.suffix) + suffix
+        return bpy.path.ensure_ext(self.filepath, suffix)

@@ -11,6 +11,7 @@ import bpy
 from ..errors import RigError
 from .active_rig import has_settings, is_new, keep_as, make_active, replace
 from .changes import put_back
+from .given_glass import take_back
 from .kept import Changed
 from .made_for_rig import (
     RESULT,
@@ -147,6 +148,7 @@ def refuse_shared(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
 def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy.types.ID]) -> None:
     """Put back whatever Add Rig changed and nobody has changed since."""
     ours = rig.kiriko
+    take_back(scene, ours.key)
     keys = rigs_of(scene)
     living = {one.kiriko.key for one in rigs(scene)} - {ours.key}
     for owner in (*scene.objects, *bpy.data.materials):

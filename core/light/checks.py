@@ -9,6 +9,10 @@ from ..rig import Glass, Viewer
 from .hits import slab
 
 
+class InsideGlassError(RigError):
+    """A viewer is inside a solid."""
+
+
 def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
     """Raise RigError when a viewer is inside a solid, or a
     solid cuts an orthographic viewer's plane.
@@ -27,7 +31,7 @@ def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
     at, _ = viewer.rays(np.zeros((1, 2)))
     low, high = solid.bounds
     if ((at >= low) & (at <= high)).all() and contains(solid.corners, at).any():
-        raise RigError(
+        raise InsideGlassError(
             "The viewer '{viewer}' is inside the glass '{glass}': move it out.",
             viewer=viewer.name,
             glass=glass.name,

@@ -227,6 +227,10 @@ RIG = Section(
             "The viewer '{viewer}' is inside the glass '{glass}': move it out.",
             "An eye is in air. Glass around it has to be hollow.",
             "目は空気の中にあります。まわりのガラスは中空でなければなりません。",
+            (
+                "With a Viewer Distance of {distance} the viewer would be inside the glass: choose"
+                " a longer one.",
+            ),
         ),
         Advice(
             "'{name}' is in the rig '{rig}' already: select other glass, or remove that rig first.",

@@ -101,3 +101,17 @@ def test_command_draws_the_bench(
     assert {path.name for path in out.iterdir()} == {"bench.svg", "bench_seen.svg"}
     assert run(["drawing", "--out", str(out)]) == 1
     assert "add --overwrite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [("x.pdf", "x"), ("x.PDF", "x"), ("x.svg", "x"), ("x.v2", "x.v2"), ("a.pdf.svg", "a.pdf")],
+)
+def test_a_name_of_another_kind_gets_the_drawings_own_suffix(
+    scene: bpy.types.Scene, tmp_path: Path, name: str, written: str, capfd
+) -> None:
+    """SVG is what is written, so that no file is called .pdf.svg; the report has its name."""
+    small_rig()
+    bpy.ops.kiriko.bench_drawing(filepath=str(tmp_path / name))
+    assert {path.name for path in tmp_path.iterdir()} == {f"{written}.svg", f"{written}_seen.svg"}
+    assert f"Wrote {written}.svg, " in capfd.readouterr().out

@@ -718,3 +718,17 @@ def test_automatic_lengths_are_a_checkbox(kiriko: ModuleType, scene: bpy.types.S
         for name in asked.bl_rna.properties.keys()  # noqa: SIM118
         if name not in {"rna_type", "kind"} and not name.startswith("auto_")
     }
+
+
+def test_a_viewer_that_would_be_inside_the_glass_is_told_by_its_distance(
+    scene: bpy.types.Scene,
+) -> None:
+    """No camera is named that is not made; nothing is left of the attempt."""
+    before = inventory()
+    with pytest.raises(RuntimeError) as told:
+        bpy.ops.kiriko.add_rig(viewer_distance=0.01)
+    assert str(told.value).strip() == (
+        "Error: With a Viewer Distance of 1 cm the viewer would be inside the glass: choose a"
+        " longer one."
+    )
+    assert inventory() == before

@@ -1,6 +1,8 @@
 """Best Place and Turn It Back: a change is proposed with its gain, and made by a second click."""
 
+import importlib
 import re
+from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
@@ -9,6 +11,7 @@ from mathutils import Matrix
 
 from kiriko.core.blender.resize import give_matrix
 from kiriko.core.errors import RigError
+from panel_layout import Layout
 from small_rigs import cube, small_rig
 
 
@@ -212,3 +215,27 @@ def test_an_uneven_armature_is_named(scene: bpy.types.Scene) -> None:
     with pytest.raises(RigError, match="its parent 'parent' is scaled unevenly"):
         give_matrix(bpy.context, glass, turned)
     assert (place(glass) == before).all()
+
+
+def test_no_limit_reads_nothing(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+    """A checkbox stands before the way that the picture may move; off, it begins with half of its
+    side, which is what was taken.
+    """
+    rig = off_rig()
+    bpy.ops.kiriko.best_place()
+    asked = bpy.context.window_manager.operator_properties_last("kiriko.best_place")
+    asked.shift = 0.0
+    assert asked.auto_shift
+    draw = importlib.import_module(f"{kiriko.__name__}.operators.best_place").KIRIKO_OT_best_place
+
+    def drawn() -> Layout:
+        named = {name: getattr(asked, name) for name in ("shift", "turn_glass")}
+        here = SimpleNamespace(bl_rna=asked.bl_rna, rna_type=asked.bl_rna, layout=Layout(), **named)
+        draw.draw(here, bpy.context)
+        return here.layout
+
+    assert drawn().props == ["auto_shift", "turn", "turn_glass"]
+    assert "1 cm" in drawn().texts
+    asked.auto_shift = False
+    assert asked.shift == pytest.approx(rig["PICTURE"].dimensions.x / 2)
+    assert drawn().props == ["auto_shift", "shift", "turn", "turn_glass"]

@@ -117,6 +117,45 @@ def test_the_scene_is_as_before_the_rig(scene: bpy.types.Scene, made: Any) -> No
     assert differences(before, snapshot()) == []
 
 
+def bare() -> None:
+    """A cube without any slot."""
+    cube()
+
+
+def with_two_materials() -> None:
+    """A cube whose mesh another object has, too; one of its materials is its own."""
+    glass = cube()
+    for name in "AB":
+        glass.data.materials.append(bpy.data.materials.new(name))
+    new_object(glass.data)
+    glass.material_slots[1].link = "OBJECT"
+    glass.material_slots[1].material = bpy.data.materials.new("C")
+
+
+@pytest.mark.parametrize("made", [bare, suzanne, with_two_materials], ids=lambda f: f.__name__)
+def test_glass_that_was_made_glass_is_as_before(scene: bpy.types.Scene, made: Any) -> None:
+    """Its slots, its materials, and the mesh of others; also after a second press."""
+    made()
+    before = snapshot()
+    bpy.ops.kiriko.add_rig(**SMALL)
+    assert bpy.ops.kiriko.make_glass() == {"FINISHED"}
+    bpy.ops.kiriko.solve()
+    bpy.ops.kiriko.remove_rig()
+    assert differences(before, snapshot()) == []
+    assert not [thing for thing in bpy.data.objects if "kiriko_given" in thing]
+
+
+def test_a_material_that_the_artist_gives_since_stays(scene: bpy.types.Scene) -> None:
+    """In place of the glass; and glass of two rigs is glass as long as one of them is there."""
+    glass = cube()
+    bpy.ops.kiriko.add_rig(**SMALL)
+    bpy.ops.kiriko.make_glass()
+    mine = bpy.data.materials.new("Mine")
+    glass.material_slots[0].material = mine
+    bpy.ops.kiriko.remove_rig()
+    assert glass.material_slots[0].material == mine
+
+
 def test_a_seen_image_and_a_visible_range_go_too(scene: bpy.types.Scene) -> None:
     """The last simulation, and the dome, are results of the rig."""
     cube()

@@ -1,0 +1,83 @@
+"""The glass that Make It Glass gives to objects, which have their own materials back when their rig
+is removed.
+"""
+
+import json
+
+import bpy
+
+from .rig_record import keep
+from .rigs import rig_of, rigs_of
+from .viewport_look import draw_as_solid
+
+GIVEN_MARK = "kiriko_given"  # on the material; and on an object: key of the rig, and its own slots
+
+
+def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
+    """Link a material to an object in place of those of its mesh, which may be others', too.
+
+    Returns their names.
+    """
+    rig = rig_of(scene, thing)
+    has_slots = bool(thing.material_slots)
+    if not has_slots:
+        thing.data.materials.append(None)
+
+    kept, slots = [], []
+    for slot in thing.material_slots:
+        own = slot.material
+        is_kept = own is not None and own.use_fake_user
+        slots.append([slot.link, own.name if own else "", is_kept])
+        if own is not None:
+            keep(own)
+            kept.append(own.name)
+        slot.link = "OBJECT"
+        slot.material = glass
+
+    if rig is not None and GIVEN_MARK not in thing:
+        glass[GIVEN_MARK] = True
+        thing[GIVEN_MARK] = json.dumps([rig.kiriko.key, slots if has_slots else []])
+    draw_as_solid(thing)
+    return kept
+
+
+def take_back(scene: bpy.types.Scene, key: str) -> None:
+    """Give objects of a rig their own materials again, where they still have the glass."""
+    keys = rigs_of(scene)
+    given = set()
+    for thing in scene.objects:
+        of_rig, slots = json.loads(thing.get(GIVEN_MARK, '["", []]'))
+        if of_rig != key or not thing.is_editable:
+            continue
+        heirs = keys(thing) - {key}
+        if heirs:  # it is another rig's glass, too
+            thing[GIVEN_MARK] = json.dumps([min(heirs), slots])
+            continue
+        del thing[GIVEN_MARK]
+        given |= {slot.material for slot in thing.material_slots if _is_given(slot.material)}
+        _take_back(thing, slots)
+
+    for material in given:
+        if not material.users:
+            bpy.data.materials.remove(material)
+
+
+def _is_given(material: bpy.types.Material | None) -> bool:
+    return material is not None and GIVEN_MARK in material
+
+
+def _take_back(thing: bpy.types.Object, slots: list[tuple[str, str, bool]]) -> None:
+    before = dict(enumerate(slots))
+    is_bare = not slots and all(_is_given(slot.material) for slot in thing.material_slots)
+    for n, slot in enumerate(thing.material_slots):
+        if not _is_given(slot.material):
+            continue
+        link, name, was_kept = before.get(n, ("DATA", "", False))
+        own = bpy.data.materials.get(name)
+        slot.material = own if link == "OBJECT" else None
+        slot.link = link
+        if slot.material is not None and slot.material == own:
+            own.use_fake_user = was_kept
+    materials = thing.data.materials
+    if is_bare and list(materials) == [None] and thing.data.is_editable:
+        materials.clear()
