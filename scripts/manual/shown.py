@@ -11,9 +11,13 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from environments import ToolError
 from manual.program import HELP_BLENDER, HELP_EXTENSION, play
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 PLAY = "shown"
 
@@ -32,35 +36,46 @@ def main() -> None:
 
 def is_shown(folder: Path) -> bool:
     """Is the image on the screen that of the file? Prints what is."""
-    # not above, for dev.py shows the options in a Python that has neither
-    import numpy as np
+    # not above, for dev.py shows the options in a Python that has no Pillow
     from PIL import Image
 
     told = json.loads((folder / "shown.json").read_text(encoding="utf-8"))
     width, height = told["window"]
-    window = np.frombuffer((folder / "shown.rgb").read_bytes(), np.uint8).reshape(height, width, 3)
+    window = Image.frombytes("RGB", (width, height), (folder / "shown.rgb").read_bytes())
+    window.save(folder / "shown.png")
     left, below, across, up = told["region"]
-    screen = window[height - below - up : height - below, left : left + across]
-    file = np.asarray(Image.open(folder / "source.png").convert("RGB"))
-    rows, columns = file.shape[:2]
+    screen = window.crop((left, height - below - up, left + across, height - below))
+    with Image.open(folder / "source.png") as file:
+        wanted = file.convert("RGB")
+    columns, rows = wanted.size
     if columns > across or rows > up:
         print(f"The window has {across} x {up} pixels, too few for {columns} x {rows}.")
         return False
 
-    x, y = (across - columns) // 2, up - (up - rows) // 2 - rows  # in the middle, y downwards
-    image = screen[y : y + rows, x : x + columns]
-    around = screen.any(axis=2)
-    around[y : y + rows, x : x + columns] = False
-    differing = (image != file).any(axis=2)
-    Image.fromarray(window).save(folder / "shown.png")
+    # in the middle, on black
+    place = (across - columns) // 2, up - (up - rows) // 2 - rows
+    expected = Image.new("RGB", screen.size)
+    expected.paste(wanted, place)
+    box = (*place, place[0] + columns, place[1] + rows)
+    n_all = differing(screen, expected)
+    n_image = differing(screen.crop(box), wanted)
+    n_colours = len(wanted.getcolors(columns * rows))
     print(
-        f"Show Window, {across} x {up} pixels of the screen, beside {columns} x {rows} of the file"
-        f" with {len(np.unique(file.reshape(-1, 3), axis=0))} colours: {differing.sum()} of"
-        f" {differing.size} pixels differ; of {around.size - file[..., 0].size} around it"
-        f" {around.sum()} are not black."
+        f"Show Window, {across} x {up} pixels of the screen, beside the file, {columns} x {rows}"
+        f" pixels in {n_colours} colours: {n_image} of {columns * rows} pixels differ; of"
+        f" {across * up - columns * rows} around it {n_all - n_image} are not black."
     )
     print(f"The screenshot is {folder / 'shown.png'}.")
-    return not (differing.any() or around.any())
+    return n_all == 0
+
+
+def differing(one: Image.Image, other: Image.Image) -> int:
+    """How many pixels of two images of one size are not the same."""
+    from PIL import ImageChops
+
+    red, green, blue = ImageChops.difference(one, other).split()
+    largest = ImageChops.lighter(ImageChops.lighter(red, green), blue)
+    return one.width * one.height - largest.histogram()[0]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The show window as far as a Blender without windows has it; `dev.py farm` shows a real one."""
+"""The show window as far as a Blender without windows has it; `dev.py shown` shows a real one."""
 
 import importlib
 from pathlib import Path
