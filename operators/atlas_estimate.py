@@ -8,6 +8,7 @@ from ..core.atlas.atlas import BYTES_A_PIXEL
 from ..core.atlas.heads import HeadBox, HeadGrid
 from ..core.atlas.making import CHECKED
 from ..core.blender.kept import Numbers
+from ..core.blender.viewer import seats_of
 from ..core.errors import KirikoError
 from ..core.messages import Message
 from ..core.numbers import number
@@ -42,7 +43,8 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
         told.append(Message("Solve the rig anew to see here how long each takes."))
         return told
 
-    each = details["total_seconds"] + n_pixels * SECONDS
+    # an atlas is of one of the viewers
+    each = details["total_seconds"] / max(len(seats_of(scene)), 1) + n_pixels * SECONDS
     # the middle, and a place to each side of it along an axis, are traced to plan
     n_made = n + 1 + 2 * len(box.axes) + CHECKED
     told.append(
