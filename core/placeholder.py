@@ -6,6 +6,7 @@ known to be left by a process that was killed: at once where that was one of thi
 machine, else when its mark has not been touched for a while. One without a mark is nobody's.
 """
 
+import hashlib
 import os
 import tempfile
 from contextlib import suppress
@@ -29,13 +30,13 @@ def claim(path: Path) -> bool:
     ImageError
         The folder cannot be written.
     """
-    mark = _mark(path)
-    if not _made(mark, disk.own_name()):
+    mark, text = _mark(path), f"{disk.own_name()}\n{path.name}"
+    if not _made(mark, text):
         if not is_left(mark):
             return False
         with suppress(OSError):  # another process does the same
             mark.unlink()
-        if not _made(mark, disk.own_name()):
+        if not _made(mark, text):
             return False
     _touched[path] = monotonic()
     _made(path, "")
@@ -65,9 +66,9 @@ def remove_left(folder: Path) -> None:
     """Remove the placeholders in a folder whose processes were killed."""
     for mark in folder.glob(f"{MARK}*"):
         if is_left(mark):
-            path = folder / mark.name.removeprefix(MARK)
             with suppress(OSError):
-                if path.exists() and path.stat().st_size == 0:
+                path = folder / Path(_text(mark).partition("\n")[2]).name
+                if path.is_file() and path.stat().st_size == 0:
                     path.unlink()
                 mark.unlink()
 
@@ -75,7 +76,7 @@ def remove_left(folder: Path) -> None:
 def is_left(mark: Path) -> bool:
     """Was the process killed that made a mark?"""
     try:
-        if disk.is_of_the_gone(mark.read_text(encoding="utf-8", errors="replace")):
+        if disk.is_of_the_gone(_text(mark)):
             return True
         # by the clock of the disk, which may be another machine's
         with tempfile.NamedTemporaryFile(prefix=disk.own_name(), dir=mark.parent) as now:
@@ -85,13 +86,20 @@ def is_left(mark: Path) -> bool:
 
 
 def _mark(path: Path) -> Path:
-    return path.with_name(f"{MARK}{path.name}")
+    """Its name has room for any name of a file."""
+    name = os.fsencode(path.name)
+    return path.with_name(f"{MARK}{hashlib.sha1(name, usedforsecurity=False).hexdigest()}")
+
+
+def _text(mark: Path) -> str:
+    """Whose it is, and the name of the file; '' where it is being made."""
+    return mark.read_text(encoding="utf-8", errors="surrogateescape")
 
 
 def _made(path: Path, text: str) -> bool:
     """Make a file that is not there yet; False where it is."""
     try:
-        with path.open("x", encoding="utf-8") as file:
+        with path.open("x", encoding="utf-8", errors="surrogateescape", newline="\n") as file:
             file.write(text)
     except FileExistsError:
         return False

@@ -7,6 +7,7 @@ import json
 import re
 import sys
 from collections.abc import Generator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -41,7 +42,7 @@ from .choose_rig import choose_by_name
 from .export import use_bundled_modules
 from .one_viewer import choose_alone
 from .save_copy import save_copy
-from .usage import UsageError, check
+from .usage import UsageError, check, count
 from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
@@ -160,7 +161,7 @@ def parser() -> argparse.ArgumentParser:
     )
     pictures.add_argument(
         "--simulate",
-        type=_count,
+        type=count,
         default=0,
         metavar="N",
         help="simulate N rays a pixel through the plate's mirrors, too",
@@ -173,7 +174,7 @@ def parser() -> argparse.ArgumentParser:
         help="write what these viewers see, too, by their cameras' names, or 'all' of them",
     )
     pictures.add_argument(
-        "--samples", type=_count, default=16, metavar="N", help="rays a pixel of the preview (16)"
+        "--samples", type=count, default=16, metavar="N", help="rays a pixel of the preview (16)"
     )
     pictures.add_argument(
         "--format",
@@ -250,13 +251,6 @@ def run(argv: list[str]) -> int:
     return 0
 
 
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError(f"{number} is not 1 or more")
-    return number
-
-
 def _folder_name(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("a folder needs a name")
@@ -270,10 +264,10 @@ def _file_name(text: str) -> Path:
 
 
 def _seconds(text: str) -> float:
-    number = float(text)
-    if not 0 <= number < float("inf"):
-        raise ValueError(f"{number} is no time")
-    return number
+    with suppress(ValueError):
+        if 0 <= float(text) < float("inf"):
+            return float(text)
+    raise argparse.ArgumentTypeError(f"'{text}' is no time in s")
 
 
 def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:

@@ -3,6 +3,7 @@
 import argparse
 import textwrap
 from collections.abc import Generator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -31,6 +32,7 @@ from .atlas_estimate import estimate
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder
 from .telling import in_words, report
+from .usage import count
 
 TOLERANCE = 1.0  # px of the picture
 MOST = 500  # places of the head
@@ -105,7 +107,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     )
     atlas.add_argument(
         "--most",
-        type=_count,
+        type=count,
         default=MOST,
         metavar="N",
         help=f"places of the head, at most ({MOST})",
@@ -131,7 +133,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     )
     step.add_argument(
         "--check",
-        type=_count,
+        type=count,
         metavar="N",
         help="only compare N heads at random places of a whole atlas",
     )
@@ -142,7 +144,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     )
     step.add_argument(
         "--job",
-        type=_count,
+        type=count,
         metavar="N",
         help="write a job for a render farm in its place, whose N tasks share the places",
     )
@@ -157,28 +159,23 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     atlas.set_defaults(run=run)
 
 
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError(f"{number} is not 1 or more")
-    return number
-
-
 def _places(text: str) -> range:
     """Numbers from 0 of "3" or "3-7", which count from 1."""
     first, _, last = text.partition("-")
-    found = range(int(first) - 1, int(last or first))
-    if found.start < 0 or not found:
-        raise ValueError(f"{text} is no range of places")
-    return found
+    with suppress(ValueError):
+        found = range(int(first) - 1, int(last or first))
+        if found and found.start >= 0:
+            return found
+    raise argparse.ArgumentTypeError(f"'{text}' is no range of places, as 3-7 is")
 
 
 def _share(text: str) -> tuple[int, int]:
     """Number and count of "2/8"."""
-    number, count = map(int, text.split("/"))
-    if not 1 <= number <= count:
-        raise ValueError(f"{text} is no share")
-    return number, count
+    number, _, of = text.partition("/")
+    with suppress(ValueError):
+        if 1 <= int(number) <= int(of):
+            return int(number), int(of)
+    raise argparse.ArgumentTypeError(f"'{text}' is no share, as 2/8 is")
 
 
 def options_of(box: HeadBox, tolerance: float, most: int, has_images: bool) -> tuple[str, ...]:

@@ -24,6 +24,17 @@ NEEDED = {
 }
 
 
+def count(text: str) -> int:
+    """A whole number of 1 or more."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of 1 or more")
+    return number
+
+
 def check(arguments: argparse.Namespace) -> None:
     """Raise UsageError where an option that was given would do nothing."""
 

@@ -86,7 +86,8 @@ class Job:
                     n=len(what),
                     most=MOST,
                 )
-        texts = (self.name, self.blend, self.path, *self.options)
+        given = (option.removeprefix("--name=") for option in self.options)
+        texts = (self.name, self.blend, self.path, *given)
         refuse_braces(*texts, *(one.value for one in (*self.rigs, *self.viewers, *self.values)))
 
     @property

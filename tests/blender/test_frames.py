@@ -336,7 +336,10 @@ def test_a_run_removes_what_a_killed_one_left(
     """Its half files go, and its placeholder; that of another machine stays until its mark is old,
     which the sentence tells.
     """
-    disk = importlib.import_module(f"{kiriko.__name__}.core.disk")
+    disk, placeholder = (
+        importlib.import_module(f"{kiriko.__name__}.core.{name}")
+        for name in ("disk", "placeholder")
+    )
     out = folder(tmp_path)
     out.mkdir()
     ended = subprocess.Popen([sys.executable, "-c", ""])
@@ -346,8 +349,10 @@ def test_a_run_removes_what_a_killed_one_left(
     left.mkdir()
     (left / "source_0001.png").write_bytes(b"half")
     for number, name in ((1, left.name), (2, f"{disk.PREFIX}elsewhere-1-")):
-        (out / f"source_000{number}.png").touch()
-        (out / f"{disk.PREFIX}held-source_000{number}.png").write_text(name)
+        path = out / f"source_000{number}.png"
+        assert placeholder.claim(path)
+        (mark,) = (one for one in out.glob(".kiriko-held-*") if path.name in one.read_text())
+        mark.write_text(f"{name}\n{path.name}")
 
     ask = ("solve", "--out", out, "--frames", "1-3", "--placeholders")
     assert run(*ask) == 0
@@ -361,7 +366,6 @@ def test_a_run_removes_what_a_killed_one_left(
         False,
         True,
     ]
-    mark = out / f"{disk.PREFIX}held-source_0002.png"
     os.utime(mark, (0, 0))
     assert run(*ask) == 0
     assert sorted(contents(out)) == [f"source_000{n}.png" for n in (1, 2, 3)]

@@ -169,14 +169,27 @@ def test_an_option_that_would_do_nothing_is_refused(
 
 
 @pytest.mark.parametrize(
-    "argv", [(), ("dance",), ("solve",), ("solve", "--out", "x", "--format", "GIF")]
+    "argv",
+    [
+        (),
+        ("dance",),
+        ("solve",),
+        ("solve", "--out", "x", "--format", "GIF"),
+        ("solve", "--out", "x", "--samples", "1e2"),
+        ("solve", "--out", "x", "--simulate", "0"),
+        ("report", "--out", "x", "--seconds", "nan"),
+        ("atlas", "--out", "x", "--most", "many"),
+        ("atlas", "--out", "x", "--places", "2-b"),
+        ("atlas", "--out", "x", "--share", "2"),
+    ],
 )
 def test_mistyped_command_is_one_sentence(
     run: Callable[..., int], argv: tuple, capsys: pytest.CaptureFixture
 ) -> None:
     """A command line that cannot be understood gives exit code 2."""
     assert run(*argv) == 2
-    assert "--help" in refusal(capsys)
+    assert "--help" in (told := refusal(capsys))
+    assert " _" not in told  # no function's name
 
 
 def test_negative_numbers_may_have_exponents(

@@ -23,7 +23,9 @@ time.sleep(600)
 
 
 def mark_of(path: Path) -> Path:
-    return path.with_name(f".kiriko-held-{path.name}")
+    """The mark beside the file alone in a folder."""
+    (mark,) = path.parent.glob(".kiriko-held-*")
+    return mark
 
 
 def test_one_of_many_is_given_a_place(tmp_path: Path) -> None:
@@ -88,6 +90,19 @@ def test_elsewhere_a_place_is_free_when_it_was_not_touched_for_long(
     assert placeholder.claim(path)
 
 
+@pytest.mark.parametrize("name", ["金魚 1.png", "x" * 251 + ".png"])
+def test_any_name_may_be_held(tmp_path: Path, name: str) -> None:
+    """A mark's own name is no longer than systems take, and tells the file's."""
+    path = tmp_path / name
+    assert placeholder.claim(path)
+    assert not placeholder.claim(path)
+    mark = mark_of(path)
+    old = time.time() - placeholder.PATIENCE - 60
+    os.utime(mark, (old, old))
+    placeholder.remove_left(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_empty_file_without_a_mark_is_nobody_s(tmp_path: Path) -> None:
     path = tmp_path / "frame.png"
     path.touch()
@@ -98,8 +113,10 @@ def test_an_empty_file_without_a_mark_is_nobody_s(tmp_path: Path) -> None:
 def test_what_is_whole_stays_where_its_mark_was_left(tmp_path: Path) -> None:
     """As of a process that was killed right after its file."""
     path = tmp_path / "frame.png"
+    assert placeholder.claim(path)
     path.write_text("whole")
-    mark_of(path).write_text("")
+    mark = mark_of(path)
+    mark.write_text(mark.read_text().replace(disk.PREFIX, f"{disk.PREFIX}0123456789ab"))
     old = time.time() - placeholder.PATIENCE - 60
     os.utime(mark_of(path), (old, old))
     placeholder.remove_left(tmp_path)
