@@ -164,16 +164,29 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
         yield Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
         return
 
+    told = set()
     for reason, share in sorted(look.misses.items(), key=lambda miss: -miss[1]):
         if reason in REMEDIES and share >= WORTH:
             remedy, buttons = _remedy(look, reason, length_text)
-            text = Message(
-                "{share} of the picture {reason}: {remedy}.",
-                share=percent(share),
-                reason=as_message(reason),
-                remedy=remedy,
-            )
-            yield Entry(text, ADVICE, buttons)
+            yield Entry(_loss(share, reason, remedy), ADVICE, buttons)
+            told.add(reason)
+    for reason in [reason for reason in REMEDIES if reason not in told]:
+        # the viewer that loses most of it: what helps was sought for the one that is shown
+        losses = [(of.get(reason, 0.0), name) for name, of in look.misses_of_others.items()]
+        share, name = max(losses, default=(0.0, ""))
+        if share >= WORTH:
+            remedy, buttons = REMEDIES[reason]
+            loss = _loss(share, reason, remedy)
+            yield Entry(Message("'{viewer}': {summary}", viewer=name, summary=loss), ADVICE, buttons)
+
+
+def _loss(share: float, reason: str, remedy: Message) -> Message:
+    return Message(
+        "{share} of the picture {reason}: {remedy}.",
+        share=percent(share),
+        reason=as_message(reason),
+        remedy=remedy,
+    )
 
 
 def _remedy(

@@ -56,6 +56,7 @@ def look_at(
         missing=tuple(missing.items()),
         **_around(scene, missing),
         misses=details.get("misses", {}),
+        misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
         is_coarse=result.is_coarse,
         is_stale=is_stale,

@@ -43,6 +43,7 @@ def numbers_of(
         "materials": [asdict(material) for material in reading.materials],
         "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
         "misses": solution.misses,
+        "misses_of_others": {one.viewer.name: one.misses for one in solution.channels[1:]},
         "view_coverage": float(solution.first.view_coverage.mean()),
         "display_coverage": float(solution.display_coverage.mean()),
         "seconds": solution.seconds,

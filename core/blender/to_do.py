@@ -89,6 +89,7 @@ class Look:
     solids : objects without a role that may be glass, the active one first
     images : names of images that may be the picture
     misses : shares of the picture by the reason why they are lost, of the last result
+    misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
     is_followed : does Live follow the scene, so that the final image comes by itself?
     """
@@ -103,6 +104,7 @@ class Look:
     solids: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
+    misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
     is_coarse: bool = False
     is_stale: bool = False

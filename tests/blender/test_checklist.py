@@ -1,6 +1,7 @@
 """The checklist: each thing to do is told, and its button does it."""
 
 import importlib
+import json
 import re
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
@@ -762,3 +763,29 @@ def test_a_picture_in_own_pixels_that_is_none_has_buttons(
     press(look(), "No picture")
     assert scene.kiriko.picture_image == image
     assert told(look()) == []
+
+
+def seen_by(scene: bpy.types.Scene) -> dict[str, float]:
+    """Shares of the picture that the viewers see of the last result."""
+    viewers = json.loads(scene.kiriko.result.details)["viewers"]
+    return {one["viewer"]: one["coverage"] for one in viewers}
+
+
+@pytest.mark.parametrize("verb", ["two_eyes", "viewer_grid"])
+def test_a_loss_of_any_viewer_is_told_and_mended_for_all(
+    scene: bpy.types.Scene, look: Callable[[], list], verb: str
+) -> None:
+    """Also where the one that is shown loses nothing: Fit Display makes room for each of them."""
+    small_rig()
+    getattr(bpy.ops.kiriko, verb)()
+    scene.kiriko.viewer_shown = len(scene.kiriko.viewers) // 2 if verb == "viewer_grid" else 1
+    bpy.ops.kiriko.solve()
+    assert min(seen_by(scene).values()) < 0.99
+    if verb == "viewer_grid":
+        assert scene.kiriko.result.coverage == 1  # the head in the middle is the viewer
+        (text,) = told(look())
+        assert re.match("'Kiriko Head.*': 3 % of the picture missed the display: make", text)
+    press(look(), "of the picture missed the display")
+    bpy.ops.kiriko.solve()
+    assert told(look()) == []
+    assert min(seen_by(scene).values()) > 0.999
