@@ -177,7 +177,9 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
         if share >= WORTH:
             remedy, buttons = REMEDIES[reason]
             loss = _loss(share, reason, remedy)
-            yield Entry(Message("'{viewer}': {summary}", viewer=name, summary=loss), ADVICE, buttons)
+            yield Entry(
+                Message("'{viewer}': {summary}", viewer=name, summary=loss), ADVICE, buttons
+            )
 
 
 def _loss(share: float, reason: str, remedy: Message) -> Message:

@@ -10,6 +10,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ...core.arrays import Floats
+from ...core.blender.rigs import active_rig
 from ...core.blender.units import length_of_unit, length_text
 from ...operators.sketcher import Drawing
 from ...operators.telling import in_words
@@ -18,6 +19,7 @@ from .shapes import arrows_of, labels_of, marks_of
 
 FONT = 0
 GAP_PX = 8  # between a place and its words
+NAME_PX = 10  # the same of a name that Blender writes, at any scale
 LINE = 1.35  # of the height of letters: from line to line
 CROSS_PX = 5  # half of a cross
 DOT_PX = 3.5  # radius
@@ -48,12 +50,12 @@ def draw(context: bpy.types.Context, drawing: Drawing) -> None:
 
 def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> None:
     """Draw words beside their places, none over others; the same words twice only far apart."""
-    size = colours.TEXT_PX * scale
-    blf.size(FONT, size)
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 5, *colours.SHADOW, 1.0)
     blf.shadow_offset(FONT, 0, 0)
-    taken: list[tuple[str, Floats]] = []
+    taken = list(_draw_names(context, scale))
+    size = colours.TEXT_PX * scale
+    blf.size(FONT, size)
 
     for label in labels_of(drawing):
         place = _on_screen(context, label.place[None])
@@ -70,6 +72,30 @@ def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> N
         blf.position(FONT, *box[0], 0)
         blf.draw(FONT, text)
     blf.disable(FONT, blf.SHADOW)
+
+
+def _draw_names(context: bpy.types.Context, scale: float) -> Iterator[tuple[str, Floats]]:
+    """Draw the names of the rig's parts once more, light, over Blender's own, which are dark as the
+    grid; yields them with their boxes.
+    """
+    size = context.preferences.ui_styles[0].widget.points * scale
+    blf.size(FONT, size)
+    for name, place in names_of(context.scene):
+        at = _on_screen(context, place[None])
+        if at is not None:
+            low = at[0] + (NAME_PX, 0.0)
+            blf.color(FONT, *colours.lighter(colours.DIMENSION), 1.0)
+            blf.position(FONT, *low, 0)
+            blf.draw(FONT, name)
+            yield name, np.stack([low, low + np.array([blf.dimensions(FONT, name)[0], size])])
+
+
+def names_of(scene: bpy.types.Scene) -> Iterator[tuple[str, Floats]]:
+    """Names of the active rig's parts that Blender shows, and their places (3,), Blender units."""
+    rig = active_rig(scene)
+    for thing in rig.all_objects if rig is not None else ():
+        if thing.show_name and thing.kiriko.role != "NONE" and thing.visible_get():
+            yield thing.name, np.array(thing.matrix_world.translation)
 
 
 def length_now(scene: bpy.types.Scene, drawing: Drawing, length: float) -> float:

@@ -368,14 +368,21 @@ def test_words_are_distances_in_the_scenes_unit_and_reasons(
     )
     looked(sketcher)
     drawn(overlay)
-    assert sorted(PAPER.words) == ["150 mm", "150 mm", "aerial plane"]
+    names = ["Kiriko Display", "Kiriko Picture", "Kiriko Plate"]  # light, over Blender's dark ones
+    assert sorted(PAPER.words) == ["150 mm", "150 mm", *names, "aerial plane"]
 
     # a smaller unit counts at once, for the drawing of before, too
     units = bpy.context.scene.unit_settings
     units.scale_length = 0.01
     drawn(overlay)
-    assert sorted(PAPER.words) == ["1.5 mm", "1.5 mm", "aerial plane"]
+    assert sorted(PAPER.words) == ["1.5 mm", "1.5 mm", *names, "aerial plane"]
     units.scale_length = 1.0
+    rig["DISPLAY"].show_name = False
+    rig["PICTURE"].hide_viewport = True
+    bpy.context.view_layer.update()
+    drawn(overlay)
+    assert [word for word in PAPER.words if word in names] == ["Kiriko Plate"]
+    rig["PICTURE"].hide_viewport = False
 
     rig["PLATE"].scale = (0.02, 0.02, 0.02)
     looked(sketcher)
