@@ -7,7 +7,7 @@ first step, tells about how far it may go. How far it may is then settled by tra
 the head, nearer and nearer to where the limit is passed.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from ..light.planning import planning
 from ..rig import Rig, Viewer
 from ..settings import Settings
 from ..steps import Pauses, at
-from .places_seen import Look, grid_on, places_seen
+from .places_seen import Look, grid_on, place_of_shown, places_shown
 from .viewers import arcmin_between
 
 LIMIT = 5.0  # arcmin
@@ -107,6 +107,7 @@ class Walk:
         self.plan, self.limit, self.least = plan, limit, least
         self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
         self.n_seen, self.begun = 0, np.inf
+        self._shown: Floats | None = None  # where on the display the points are, once it is looked
 
     def begin(self) -> Pauses[None]:
         """Count the points that are seen from the viewer's own place."""
@@ -135,7 +136,16 @@ class Walk:
         seen.
         """
         head = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
-        return (yield from off_by(self.solved, self.plan, head, self.uv))
+        return arcmin_between(head, *(yield from self.seen_by(head)))
+
+    def seen_by(self, head: Viewer) -> Pauses[tuple[Floats, Floats]]:
+        """Where a viewer sees the points, and where it would see them straight: (n, 2) px of its
+        image each, NaN where it does not see one.
+        """
+        if self._shown is None:
+            self._shown = yield from places_shown(self.solved, self.uv)
+        view = yield from place_of_shown(self.plan.seen_by(head), self.uv, self._shown)
+        return view, view_of_picture(self.plan.rig.picture_place, head, self.uv)
 
     def part(self, offset: Offset) -> Pauses[float]:
         """The largest of the angles by which points are off, as part of the limit; inf where too
@@ -180,22 +190,3 @@ class Walk:
             else:
                 outer = middle
         return float(inner), False
-
-
-def off_by(solved: Sequence[Look], plan: Plan, head: Viewer, uv: Floats) -> Pauses[Floats]:
-    """The angles (n,), arcmin, between where a viewer sees places uv (n, 2) of the picture, and
-    where it would see them straight; NaN where it does not see one.
-
-    solved : those whom the display shows the picture for
-    """
-    return arcmin_between(head, *(yield from seen_by(solved, plan, head, uv)))
-
-
-def seen_by(
-    solved: Sequence[Look], plan: Plan, head: Viewer, uv: Floats
-) -> Pauses[tuple[Floats, Floats]]:
-    """Where a viewer sees places uv (n, 2) of the picture, and where it would see them straight:
-    (n, 2) px of its image each, NaN where it does not see one; `solved` as for `off_by`.
-    """
-    view = yield from places_seen([*solved, Look(plan.seen_by(head))], uv)
-    return view[-1], view_of_picture(plan.rig.picture_place, head, uv)

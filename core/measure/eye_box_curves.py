@@ -16,7 +16,7 @@ from ..errors import RigError
 from ..numbers import number
 from ..steps import Pauses, at
 from .diagram import Curve, linear, points_mm, sheet
-from .eye_box import WAYS, EyeBox, Walk, seen_by
+from .eye_box import WAYS, EyeBox, Walk
 from .viewers import arcmin_between
 
 NAMES = ("left", "right", "up", "down", "nearer", "farther")  # of WAYS
@@ -83,7 +83,7 @@ def _at(walk: Walk, offset: Floats) -> Pauses[tuple[float | None, ...]]:
         head = viewer_at(walk.plan.viewer, place, tuple(offset))
     except RigError:  # at the picture
         return None, None, None, None, 0.0
-    seen, straight = yield from seen_by(walk.solved, walk.plan, head, walk.uv)
+    seen, straight = yield from walk.seen_by(head)
     is_seen = np.isfinite(seen).all(axis=1)
     if not is_seen.any():
         return None, None, None, None, 0.0

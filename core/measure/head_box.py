@@ -25,13 +25,12 @@ from ..rig import Rig
 from ..steps import Pauses, at
 from ..viewer import Viewer
 from .diagram import Curve, draw, from_zero, points_mm, sheet
-from .places_seen import Look, grid_on, places_seen
+from .places_seen import Look, grid_on, place_of_shown, places_shown
 from .viewers import arcmin_between
 
 FILE = "head_box.svg"
 N_POINTS = 7  # each way, of the picture
 N_ALONG = 7  # heads along an axis, of which one is in the middle
-AT_ONCE = 8  # heads that look, beside those that it is solved for
 N_OVER = {1: 7, 2: 5, 3: 3}  # heads along each axis of the grid, by the number of axes
 IS_SPREAD = 1e-4  # of the picture's distance: a spread that a camera's float32 place may have alone
 ENDS = (("left", "right"), ("bottom", "top"), ("far end", "near end"))  # of AXES, low and high
@@ -136,27 +135,23 @@ def head_box(plan: Plan) -> Generator[float, None, BoxServed]:
         [Look(plan.seen_by(centre), 1.0)],
     ):
         off: list[Floats] = []
-        while len(off) < len(heads):
+        shown = yield from at(len(found) / 2, places_shown(looks, uv))
+        for head in heads:
             told = (len(found) + len(off) / len(heads)) / 2
-            some = heads[len(off) : len(off) + AT_ONCE]
-            off += yield from at(told, _off_by(looks, plan, some, uv))
+            off.append((yield from at(told, off_by(plan, head, uv, shown))))
         found.append(_served(np.array(off), len(grid), box.axes, size))
     yield 1.0
     return BoxServed(tuple(size.tolist()), len(rig.viewers), len(grid), *found)
 
 
-def _off_by(
-    looks: Sequence[Look], plan: Plan, heads: Sequence[Viewer], uv: Floats
-) -> Pauses[list[Floats]]:
-    """For each head the angles (n,), arcmin, by which it sees places off; NaN where it sees none.
+def off_by(plan: Plan, head: Viewer, uv: Floats, shown: Floats) -> Pauses[Floats]:
+    """The angles (n,), arcmin, by which a head sees places uv (n, 2) of the picture off; NaN where
+    it sees none.
 
-    Where a place is shown does not depend on the head, so several are asked at once.
+    shown : (n, 2) display px, where they are shown
     """
-    seen = yield from places_seen([*looks, *(Look(plan.seen_by(head)) for head in heads)], uv)
-    return [
-        arcmin_between(head, view, view_of_picture(plan.rig.picture_place, head, uv))
-        for head, view in zip(heads, seen[len(looks) :], strict=True)
-    ]
+    view = yield from place_of_shown(plan.seen_by(head), uv, shown)
+    return arcmin_between(head, view, view_of_picture(plan.rig.picture_place, head, uv))
 
 
 def _spanned(rig: Rig) -> tuple[Viewer, HeadBox]:

@@ -12,16 +12,18 @@ viewers' images, whose rays land at T_k(x_k),
     T_k(x_k) = d for all k,  sum(w_k p_k(x_k)) = P sum(w_k).
 
 Newton's method for all of them at once: x_k goes on by J_k^-1 (d - T_k), with J_k the derivative
-of T_k by traced rays, and d is such that the second equation holds then, to first order.
+of T_k by traced rays, and d is such that the second equation holds then, to first order. Each point
+goes on as long as it needs. Where a point is shown does not depend on who else looks: those of
+weight 0 go on to the d that is found, each by itself.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ..arrays import Bools, Floats, Ints
 from ..image.asked import Way, mapped, way_of
 from ..image.flat_picture import view_of_picture
 from ..light.landings import Reason
@@ -70,6 +72,10 @@ class _Found:
     reach: Floats
     has_arrived: Bools
 
+    def at(self, which: Ints) -> "_Found":
+        """Some of the points."""
+        return _Found(*(getattr(self, field.name)[which] for field in fields(self)))
+
 
 def grid_of(n: int) -> Floats:
     """Places (n * n, 2) of a picture, u and v of 0..1, row by row from the top: the middles of
@@ -98,38 +104,104 @@ def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:
     ------
     RigError : the picture is no flat rectangle, or is seen edge-on
     """
-    place = looks[0].plan.rig.picture_place
-    straight = [view_of_picture(place, look.plan.viewer, uv) for look in looks]
-    ways = [way_of(place, look.plan.viewer) for look in looks]
+    solved = [look for look in looks if look.weight]
+    shown, views = yield from _shown(solved, uv)
+    found = dict(zip(map(id, solved), views, strict=True))
+    for look in looks:
+        if id(look) not in found:
+            found[id(look)] = yield from place_of_shown(look.plan, uv, shown)
+    return np.stack([found[id(look)] for look in looks])
+
+
+def places_shown(solved: Sequence[Look], uv: Floats) -> Pauses[Floats]:
+    """Where on the display (n, 2) px places of a picture are shown for those who look; NaN where
+    none of them is to see one; else as `places_seen`.
+    """
+    shown, _ = yield from _shown(solved, uv)
+    return shown
+
+
+def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Pauses[Floats]:
+    """Where a plan's viewer sees places of a picture (n, 2) viewer px; NaN where it sees none.
+
+    shown : (n, 2) display px, where they are shown, as `places_shown` tells
+    """
+    view = view_of_picture(plan.rig.picture_place, plan.viewer, uv)
+    one = yield from _begun(plan, view)
+    yield from _settled([plan], [one], np.ones((1, len(uv))), lambda left: shown[left])
+    return np.where(_is_known(one)[:, None], one.view, np.nan)
+
+
+def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floats]]]:
+    """Where places are shown, (n, 2) display px, and where each of those who look sees them, (n, 2)
+    viewer px; NaN where they are not.
+    """
+    place = solved[0].plan.rig.picture_place
+    plans = [look.plan for look in solved]
+    straight = [view_of_picture(place, plan.viewer, uv) for plan in plans]
+    ways = [way_of(place, plan.viewer) for plan in plans]
     wanted = mapped(ways[0].there, straight[0])[0].T
 
     found = []
-    for look, view in zip(looks, straight, strict=True):
-        found.append((yield from _begun(look.plan, view)))
+    for plan, view in zip(plans, straight, strict=True):
+        found.append((yield from _begun(plan, view)))
     weights = np.stack([
-        look.weight * (one.branch != 0) for look, one in zip(looks, found, strict=True)
+        look.weight * (one.branch != 0) for look, one in zip(solved, found, strict=True)
     ])  # fmt: skip
+    display = np.full(wanted.shape, np.nan)
 
-    before = np.inf
+    def meant(left: Ints) -> Floats:
+        display[left] = _shown_at(
+            [one.at(left) for one in found], ways, weights[:, left], wanted[left]
+        )
+        return display[left]
+
+    yield from _settled(plans, found, weights, meant)
+    known = np.stack([_is_known(one) for one in found])
+    is_shown = ((weights == 0) | known).all(axis=0) & (weights > 0).any(axis=0)
+    display[~is_shown] = np.nan
+    return display, [
+        np.where((is_shown & is_known)[:, None], one.view, np.nan)
+        for one, is_known in zip(found, known, strict=True)
+    ]
+
+
+def _settled(
+    plans: Sequence[Plan],
+    found: Sequence[_Found],
+    weights: Floats,
+    meant: Callable[[Ints], Floats],
+) -> Pauses[None]:
+    """Bring the places of all viewers to where points are shown, as far as that can be.
+
+    weights : (k, n), 0 where a viewer does not count
+    meant : where some of the points, by their numbers, are shown, (m, 2) display px, by the places
+        and inverses so far
+    """
+    counts = weights > 0
+    left = np.flatnonzero(counts.any(axis=0))
+    before = np.full(weights.shape[1], np.inf)
     for _ in range(MOST_ROUNDS):
-        for look, one in zip(looks, found, strict=True):
-            by_view = yield from derivative(look.plan, one.view, one.display, one.branch)
-            one.inverse = inverse_of(by_view)
-        shown = _shown_at(found, ways, weights, wanted)
-        for look, one in zip(looks, found, strict=True):
-            yield from _go_on(look.plan, one, shown)
-        # rounding is reached where known places come no nearer
-        largest = max(float(np.abs(one.step).max()) for one in found)
-        if largest <= SETTLED_PX or before / 2 < largest < IS_KNOWN:
+        if not len(left):
             break
-        before = largest
+        for plan, one in zip(plans, found, strict=True):
+            by_view = yield from derivative(
+                plan, one.view[left], one.display[left], one.branch[left]
+            )
+            one.inverse[left] = inverse_of(by_view)
+        shown = meant(left)
+        for plan, one in zip(plans, found, strict=True):
+            yield from _go_on(plan, one, left, shown)
 
-    is_shown = weights.sum(axis=0) > 0
-    for one, weight in zip(found, weights, strict=True):
-        is_shown &= (weight == 0) | _is_known(one)
-    return np.stack([
-        np.where((is_shown & _is_known(one))[:, None], one.view, np.nan) for one in found
-    ])  # fmt: skip
+        largest = np.max([np.abs(one.step[left]).max(axis=1) for one in found], axis=0)
+        is_whole = np.all([one.reach[left] == 1 for one in found], axis=0)
+        # rounding is reached where a known place comes no nearer
+        is_near = (before[left] / 2 < largest) & (largest < IS_KNOWN)
+        is_lost = np.any([
+            counts[k, left] & (one.branch[left] == 0) for k, one in enumerate(found)
+        ], axis=0)  # fmt: skip
+        before[left] = largest
+        left = left[~(is_lost | (is_whole & (is_near | (largest <= SETTLED_PX))))]
 
 
 def _begun(plan: Plan, view: Floats) -> Pauses[_Found]:
@@ -175,21 +247,23 @@ def _by_view(way: Way, view: Floats) -> Floats:
     return np.stack(columns, axis=2)
 
 
-def _go_on(plan: Plan, one: _Found, shown: Floats) -> Pauses[None]:
-    """Move the places of a viewer's image to where it sees points (n, 2) display px."""
-    step = one.reach[:, None] * np.einsum("nij,nj->ni", one.inverse, shown - one.display)
-    can_move = np.isfinite(step).all(axis=1) & one.inverse.any(axis=(1, 2)) & (one.branch != 0)
-    tried = np.where(can_move[:, None], one.view + step, one.view)
+def _go_on(plan: Plan, one: _Found, left: Ints, shown: Floats) -> Pauses[None]:
+    """Move some places of a viewer's image to where it sees points (m, 2) display px."""
+    here = one.at(left)
+    step = here.reach[:, None] * np.einsum("nij,nj->ni", here.inverse, shown - here.display)
+    can_move = np.isfinite(step).all(axis=1) & here.inverse.any(axis=(1, 2)) & (here.branch != 0)
+    tried = np.where(can_move[:, None], here.view + step, here.view)
     traced = yield from trace_points(plan, tried)
 
-    is_on_branch = can_move & (traced.branch == one.branch)
-    one.view[is_on_branch] = tried[is_on_branch]
-    one.display[is_on_branch] = traced.xy[is_on_branch]
-    one.has_arrived[is_on_branch] = traced.reason[is_on_branch] == Reason.ARRIVED
+    is_on_branch = can_move & (traced.branch == here.branch)
+    some = left[is_on_branch]
+    one.view[some] = tried[is_on_branch]
+    one.display[some] = traced.xy[is_on_branch]
+    one.has_arrived[some] = traced.reason[is_on_branch] == Reason.ARRIVED
     # those that cannot move are done, and not found
-    one.step = np.where(can_move[:, None], step, 0.0)
-    one.reach = np.where(is_on_branch, np.minimum(1.0, 2 * one.reach), one.reach / 2)
-    one.branch[~can_move] = 0
+    one.step[left] = np.where(can_move[:, None], step, 0.0)
+    one.reach[left] = np.where(is_on_branch, np.minimum(1.0, 2 * here.reach), here.reach / 2)
+    one.branch[left[~can_move]] = 0
 
 
 def _is_known(one: _Found) -> Bools:

@@ -41,9 +41,10 @@ from environments import run_in_newest_blender
 from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.light.planning import make_plan
-from kiriko.core.measure.eye_box import WAYS, Walk, off_by
+from kiriko.core.measure.eye_box import WAYS, Walk
 from kiriko.core.measure.eye_box_curves import NAMES
-from kiriko.core.measure.places_seen import Look, grid_of
+from kiriko.core.measure.head_box import off_by
+from kiriko.core.measure.places_seen import Look, grid_of, places_shown
 from kiriko.core.measure.sharpness import sharpness
 from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
 from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
@@ -295,7 +296,8 @@ def print_off(name: str, ways: dict[str, list[Look]], head: Viewer) -> list[floa
     means = []
     for solved in ways.values():
         plan = ways["for the middle"][0].plan
-        off = finish(off_by(solved, plan, head, grid_of(7)))
+        shown = finish(places_shown(solved, grid_of(7)))
+        off = finish(off_by(plan, head, grid_of(7), shown))
         off = off[np.isfinite(off)]
         mean, largest = (off.mean(), off.max()) if len(off) else (np.nan, np.nan)
         means.append(float(mean))

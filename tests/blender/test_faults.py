@@ -78,7 +78,7 @@ STAGES = {
     "eye_box": (
         "core.blender.scene.read",
         "core.solve.session.planning",
-        "core.measure.eye_box.places_seen",
+        "core.measure.eye_box.places_shown",
         "core.measure.eye_box_surface.grid",
         "operators.eye_box.surface_object",
     ),

@@ -229,6 +229,23 @@ def test_viewers_that_disagree_leave_no_box():
     assert found.left == found.right == found.up == found.nearer == 0
 
 
+def test_a_head_costs_as_much_whoever_the_picture_is_solved_for():
+    """Where the display shows a point does not depend on the head: nine viewers are asked once."""
+    a_rig = ball_rig(4, display=0.075, **SMALL)
+    place = a_rig.picture_place
+    nine = tuple(
+        replace(viewer_at(a_rig.viewer, place, (x, 0.0, z)), name=f"{x} {z}")
+        for x in (-0.01, 0.0, 0.01)
+        for z in (-0.01, 0.0, 0.01)
+    )
+    rays = []
+    for viewers in (a_rig.viewers, nine):
+        walk = Walk(make_plan(replace(a_rig, viewers=viewers), Settings()))
+        finish(walk.begin())
+        rays.append(sum(walk.off((0.05, 0.02, 0.01))))
+    assert rays[1] < 1.1 * rays[0]
+
+
 def test_the_surface_is_closed_and_made_of_eighths_of_ellipsoids():
     """Each point is on its octant's; edges have two faces. The volume is theirs but for that which
     facets leave out: each octant is the sphere's, stretched, and there facets lie within 7.5
