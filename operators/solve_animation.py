@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.blender.frames import frame_files, frames_of_range
+from ..core.blender.frames import folder_of, frame_files, frames_of_range
 from ..core.blender.paths import absolute
 from ..core.errors import ImageError, RigError
 from ..core.frame_list import frames_of
@@ -48,9 +48,10 @@ class OfFrames(long_work.LongWork):
         use_bundled_modules()
         numbers = frames_of(self.frames) if self.frames else frames_of_range(scene)
         path = absolute(ours.animation_path)
-        files = frame_files(scene, path.parent, path.name, ours.export_format, numbers)
+        place = folder_of(scene, ours.animation_path)
+        files = frame_files(scene, place, path.name, ours.export_format, numbers)
         self.tally = frames.Tally()
-        with folder.made(path.parent):
+        with folder.made(place):
             yield frames.Run(
                 files, ours.export_format, ours.animation_anew, ours.animation_placeholders
             )

@@ -48,9 +48,7 @@ def frame_files(
             name=name,
         )
 
-    suffix = Path(name).suffix
-    stem = name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
-    named = _named(scene, stem, frames)
+    named = _named(scene, _stem(name), frames)
     for text in named.values():
         if not _is_of_file(text):
             raise ImageError(
@@ -66,10 +64,24 @@ def without_number(scene: bpy.types.Scene, name: str) -> str:
     """The name of a movie of frames of such a name: without number and suffix; '' where nothing is
     left. Raises ImageError as frame_files.
     """
-    stem = Path(name).stem.rstrip("#").rstrip("_-. ").replace("#", "")
+    stem = _stem(name).rstrip("#").rstrip("_-. ").replace("#", "")
     if not stem:
         return ""
     return _named(scene, f"{stem}#", (0,))[0][:-1]  # the number is one digit, 0
+
+
+def folder_of(scene: bpy.types.Scene, path: str) -> Path:
+    """The folder of files by a path as the interface has it, which may have such words, too; where
+    a .blend lies, braces are no words. Raises ImageError as frame_files.
+    """
+    folder = path.rstrip("/\\").removesuffix(Path(path).name)
+    return Path(bpy.path.abspath(_named(scene, f"{folder}#", (0,))[0])).parent
+
+
+def _stem(name: str) -> str:
+    """A name without the suffix of an image."""
+    suffix = Path(name).suffix
+    return name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
 
 
 def _is_of_file(name: str) -> bool:

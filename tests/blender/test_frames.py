@@ -209,6 +209,20 @@ def test_words_in_braces_are_read_by_the_scene(
     scene.render.filepath = str(tmp_path / name)
     scene.render.image_settings.file_format = "PNG"
     assert str(path) == scene.render.frame_path(frame=7)
+    scene.kiriko.animation_path = "//by {fps}/{scene_name}/b_##"
+    scene.render.filepath = str(tmp_path / "by {fps}/{scene_name}/b_##")
+    named = Path(scene.render.frame_path(frame=1))
+    assert bpy.ops.kiriko.solve_animation(frames="1") == {"FINISHED"}
+    assert {one.name for one in named.parent.iterdir()} == {"b_01.png", "frames.jsonl"}
+    (tmp_path / "{mine}").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "{mine}" / "rig.blend"))
+    scene.kiriko.animation_path = "//a {fps}/b_##"
+    assert bpy.ops.kiriko.solve_animation(frames="1") == {"FINISHED"}
+    assert (tmp_path / "{mine}" / named.parent.parent.name.replace("by", "a") / "b_01.png").exists()
+    scene.kiriko.animation_path = "//{nothing}/b_##"
+    with pytest.raises(RuntimeError, match="which it does not know"):
+        bpy.ops.kiriko.solve_animation(frames="1")
+
     out = folder(tmp_path)
     ask = ("--frames", "1-2", "--name", "{scene_name}_#", "--movie", "FFV1")
     assert run("solve", "--out", out, *ask) == 0
