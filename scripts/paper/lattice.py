@@ -46,15 +46,16 @@ def measuring_width(reading: Reading, ideal: np.ndarray) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Dots:
-    """Where a render shows the dots of the lattice, and where they are wanted: (n, n, 2) px of a
-    whole frame, NaN where a dot is not seen.
+    """Where a render shows the dots of the lattice: (n, n, 2) px of a whole frame, NaN where a dot
+    is not seen.
 
     size : width and height of the frame, px
+    crop : left, top, right and bottom of the part of it that was rendered, px
     """
 
     shown: np.ndarray
-    wanted: np.ndarray
     size: tuple[int, int]
+    crop: tuple[int, int, int, int]
 
 
 def shift_in_cycles(
@@ -69,7 +70,9 @@ def shift_in_cycles(
     pixels from dot to dot, against the ideal image; as `dots_in_cycles`.
     """
     dots = dots_in_cycles(scene, reading, source, ideal, seen, samples)
-    return LatticeShift(dots.shown - dots.wanted)
+    part = framed(reading.rig.viewer, dots.size[0], dots.crop)
+    wanted = dot_centroids(ideal_image(reading.rig.picture, part)) + dots.crop[:2]
+    return LatticeShift(dots.shown - wanted)
 
 
 def dots_in_cycles(
@@ -106,9 +109,7 @@ def dots_in_cycles(
     render = render_preview(
         scene, reading, source, size=(width, height), border=border, samples=samples, fresnel=False
     )[..., :3]
-    wanted = ideal_image(reading.rig.picture, framed(viewer, width, crop))
-    if render.shape != wanted.shape:
-        raise ValueError(f"Cycles rendered {render.shape} where {wanted.shape} was asked for")
-
-    shown, wanted = (dot_centroids(image) + crop[:2] for image in (render, wanted))
-    return Dots(shown, wanted, (width, height))
+    asked = crop[3] - crop[1], crop[2] - crop[0], 3
+    if render.shape != asked:
+        raise ValueError(f"Cycles rendered {render.shape} where {asked} was asked for")
+    return Dots(dot_centroids(render) + crop[:2], (width, height), crop)

@@ -1,4 +1,5 @@
 import ast
+import functools
 import importlib
 import importlib.util
 import sys
@@ -69,6 +70,7 @@ def test_core_keeps_to_its_imports(name: str) -> None:
     assert name == "light.engines" or not packages & {"embreex", "mathutils"}
 
 
+@functools.cache
 def asked(name: str, is_at_once: bool = False) -> set[str]:
     """Files of core that a file imports from, or imports from at once when it is
     imported itself.
