@@ -20,8 +20,12 @@ from .rays import LAND, Rays
 
 def surface(part: Display, kept: Kept) -> tuple[Surface, str]:
     """Its triangles, each flat; a patch for each piece of its UV map."""
-    flat = replace(make_surface(part.mesh.flat()), patch=uv_islands(part.mesh))
-    return flat, key_of_facets(part.mesh)
+
+    def make() -> Surface:
+        return replace(make_surface(part.mesh.flat()), patch=uv_islands(part.mesh))
+
+    key = key_of_facets(part.mesh)
+    return kept.get(f"display {key}", make), key
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:

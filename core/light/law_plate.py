@@ -24,6 +24,11 @@ PLATE_FLATNESS = 1e-6
 
 def surface(plate: Plate, kept: Kept) -> tuple[Surface, str]:
     """A plate's triangles as one patch of one plane; RigError when they do not lie in one."""
+    key = key_of_facets(plate.mesh)
+    return kept.get(f"plate {key}", lambda: _plane(plate)), key
+
+
+def _plane(plate: Plate) -> Surface:
     facets = make_surface(plate.mesh.flat())
     corners = facets.corners.reshape(-1, 3)
     centre = corners.mean(axis=0)
@@ -46,8 +51,7 @@ def surface(plate: Plate, kept: Kept) -> tuple[Surface, str]:
         )
 
     n = len(facets.corners)
-    flat = replace(facets, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
-    return flat, key_of_facets(plate.mesh)
+    return replace(facets, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
