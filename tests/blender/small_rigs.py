@@ -1,8 +1,12 @@
 """A small rig that solves in a fraction of a second: a cube, 64 pixels."""
 
+import importlib
+from types import ModuleType
+
 import bmesh
 import bpy
 import numpy as np
+import pytest
 from mathutils import Matrix
 
 SIDE = 0.05
@@ -59,6 +63,19 @@ def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Objec
     }
     bpy.ops.kiriko.add_rig(**{**small, **options})
     return {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
+
+
+def short_walks(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An eye box and its curves are found by few looks at nine points of the picture."""
+    names = ("core.measure.eye_box", "core.measure.eye_box_curves")
+    box, curves = (importlib.import_module(f"{kiriko.__name__}.{name}") for name in names)
+    for module, name, few in (
+        (box, "N_POINTS", 3),
+        (box, "N_BETWEEN", 2),
+        (box, "SETTLED", 0.1),
+        (curves, "N_STEPS", 2),
+    ):
+        monkeypatch.setattr(module, name, few)
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:

@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import cube, inventory, pixels, small_rig
+from small_rigs import cube, inventory, pixels, short_walks, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
 LONG = (
@@ -326,7 +326,7 @@ def rig(
     """
     module = part("core.bench.visible_range")
     monkeypatch.setattr(module, "SURVEY", replace(module.SURVEY, n_steps=6, fine_rad=0.05))
-    monkeypatch.setattr(part("core.measure.eye_box"), "N_POINTS", 3)
+    short_walks(kiriko, monkeypatch)
     module = part("operators.report")
     short = module.Ladders(tolerances=(1.0,), spps=(1,), runs=1)
     monkeypatch.setattr(

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import inventory, pixels, small_rig
+from small_rigs import inventory, pixels, short_walks, small_rig
 
 NAMES = ["eye_box.svg", "report.csv", "report.json", "report.svg"]
 SECONDS = 0.5  # of brute force: a few samples a pixel
@@ -28,8 +28,7 @@ def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
         return whole(*args, ladders=short, **options)
 
     monkeypatch.setattr(module, "measure", short)
-    eye_box = importlib.import_module(f"{kiriko.__name__}.core.measure.eye_box")
-    monkeypatch.setattr(eye_box, "N_POINTS", 3)
+    short_walks(kiriko, monkeypatch)
 
 
 @pytest.fixture
