@@ -1,6 +1,7 @@
 """A small rig that solves in a fraction of a second: a cube, 64 pixels."""
 
 import importlib
+from dataclasses import replace
 from types import ModuleType
 
 import bmesh
@@ -76,6 +77,19 @@ def short_walks(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
         (curves, "N_STEPS", 2),
     ):
         monkeypatch.setattr(module, name, few)
+
+
+def short_reports(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs on a short ladder, and few looks by heads that move."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
+    whole = module.measure
+
+    def short(*args: object, ladders: object, **options: object) -> object:
+        short = replace(ladders, tolerances=(1.0, 0.1), runs=2)
+        return whole(*args, ladders=short, **options)
+
+    monkeypatch.setattr(module, "measure", short)
+    short_walks(kiriko, monkeypatch)
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:

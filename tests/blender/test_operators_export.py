@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import inventory, pixels, small_rig
+from small_rigs import inventory, pixels, short_reports, small_rig
 
 # half of the steps a format has between 0 and 1; half floats have 11 bits
 STEP = {
@@ -211,10 +211,13 @@ def test_a_png_that_cannot_be_saved_is_one_sentence(
         assert not list(tmp_path.iterdir())
 
 
-def test_paths_beside_the_blend_bring_no_warning(solved: bpy.types.Scene, tmp_path: Path) -> None:
+def test_paths_beside_the_blend_bring_no_warning(
+    solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The README's example, and the paths of the other
     operators, may begin with // in every version.
     """
+    short_reports(kiriko, monkeypatch)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -3,7 +3,6 @@ import importlib
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -11,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import inventory, pixels, short_walks, small_rig
+from small_rigs import inventory, pixels, short_reports, small_rig
 
 NAMES = ["eye_box.svg", "report.csv", "report.json", "report.svg"]
 SECONDS = 0.5  # of brute force: a few samples a pixel
@@ -19,16 +18,8 @@ SECONDS = 0.5  # of brute force: a few samples a pixel
 
 @pytest.fixture(autouse=True)
 def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two runs on a short ladder: the tests here are of the way to the files."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
-    whole = module.measure
-
-    def short(*args: object, ladders: object, **options: object) -> object:
-        short = replace(ladders, tolerances=(1.0, 0.1), runs=2)
-        return whole(*args, ladders=short, **options)
-
-    monkeypatch.setattr(module, "measure", short)
-    short_walks(kiriko, monkeypatch)
+    """The tests here are of the way to the files."""
+    short_reports(kiriko, monkeypatch)
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from kiriko.core.map.points import Points
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample
 from kiriko.core.settings import Settings
+from known.marks import STATISTICS
 from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
 from known.work import drain, solve
@@ -69,6 +70,7 @@ def test_the_light_is_that_of_random_rays():
     assert np.sqrt(np.mean(((found - light) / error) ** 2)) < 1.2
 
 
+@STATISTICS
 def test_four_times_the_effort_halves_the_noise():
     """Of the light on single display pixels, against very many samples of the same pixels."""
     many = solved(1024).weight

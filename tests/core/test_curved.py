@@ -454,6 +454,7 @@ def test_faces_of_fine_regular_meshes_keep_their_own_normals():
 DISTURBED = (0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-5), (0.2, 1e-3)
 
 
+@CASES
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize(("aside", "noise"), DISTURBED)
 def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):

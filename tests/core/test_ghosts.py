@@ -1,6 +1,7 @@
 """Ghosts: which path a display pixel shows, against random rays and sums by hand."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,6 +34,12 @@ def seen_twice(**options):
         display=0.1,
         **options,
     )
+
+
+@cache
+def solved(ghosts):
+    """It, each way by a session of its own."""
+    return solve(seen_twice(), ghosts=ghosts)
 
 
 def some_shares(random, n, n_pixels, n_paths):
@@ -132,8 +139,7 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
         [np.bincount(pixel[is_best], c[is_best], side * side) for c in colours.T], axis=1
     )
     expected /= np.maximum(first, 1)[:, None]
-    mean = solve(a_rig)
-    found = solve(a_rig, ghosts="strongest")
+    mean, found = solved("mean"), solved("strongest")
     off = np.abs(found.source.reshape(-1, 3) - expected)[is_clear]
     before = np.abs(mean.source.reshape(-1, 3) - expected)[is_clear]
 
@@ -148,9 +154,7 @@ def test_nothing_changes_where_each_pixel_is_seen_once():
     is_shown = one.weight > 0
 
     assert np.abs(one.source - other.source)[is_shown].max() < 1e-6
-    a_rig = seen_twice()
-    one = solve(a_rig)
-    other = solve(a_rig, ghosts="strongest")
+    one, other = solved("mean"), solved("strongest")
     np.testing.assert_allclose(one.display_coverage, other.display_coverage, atol=1e-9)
 
     assert one.picture_coverage == pytest.approx(other.picture_coverage, abs=1e-12)

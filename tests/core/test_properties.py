@@ -21,7 +21,7 @@ from kiriko.core.solve.picture_coverage import TOO_FINE
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.closed_forms import unit
-from known.marks import CASES
+from known.marks import CASES, STATISTICS
 from known.rasterised import to_display, to_view
 from known.reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
@@ -508,6 +508,7 @@ def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_gla
     assert abs(sum(shares) - 1) < 1e-9
 
 
+@STATISTICS
 @pytest.mark.parametrize("shape", ["facets", "gap", "ball", "cut"])
 def test_shares_by_reason_are_those_of_rays(shape):
     """Rays through random points of the viewer's image, each
