@@ -20,8 +20,9 @@ from ..rig import Rig
 from ..steps import at, within
 from .light import Light, light_of
 from .offset import moved, turned
+from .picture_light import PlanOf, Traced, traced
 from .picture_room import Plane, plane_of
-from .room import ROOM, PlanOf, Traced, traced
+from .room import ROOM
 from .squares import grid_over
 from .turn_back import axes_around
 from .turned import light_turned, with_glass_turned

@@ -18,8 +18,9 @@ from ..rig import Rig
 from ..steps import within
 from ..words import percent
 from .best_place import Limits, best_place
+from .picture_light import PlanOf, traced
 from .picture_room import fit_picture, plane_of
-from .room import PlanOf, Wanted, fit_display, fit_plate, traced
+from .room import Wanted, fit_display, fit_plate
 
 N_GRID = 32  # points along each edge of a triangle of the picture
 WORTH_IT = 1e-3  # share of the picture that a remedy has to bring back

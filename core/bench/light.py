@@ -28,6 +28,7 @@ class Light:
 
     is_seen : (n,) lies the point within the viewer's image?
     reason : (n,) of Reason; of points out of sight BLOCKED
+    branch : (n,) the way of the light, 0 where it ended on the way
     positions : (n, 3) m, of the ends
     has_leaked : (n,) through a gap in open glass
     into_glass, out_of_glass : (n, 3) m, first and last meeting with glass, NaN where there is none
@@ -36,6 +37,7 @@ class Light:
 
     is_seen: Bools
     reason: NDArray[np.uint8]
+    branch: NDArray[np.uint64]
     positions: Floats
     has_leaked: Bools
     into_glass: Floats
@@ -81,6 +83,7 @@ def light_of(
     light = Light(
         is_seen=is_seen,
         reason=np.full(len(points), Reason.BLOCKED, np.uint8),
+        branch=np.zeros(len(points), np.uint64),
         positions=np.full((len(points), 3), np.nan),
         has_leaked=np.zeros(len(points), bool),
         into_glass=np.full((len(points), 3), np.nan),
@@ -99,6 +102,7 @@ def light_of(
         of = seen[some]
         landings = main_landings(found, len(of))
         light.reason[of] = landings.reason
+        light.branch[of] = landings.branch
         light.positions[of] = landings.positions
         light.has_leaked[of] = landings.leak >= 0
         _note_meetings(plan, light, of, steps)

@@ -19,7 +19,8 @@ from ..light.plan import Plan
 from ..rig import PicturePlace, Rig
 from ..steps import within
 from .light import light_of
-from .room import ROOM, ROUNDING, Fitted, PlanOf, Traced, Wanted, traced_by_all
+from .picture_light import PlanOf, Traced, traced_by_all
+from .room import ROOM, ROUNDING, Fitted, Wanted
 from .squares import Bundle, best_place, grid_over, largest_about
 
 
@@ -105,7 +106,8 @@ def fit_picture(
     size = min(most, float(bundle.largest(about[None], most)[0]) + 2 * step)
     shift = about @ plane.sides
 
-    before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid), 0.3, 0.5)
+    steps = traced_by_all(rig, plan_of, wanted.n_grid, is_fine=True)
+    before = yield from within(steps, 0.3, 0.5)
     size = yield from within(_border(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
     if size <= ROOM.spare and before.share >= wanted.share * (1 - ROUNDING):
         size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
@@ -133,7 +135,7 @@ def _of_size(
 ) -> Generator[float, None, Traced]:
     """The light of a picture of another size."""
     changed = replace(rig, pictures=(resized(rig.picture_place, plane, size, shift),))
-    return (yield from traced_by_all(changed, plan_of, wanted.n_grid))
+    return (yield from traced_by_all(changed, plan_of, wanted.n_grid, is_fine=True))
 
 
 def _border(

@@ -5,7 +5,7 @@ then has to reach the places where that light meets it. The answer is settled by
 with the part as large as was found. The light of all viewers counts.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,17 +13,12 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import RigError
 from ..light.display import affine_fit
-from ..light.plan import Plan
-from ..mesh import Mesh
 from ..messages import Message
-from ..rig import Display, PicturePlace, Plate, Rig
+from ..rig import Display, Plate, Rig
 from ..steps import within
-from ..viewer import Viewer
 from .flat import Outline, outline_of
-from .light import Light, light_of, together
-from .spread import MOST, points_of
-
-PlanOf = Callable[[Rig], Plan]
+from .picture_light import PlanOf, Traced, place_in_sight, traced_by_all
+from .spread import MOST
 
 
 @dataclass(frozen=True)
@@ -86,62 +81,6 @@ class Fitted:
     def more(self) -> float:
         """By how much wider it is, m; below 0 where it is narrower."""
         return self.width - self.width / self.size
-
-
-def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
-    """A picture with a plane: its own, or one in front of
-    the viewer where it is in the viewer's own pixels.
-    """
-    if place.mesh is not None:
-        return place
-
-    corners = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], float)
-    origins, directions = viewer.rays(corners * (viewer.width, viewer.height))
-    ahead = directions @ viewer.axes[2]
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    triangles = np.array([[0, 1, 2], [0, 2, 3]])
-    return replace(
-        place, mesh=Mesh(origins + directions / ahead[:, None], triangles, uv=uv[triangles])
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Traced:
-    """The light of a rig's picture, of places uv (n, 2) and their shares (n,) of the picture."""
-
-    light: Light
-    uv: Floats
-    weight: Floats
-
-    @property
-    def lost(self) -> dict[str, float]:
-        return self.light.lost(self.weight)
-
-    @property
-    def share(self) -> float:
-        """The part of the picture that arrives."""
-        return 1.0 - sum(self.lost.values())
-
-
-def traced(rig: Rig, plan_of: PlanOf, n_grid: int = 0) -> Generator[float, None, Traced]:
-    """Follow the light of a rig's picture to its first viewer; yields progress 0..1."""
-    return (yield from traced_by_all(replace(rig, viewers=rig.viewers[:1]), plan_of, n_grid))
-
-
-def traced_by_all(
-    rig: Rig, plan_of: PlanOf, n_grid: int = 0, plate: Outline | None = None
-) -> Generator[float, None, Traced]:
-    """The same to all viewers, one behind the other, each with an even part of the weight."""
-    plan, n = plan_of(rig), len(rig.viewers)
-    lights, uvs, weights = [], [], []
-    for k, viewer in enumerate(rig.viewers):
-        points, uv, area = points_of(place_in_sight(rig.picture_place, viewer), n_grid)
-        steps = light_of(plan.seen_by(viewer), points, plate)
-        lights.append((yield from within(steps, k / n, (k + 1) / n)))
-        seen = np.where(lights[-1].is_seen, area, 0.0)
-        uvs.append(uv)
-        weights.append(seen / max(seen.sum(), np.finfo(float).tiny) / n)
-    return Traced(together(lights), np.concatenate(uvs), np.concatenate(weights))
 
 
 def display_outline(display: Display) -> Outline:
@@ -279,14 +218,16 @@ class _Sizing:
             ROOM.spare * float(reach[order[np.argmax(within_reach >= share * (1 - ROUNDING))]])
             for share in (wanted.share, MOST)
         )
+        before = yield from within(self._traced(self.rig), 0.4, 0.7)
+        if wanted.share >= 1 - ROUNDING:
+            # whatever arrives stays, also where no point of the coarser grid was
+            now = float(self.outline.reach(self._met(before), about).max(initial=0.0))
+            size = max(size, ROOM.spare * now if wanted.moves else min(ROOM.spare * now, 1.0))
         shift = about @ self.outline.axes
         farthest = float(self.outline.reach(across, np.zeros(2)).max())
         width = 2 * float(self.outline.half[0])
 
-        n = wanted.n_grid
-        before = yield from within(traced_by_all(self.rig, self.plan_of, n), 0.4, 0.7)
-        changed = self.rig_with(size, shift)
-        after = yield from within(traced_by_all(changed, self.plan_of, n), 0.7, 1.0)
+        after = yield from within(self._traced(self.rig_with(size, shift)), 0.7, 1.0)
         return Fitted(
             size=size,
             width=width * size,
@@ -297,3 +238,16 @@ class _Sizing:
             for_most=width * most,
             limit=width * largest if farthest > ROOM.at_limit * largest else 0.0,
         )
+
+    def _traced(self, rig: Rig) -> Generator[float, None, Traced]:
+        plate = self.outline if self.field == "plates" else None
+        return (
+            yield from traced_by_all(rig, self.plan_of, self.wanted.n_grid, plate, is_fine=True)
+        )
+
+    def _met(self, light: Traced) -> Floats:
+        """Where light that arrives meets the part, (n, 2) along its axes."""
+        found = light.light
+        places = found.at_plate if self.field == "plates" else found.positions
+        places = places[found.has_arrived]
+        return self.outline.across(places[np.isfinite(places[:, 0])])

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Ints
+from ..glass.meshes import areas_of
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..messages import Message
@@ -131,27 +132,41 @@ def part_of_picture(places: Floats, weight: Floats) -> Message:
 def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:
     """Points (n, 3) spread evenly over the triangles of a picture,
     their UV (n, 2) and the area (n,) each stands for.
+    """
+    return points_over(place.mesh.corners, place.mesh.uv, n or LIGHT_RAYS.n_grid)
+
+
+def points_over(corners: Floats, uv: Floats, n: int) -> tuple[Floats, Floats, Floats]:
+    """The same over triangles (t, 3, 3), with UV (t, 3, 2), by n points along each edge.
 
     A triangle is divided into small ones; a third of each belongs to each of its corners.
     """
     # the corners of the small ones, by barycentric coordinates
-    n = n or LIGHT_RAYS.n_grid
     a, b = (x.ravel() for x in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
     a, b = a[a + b <= n], b[a + b <= n]
     c = n - a - b
     n_at_borders = (a == 0).astype(int) + (b == 0) + (c == 0)
     area = np.array([6, 3, 1])[n_at_borders] / (3 * n**2)
 
-    corners = place.mesh.corners
     weights = np.stack([a, b, c], axis=1) / n
-    points, uv = (
-        np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1])
-        for x in (corners, place.mesh.uv)
+    points, at = (
+        np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1]) for x in (corners, uv)
     )
+    return points, at, (areas_of(corners)[:, None] * area).ravel()
 
-    sides = corners[:, 1:] - corners[:, :1]
-    whole = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return points, uv, (whole[:, None] * area).ravel()
+
+def small_triangles(n: int, n_triangles: int) -> Ints:
+    """The small triangles (m, 3) of `points_over`, as numbers of its points."""
+    b, a = np.indices((n + 1, n + 1)).reshape(2, -1)
+    b, a = b[a + b <= n], a[a + b <= n]
+    number = np.full((n + 2, n + 2), -1)
+    number[b, a] = np.arange(len(a))
+    b, a = b[a + b < n], a[a + b < n]
+    lower = np.stack([number[b, a], number[b, a + 1], number[b + 1, a]], axis=1)
+    upper = np.stack([number[b, a + 1], number[b + 1, a + 1], number[b + 1, a]], axis=1)
+    one = np.concatenate([lower, upper[(upper >= 0).all(axis=1)]])
+    n_points = (n + 1) * (n + 2) // 2
+    return (n_points * np.arange(n_triangles)[:, None, None] + one).reshape(-1, 3)
 
 
 def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Spread]:

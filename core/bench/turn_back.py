@@ -18,7 +18,7 @@ from ..errors import RigError
 from ..rig import Rig
 from ..steps import at, within
 from ..vectors import normalise
-from .room import PlanOf, Traced
+from .picture_light import PlanOf, Traced
 from .turned import light_turned
 
 

@@ -13,7 +13,7 @@ from ..arrays import Floats
 from ..glass.motion import Motion
 from ..rig import ROLES, Rig
 from .offset import moved, turned
-from .room import PlanOf, Traced, traced
+from .picture_light import PlanOf, Traced, traced
 
 
 def glass_middle(rig: Rig) -> Floats:

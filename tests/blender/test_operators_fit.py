@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import small_rig
+from small_rigs import cube, small_rig
 
 SINGLE = 1e-6  # m
 
@@ -113,7 +113,6 @@ def test_units_and_parents(scene) -> None:
 
 
 def small_rig_in_mm() -> dict[str, bpy.types.Object]:
-    from small_rigs import cube
 
     glass = cube(side=50.0)
     glass.kiriko.use_ior = True
@@ -171,3 +170,25 @@ def test_a_limit_is_told(scene, capfd) -> None:
     assert re.search(
         r"A limit was reached: a width above 1 cm is not tried", capfd.readouterr().out
     )
+
+
+@pytest.mark.parametrize("display", [1.0, 12.0])
+def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, display) -> None:
+    """Where light beside an edge goes far aside in a strip as thin as 1/500 of the picture: what
+    is told is what the solve finds, and what arrived before is not cut.
+    """
+    cube(2.0).kiriko.use_ior = True
+    bpy.ops.kiriko.add_rig()
+    next(t for t in scene.objects if t.kiriko.role == "PICTURE").scale *= 2.5
+    bpy.ops.kiriko.fit_display()
+    next(t for t in scene.objects if t.kiriko.role == "DISPLAY").scale *= display
+    before = coverage()
+    capfd.readouterr()
+    bpy.ops.kiriko.fit_plate()
+    text = re.search(
+        r": ([\d.]+) % of the picture arrives, ([\d.]+) % before", capfd.readouterr().out
+    )
+    after = coverage()
+    assert after > before - 5e-4
+    assert float(text[1]) / 100 == pytest.approx(after, abs=1e-3)
+    assert float(text[2]) / 100 == pytest.approx(before, abs=1e-3)

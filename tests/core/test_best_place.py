@@ -8,8 +8,8 @@ import pytest
 import kiriko.core.bench.turn_back as search
 from kiriko.core.bench.best_place import PLACE_SEARCH, Limits, best_place
 from kiriko.core.bench.offset import moved
+from kiriko.core.bench.picture_light import traced
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
-from kiriko.core.bench.room import traced
 from kiriko.core.bench.turn_back import TURN_SEARCH, turn_back
 from kiriko.core.bench.turned import turn_of, with_glass_turned, with_rest_turned
 from kiriko.core.errors import RigError
