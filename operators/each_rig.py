@@ -24,7 +24,8 @@ def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
 
 def _check_active(arguments: argparse.Namespace) -> None:
     scene, given = bpy.context.scene, vars(arguments)
-    is_changed = False  # the rig, before it is read
+    # is the rig, before it is read? another frame may have what this one lacks
+    is_changed = given.get("frames") is not None
     asked_for(scene, given.get("viewers", []))
     if given.get("only_viewer") is not None:
         asked_for(scene, [arguments.only_viewer])

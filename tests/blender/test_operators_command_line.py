@@ -331,6 +331,23 @@ def test_a_broken_second_rig_is_told_before_the_first_is_solved(
     assert not two_saved.exists()
 
 
+def test_all_rigs_are_solved_at_frames_that_have_them_whole(
+    run: Callable[..., int], two_saved: Path
+) -> None:
+    """Though the frame that the file shows lacks a part of one, as with that rig alone."""
+    scene = bpy.context.scene
+    display = next(one for one in scene.objects if one.name == "Kiriko Display")
+    for frame in (1, 2):
+        display.hide_viewport = frame == 1
+        display.keyframe_insert("hide_viewport", frame=frame)
+    scene.frame_set(1)
+    bpy.ops.wm.save_mainfile()
+    assert run("solve", "--out", two_saved, "--rig", "all", "--frames", "2") == 0
+    images = sorted(path.parent.name for path in two_saved.rglob("source_0002.png"))
+    assert images == ["Kiriko_Rig", "Kiriko_Rig_001"]
+    assert run("solve", "--out", two_saved, "--rig", "all") == 1
+
+
 def test_values_are_set_of_the_rig_that_is_solved(run: Callable[..., int], two_saved: Path) -> None:
     """Whichever the file shows; with all of them, of each."""
     wanted = ("--set", "kiriko.tolerance", "0.5")
