@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from ..core.blender.kept import Numbers
-from ..core.blender.viewer import camera_at, number_shown, own_images
+from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
 from ..core.messages import Message
 from ..operators import viewer_words
 from ..operators.telling import in_words
@@ -39,11 +39,18 @@ class KIRIKO_UL_viewers(bpy.types.UIList):
         text = in_words(Message("No camera")) if camera is None else camera.name
         shown = "ERROR" if camera is None else "NONE"  # where the weight needs the room
         name.label(text=text, icon=shown, translate=False)
-        if item.image is not None and context.scene.kiriko.picture_source == "IMAGE":
+        # where all have one, it would take the names' room and tell nothing
+        if item.image is not None and are_some_missing(context.scene):
             name.label(text="", icon="IMAGE_DATA")
         weight = name.row(align=True)
         weight.ui_units_x = 5  # or "1.00" is cut
         weight.prop(item, "weight", text="", emboss=False)
+
+
+def are_some_missing(scene: bpy.types.Scene) -> bool:
+    """Has a viewer who is on no image of its own, where each should have one?"""
+    is_asked = scene.kiriko.picture_source == "IMAGE"
+    return is_asked and any(seat.image is None for seat in seats_of(scene))
 
 
 class VIEW3D_MT_kiriko_scenes(bpy.types.Menu):

@@ -227,3 +227,29 @@ def test_the_lattice_takes_the_place_of_all_images(kiriko: ModuleType, rig: dict
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1)))
     bpy.ops.kiriko.lattice_picture()
     assert {one.image.name for one in ours().viewers} == {ours().picture_image.name}
+
+
+def test_the_list_marks_images_where_a_viewer_lacks_its_own(kiriko: ModuleType, rig: dict) -> None:
+    """Where all have one a mark would take the room of names, which were cut."""
+    panel = importlib.import_module(f"{kiriko.__name__}.panels.viewers")
+    red, blue = plain("red", (1, 0, 0)), plain("blue", (0, 0, 1))
+
+    def marks() -> list[bool]:
+        found = []
+        for n, item in enumerate(ours().viewers):
+            layout = Layout()
+            draw = panel.KIRIKO_UL_viewers.draw_item
+            draw(None, bpy.context, layout, ours(), item, 0, ours(), "viewer_shown", n)
+            found.append("IMAGE_DATA" in layout.icons.values())
+        return found
+
+    give(red, None)
+    assert marks() == [True, False]
+    give(red, blue)
+    assert marks() == [False, False]
+    give(red, None)
+    ours().viewers[1].is_on = False
+    assert marks() == [False, False]
+    ours().viewers[1].is_on = True
+    ours().picture_source = "PLANE"
+    assert marks() == [False, False]
