@@ -63,11 +63,12 @@ def planning(
     )
     layers = yield from _make_layers(parts, media, touching, kept)
     thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
+    key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"
+    plane = kept.get(key, lambda: display_plane(rig.display, parts.surfaces[-1]))
     kept.forget()
     yield 0
 
     # what lies beyond plates, and which needs the rig has by it
-    plane = display_plane(rig.display, parts.surfaces[-1])
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
     arrays = _array_frames(parts)
     rules = _rules(parts, layers, media, bool(arrays), is_clear, settings)

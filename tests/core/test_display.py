@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from kiriko.core.fingerprint import fingerprint
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.display import display_plane, uv_islands
+from kiriko.core.light.kept import Kept
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from known import closed_forms
-from known.reference_rigs import QUAD, QUAD_UV, box, rectangle, rig
+from known.reference_rigs import QUAD, QUAD_UV, ball_rig, box, rectangle, rig
 from known.work import solve
 
 
@@ -199,3 +201,29 @@ def test_only_a_whole_flat_rectangle_counts_as_one():
     for mesh in (half, bent, cylinder(8)):
         display = replace(whole, mesh=mesh)
         assert display_plane(display, make_surface(mesh)) is None
+
+
+def test_what_a_plan_keeps_is_of_the_same_display_and_plate():
+    """Of more pixels, turned, on another UV map, or behind a plate elsewhere: the plan is that of a
+    rig nothing was kept of; one that stayed is not made again.
+    """
+    a_rig = ball_rig(2, pixels=32, display_pixels=32)
+    display, plate = a_rig.display, a_rig.plates[0]
+    turned = replace(display.mesh, vertices=display.mesh.vertices[:, [1, 0, 2]])
+    halved = replace(display.mesh, uv=0.5 * display.mesh.uv)
+    moved = replace(plate.mesh, vertices=plate.mesh.vertices + np.array([0, 1e-3, 2e-3]))
+    kept = Kept()
+    first = make_plan(a_rig, Settings(), kept)
+    for changed in (
+        replace(a_rig, displays=(replace(display, width=48),)),
+        replace(a_rig, displays=(replace(display, height=48),)),
+        replace(a_rig, displays=(replace(display, mesh=turned),)),
+        replace(a_rig, displays=(replace(display, mesh=halved),)),
+        replace(a_rig, plates=(replace(plate, mesh=moved),)),
+        a_rig,
+    ):
+        found, new = make_plan(changed, Settings(), kept), make_plan(changed, Settings())
+        assert fingerprint(found.display) == fingerprint(new.display)
+        assert fingerprint(found.triangles) == fingerprint(new.triangles)
+    assert make_plan(a_rig, Settings(), kept).display.plane is found.display.plane
+    assert fingerprint(found.display) == fingerprint(first.display)
