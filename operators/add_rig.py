@@ -196,11 +196,13 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
         try:
             proposal, spread = yield from within(steps, 0.05, 1.0)
-        except InsideGlassError:  # which names a camera that is not made yet
+        except InsideGlassError as error:  # which names a camera that is not made yet
+            name = error.message.values["glass"]
             raise RigError(
-                "With a Viewer Distance of {distance} the viewer would be inside the glass: choose"
-                " a longer one.",
+                "With a Viewer Distance of {distance} the viewer would be inside {glass}: choose a"
+                " longer one.",
                 distance=length_text(scene, proposal.viewer_distance),
+                glass=Message("the glass '{name}'", name=name) if glasses else Message("the ball"),
             ) from None
 
         aspect = pixels[0] / pixels[1]

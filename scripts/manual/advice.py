@@ -228,8 +228,8 @@ RIG = Section(
             "An eye is in air. Glass around it has to be hollow.",
             "目は空気の中にあります。まわりのガラスは中空でなければなりません。",
             (
-                "With a Viewer Distance of {distance} the viewer would be inside the glass: choose"
-                " a longer one.",
+                "With a Viewer Distance of {distance} the viewer would be inside {glass}: choose a"
+                " longer one.",
             ),
         ),
         Advice(

@@ -728,7 +728,7 @@ def test_a_viewer_that_would_be_inside_the_glass_is_told_by_its_distance(
     with pytest.raises(RuntimeError) as told:
         bpy.ops.kiriko.add_rig(viewer_distance=0.01)
     assert str(told.value).strip() == (
-        "Error: With a Viewer Distance of 1 cm the viewer would be inside the glass: choose a"
+        "Error: With a Viewer Distance of 1 cm the viewer would be inside the ball: choose a"
         " longer one."
     )
     assert inventory() == before
