@@ -32,7 +32,7 @@ def frame_files(
 ) -> dict[int, Path]:
     """The files of a scene's frames in a folder, named by Blender as it names its renders: # are
     digits of the frame's number, which comes last where there is no #; from 4.5 on words in braces
-    stand for what the scene has, as {fps} and {scene_name}.
+    stand for what the scene has, as {fps}.
 
     form : a key of image_io.FORMATS, whose suffix the files get
 
