@@ -446,3 +446,34 @@ def test_a_list_of_before_the_rig_is_back(
             shown = 1
         bpy.ops.kiriko.remove_rig()
     assert viewers(scene) == (name, listed, shown)
+
+
+@pytest.mark.parametrize("first_gone", ["the first", "the second"])
+@pytest.mark.parametrize("choice", ["chosen", "scene's"])
+def test_a_list_of_before_two_rigs_is_back_whichever_goes_first(
+    kiriko: ModuleType, scene: bpy.types.Scene, first_gone: str, choice: str
+) -> None:
+    """With weights, who is on and who is shown; the rig that stays has its own viewer meanwhile."""
+    glass = cube()
+    cameras = [of_artist(name) for name in ("first", "second", "third")]
+    CHOSEN[choice](scene, cameras[0])
+    add_viewers(*cameras[1:])
+    scene.kiriko.viewers[0].weight, scene.kiriko.viewers[2].is_on = 0.5, False
+    before = viewers(scene)
+    bpy.context.view_layer.objects.active = glass
+    bpy.ops.kiriko.add_rig(**SMALL)
+    glass.select_set(False)
+    other = cube()
+    other.location.x = 0.3
+    bpy.context.view_layer.objects.active = other
+    bpy.ops.kiriko.add_rig(**SMALL)
+
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.rigs")
+    first, second = module.rigs(scene)
+    bpy.ops.kiriko.choose_rig(rig=(first if first_gone == "the first" else second).name)
+    bpy.context.view_layer.objects.active = None
+    bpy.ops.kiriko.remove_rig()
+    own = "Kiriko Viewer.001" if first_gone == "the first" else "Kiriko Viewer"
+    assert viewers(scene)[:2] == (own, [])
+    bpy.ops.kiriko.remove_rig()
+    assert viewers(scene) == before
