@@ -111,7 +111,7 @@ class _InPlace(_OfList):
 
         places = list(self.places(context, camera, viewer))
         if compared.is_shown(context.scene):
-            compared.leave(context)
+            compared.leave()
         with look_through.apart(context.scene):  # a view keeps the camera that it looks through
             made = make_viewers(context.scene, camera, places)
         context.view_layer.update()

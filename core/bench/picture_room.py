@@ -106,8 +106,7 @@ def fit_picture(
     size = min(most, float(bundle.largest(about[None], most)[0]) + 2 * step)
     shift = about @ plane.sides
 
-    steps = traced_by_all(rig, plan_of, wanted.n_grid, is_fine=True)
-    before = yield from within(steps, 0.3, 0.5)
+    before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid), 0.3, 0.5)
     size = yield from within(_border(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
     if size <= ROOM.spare and before.share >= wanted.share * (1 - ROUNDING):
         size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
@@ -135,7 +134,7 @@ def _of_size(
 ) -> Generator[float, None, Traced]:
     """The light of a picture of another size."""
     changed = replace(rig, pictures=(resized(rig.picture_place, plane, size, shift),))
-    return (yield from traced_by_all(changed, plan_of, wanted.n_grid, is_fine=True))
+    return (yield from traced_by_all(changed, plan_of, wanted.n_grid))
 
 
 def _border(
