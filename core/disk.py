@@ -247,6 +247,17 @@ def append_line(path: Path, text: str) -> None:
         raise unwritable(path, reason) from None
 
 
+def check_appendable(path: Path) -> None:
+    """Raise ImageError when no line can be added to a text file, which is not made."""
+    try:
+        if path.exists():
+            os.close(os.open(path, os.O_WRONLY | os.O_APPEND))
+        elif not path.parent.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+    except OSError as reason:
+        raise unwritable(path, reason) from None
+
+
 def remove(path: Path) -> None:
     """Remove a file; ImageError when it cannot be."""
     try:

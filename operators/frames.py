@@ -159,12 +159,15 @@ def solved(
     Raises
     ------
     ImageError
-        A file cannot be written: the files of all frames before are whole.
+        A file cannot be written: the files of all frames before are whole. The log is seen to be
+        writable before the first.
     """
     scene = context.scene
     tally = Tally() if tally is None else tally
     keeps = Keeps()
     n = len(run.files)
+    for folder in {path.parent for path in run.files.values()}:  # before any image is there
+        disk.check_appendable(folder / run.log)
 
     with frame_kept(scene), _news_for(keeps.shapes), _open_reel(keeps.shapes):
         for k, (frame, path) in enumerate(run.files.items()):

@@ -342,6 +342,25 @@ def test_a_disk_that_fills_up_leaves_all_frames_before_whole(
     assert len(contents(folder(tmp_path))) == 5
 
 
+@pytest.mark.parametrize("part", [None, "1", "a/b", "字" * 90])
+def test_a_log_that_cannot_be_written_is_told_before_any_frame(
+    run: Callable[..., int],
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    part: str | None,
+) -> None:
+    """A folder in its place, a name with a folder that is not there, one that no disk takes."""
+    out = folder(tmp_path)
+    for name in ("frames.jsonl", "frames.1.jsonl"):
+        (out / name).mkdir(parents=True)
+    words = () if part is None else (f"--log={part}",)
+    assert run("solve", "--out", out, "--frames", "1-2", *words) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert ".jsonl' cannot be written (" in line
+    assert sorted(path.name for path in out.iterdir()) == ["frames.1.jsonl", "frames.jsonl"]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell it safely")
 def test_a_run_removes_what_a_killed_one_left(
     run: Callable[..., int],
