@@ -17,7 +17,7 @@ from ..core.atlas import planning
 from ..core.atlas.atlas import Atlas, amount
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
-from ..core.atlas.refine import check
+from ..core.atlas.refine import check, check_heads
 from ..core.blender.image import save_png
 from ..core.blender.paths import absolute
 from ..core.blender.units import length_of_unit
@@ -254,10 +254,16 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
     yield told(atlas, arguments.out)
 
 
+def _check_job(making: Making, box: HeadBox, tolerance: float, most: int) -> None:
+    """Raise the error with which a job's tasks would end, as far as a look tells it."""
+    check(making.rig, making.viewer, box, tolerance, most)
+    check_heads(making.rig, making.viewer, making.settings, box, most)
+
+
 def _write_job(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
-    """Write a job whose tasks make an atlas, unless the first of them would refuse it."""
+    """Write a job whose tasks make an atlas, unless these would refuse it."""
     box = _box(arguments)
-    check(making.rig, making.viewer, box, arguments.tolerance, arguments.most)
+    _check_job(making, box, arguments.tolerance, arguments.most)
     options = options_of(box, arguments.tolerance, arguments.most, arguments.images)
     names = export_job.write(
         arguments.out,
@@ -371,7 +377,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         with folder.made(target):
             making = making_of(context, target, self.images)
             if self.job:
-                check(making.rig, making.viewer, box, self.tolerance, self.most)
+                _check_job(making, box, self.tolerance, self.most)
                 options = options_of(box, self.tolerance, self.most, self.images)
                 job = export_job.atlas_job(options, self.shares, overwrite)
                 names = export_job.write(target, job, [], overwrite, remedy)

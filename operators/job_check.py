@@ -11,6 +11,8 @@ from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import KirikoError, RigError
 from ..core.farm.job import Job
 from ..core.frame_list import frames_of
+from ..core.light.kept import Kept
+from ..core.solve.coarse import check_light
 from . import work
 from .one_viewer import choose_alone
 from .set_value import having
@@ -42,7 +44,7 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
 
 def _check_one(context: bpy.types.Context, job: Job) -> None:
     """Raise the first of the errors, where each of the job's tasks for a rig has one."""
-    first = None
+    first, kept = None, Kept()
     for value in [one.value for one in job.values] or [None]:
         with ExitStack() as stack:
             if value is not None:
@@ -52,7 +54,9 @@ def _check_one(context: bpy.types.Context, job: Job) -> None:
                 if frame != context.scene.frame_current:
                     context.scene.frame_set(frame)
                 try:
-                    work.read(context).rig.check()
+                    rig = work.read(context).rig
+                    rig.check()
+                    check_light(kept, rig, work.settings_of(context.scene))
                 except KirikoError as error:
                     first = first or error
                 else:

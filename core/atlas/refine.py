@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RigError
+from ..light.kept import Kept
 from ..rig import PicturePlace, Rig
 from ..settings import Settings
+from ..solve.coarse import check_light
 from ..solve.session import Session
 from ..steps import within
 from ..viewer import Viewer
@@ -73,6 +75,17 @@ def check(rig: Rig, viewer: Viewer, box: HeadBox, tolerance: float, most: int) -
         )
     for offset in _corners(box, most):
         viewer_at(viewer, rig.picture_place, offset)
+
+
+def check_heads(rig: Rig, viewer: Viewer, settings: Settings, box: HeadBox, most: int) -> None:
+    """Raise RigError or MeshError where a head in the middle of a box or at one of its corners sees
+    nothing, by a coarse look from each.
+    """
+    kept = Kept()
+    middle = tuple((a + b) / 2 for a, b in zip(box.low, box.high, strict=True))
+    for offset in (middle, *_corners(box, most)):
+        head = viewer_at(viewer, rig.picture_place, offset)
+        check_light(kept, replace(rig, viewers=(head,)), settings)
 
 
 def refine(

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import KirikoError
+from ..light.kept import Kept
 from ..rig import Display, Rig
 from ..settings import Settings
-from ..steps import at
+from ..steps import at, finish
 from ..viewer import Viewer
 from .session import Session
 from .solution import Solution
@@ -97,6 +98,23 @@ def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np
     rows = np.arange(height) * pixels.shape[0] // height
     columns = np.arange(width) * pixels.shape[1] // width
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
+
+
+def check_light(kept: Kept, rig: Rig, settings: Settings) -> None:
+    """Raise the error with which a rig that stays dark, or shows nothing of the picture, would not
+    be solved. It is solved only where a coarse one cannot be.
+
+    kept : glass that is made ready, for the next look
+
+    Raises
+    ------
+    RigError, MeshError : as by Session.solve
+    """
+    session = Session(kept)
+    try:
+        finish(session.glance(*coarser(rig, settings, COARSE.viewer_px)))
+    except KirikoError:  # in words of its own, and a coarse rig may miss light
+        finish(session.solve(rig, settings))
 
 
 def solve_in_sight(

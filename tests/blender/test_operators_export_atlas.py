@@ -12,9 +12,10 @@ from unittest.mock import MagicMock
 import bpy
 import numpy as np
 import pytest
+from mathutils import Vector
 
 from known.kiriko_zip import kiriko_zip
-from small_rigs import small_rig
+from small_rigs import cube, small_rig
 
 BOX = {"low": (-0.02, 0.0, 0.0), "high": (0.02, 0.0, 0.01)}
 
@@ -195,6 +196,37 @@ def test_tasks_of_a_job_make_the_atlas_of_one_run(
         halvings.append(index(one)["halvings"])
     assert halvings[0] == [0, 0, 0]
     assert sum(halvings[1]) >= 1
+
+
+def test_a_job_of_heads_that_see_nothing_is_refused(
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    run: Callable[..., int],
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """With the sentence of the plan, which is the first task: where the glass is gone, and where
+    something stands before the head at one end of its box.
+    """
+    glass = small_rig()["GLASS"]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    zipped = kiriko_zip(tmp_path / "kiriko-9.zip")
+    box = "--right", -20, 20, "--tolerance", 3
+    job = tmp_path / "job"
+    near = cube(0.012)
+    near.location = scene.camera.matrix_world @ Vector((0.019, 0.0, -0.05))
+    near.kiriko.role = "BLOCKER"
+    for away, why in ((0.0, "is blocked"), (50.0, "meets the glass")):
+        glass.location.x = away
+        assert run("atlas", "--out", tmp_path / "one", *box, "--plan") == 1
+        said = capsys.readouterr().err
+        assert "stays dark" in said
+        assert why in said
+        assert run("atlas", "--out", job, *box, "--job", 3, "--zip", zipped) == 1
+        assert capsys.readouterr().err == said
+        assert not job.exists()
+    near.location.x += 10.0
+    glass.location.x = 0.0
+    assert run("atlas", "--out", job, *box, "--job", 3, "--zip", zipped) == 0
 
 
 def tasks_of(job: Path, shares: int) -> Iterator[list[str]]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.errors import RigError
+from kiriko.core.light.kept import Kept
 from kiriko.core.settings import Settings
 from kiriko.core.solve import coarse
 from kiriko.core.solve.session import Session
@@ -142,6 +143,32 @@ def test_a_coarse_viewer_may_miss_what_the_fine_one_sees(impatient, monkeypatch)
     shown = []
     assert np.array_equal(drain(in_sight(a_rig(), Session(), shown)).source, solve(a_rig()).source)
     assert not shown
+
+
+def test_light_is_looked_for_before_a_job(monkeypatch):
+    """What cannot be solved is refused in the words of a plain solve, and nothing else is, where a
+    coarse viewer misses light, too. A rig of which a coarse one shows something is not solved.
+    """
+    seen = a_rig()
+    aside = replace(
+        seen.picture, mesh=replace(seen.picture.mesh, vertices=seen.picture.mesh.vertices + 10)
+    )
+    for rig in (a_rig(plate=1e-6), replace(seen, pictures=(aside,))):
+        with pytest.raises(RigError) as plain:
+            solve(rig)
+        with pytest.raises(RigError) as found:
+            coarse.check_light(Kept(), rig, Settings())
+        assert str(found.value) == str(plain.value)
+
+    def refuse(*_):
+        yield 0.0
+        raise RigError("The display stays dark.")
+
+    monkeypatch.setattr(Session, "glance", refuse)
+    coarse.check_light(Kept(), seen, Settings())
+    monkeypatch.undo()
+    monkeypatch.setattr(Session, "solve", refuse)
+    coarse.check_light(Kept(), seen, Settings())
 
 
 def test_what_cannot_be_solved_shows_nothing(impatient):
