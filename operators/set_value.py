@@ -14,14 +14,35 @@ from ..core.messages import Message
 
 
 def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
-    """Set properties to values, both as text; a line on each.
+    """Set properties to values, both as text; a line on each, and one on each without effect.
 
     Raises
     ------
     RigError
         There is no such property, or it cannot have the value.
     """
-    return [_set(path, text) for path, text in pairs]
+    pairs = list(pairs)
+    told = [_set(path, text) for path, text in pairs]
+    return [*told, *idle(path for path, _ in pairs)]
+
+
+def idle(paths: Iterable[str]) -> list[Message]:
+    """A line on each property that another one keeps from having an effect, as Override IOR an
+    index.
+    """
+    told = []
+    for path in dict.fromkeys(paths):
+        owner, name = _found(path)
+        if isinstance(owner, bpy.types.PropertyGroup) and not getattr(owner, f"use_{name}", True):
+            switch = f"{path.removesuffix(name)}use_{name}"
+            told.append(
+                Message(
+                    "'{path}' has no effect while '{switch}' is off: set that to true, too",
+                    path=path,
+                    switch=switch,
+                )
+            )
+    return told
 
 
 def check_values(path: str, texts: Iterable[str]) -> None:
