@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
@@ -47,16 +47,26 @@ from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
 NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")  # how a number below 0 begins, with an exponent or not
+SET = "--set"
+AS_IS = "\0"  # before a word that is no option, whatever it begins with: no command line has it
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser that makes one sentence of a mistake, in place of the usage and an exit, and takes
-    -1e9 for a number. Python's own takes it for an option.
+    -1e9 for a number, and any text for the value of --set. Python's own takes them for options.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._negative_number_matcher = NEGATIVE
+
+    def parse_args(self, args: Sequence[str], namespace: Any = None) -> Any:  # type: ignore[override]
+        """The options in some words, none of them --set's."""
+        words, n = [], 0
+        for word in args:
+            words.append(f"{AS_IS}{word}" if n else word)
+            n = n - 1 if n else 2 * (word == SET)  # its two words are as they are
+        return super().parse_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(
@@ -85,8 +95,9 @@ def parser() -> argparse.ArgumentParser:
         "--overwrite", action="store_true", help="replace results that are there already"
     )
     shared.add_argument(
-        "--set",
+        SET,
         nargs=2,
+        type=_as_is,
         action="append",
         default=[],
         metavar=("PROPERTY", "VALUE"),
@@ -261,6 +272,10 @@ def _file_name(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("a file needs a name")
     return Path(text)
+
+
+def _as_is(text: str) -> str:
+    return text.removeprefix(AS_IS)
 
 
 def _seconds(text: str) -> float:
