@@ -8,17 +8,16 @@ from typing import Any
 
 import bpy
 
-from ..core import image_io
+from ..core import disk, image_io
 from ..core.blender.frames import frame_files, frames_of_range
 from ..core.farm import join as joining
-from ..core.farm.job import OUT
 from ..core.frame_list import frames_of
 from ..core.messages import Message
 from ..core.steps import finish
 from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
 from .job_check import check_rigs
-from .set_value import check_values
+from .set_value import check_values, idle
 from .viewer_reports import ALL, asked_for
 
 
@@ -113,16 +112,19 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
         job = replace(job, viewers=export_job.choices(viewers))
 
     job.check()
-    if frames:  # a name that no file can have is told
-        first = frames_of(frames)[:1]
+    if frames:  # a name that no file can have is told, by the disk where the results come to lie
+        longest = max(frames_of(frames), key=lambda frame: len(str(frame)))
         name = frames_to_folder.name_of(arguments)
-        frame_files(context.scene, arguments.out / OUT, name, arguments.format, first)
+        named = frame_files(context.scene, arguments.out, name, arguments.format, [longest])
+        disk.is_there(named[longest])
     if job.path:
         check_values(job.path, arguments.values)
     check_rigs(context, job)
     names = export_job.write(
         arguments.out, job, arguments.zip, arguments.overwrite, "add --overwrite"
     )
+    if job.path:
+        yield from idle([job.path])
     yield Message("wrote {names} to '{folder}'", names=", ".join(names), folder=arguments.out)
 
 

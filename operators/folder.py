@@ -57,9 +57,10 @@ def names_for(things: Iterable[str]) -> list[str]:
 
 
 def _allowed(thing: str) -> str:
-    """A name that every system allows."""
+    """A name that every system allows, and no command takes for an option."""
     # half a letter at the cut goes, too
     whole = bpy.path.clean_name(thing)
+    whole = f"_{whole[1:]}" if whole.startswith("-") else whole
     return whole.encode(errors="ignore")[:LONGEST].decode(errors="ignore")
 
 

@@ -6,6 +6,7 @@ paths of a bundle are relative to it, and arguments are a list, so that no shell
 The template is JSON, which the specification takes beside YAML and Python writes without help.
 """
 
+import re
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -22,6 +23,7 @@ OUT = "source"  # the folder in a bundle for the results
 MOST = 1024  # values of a task parameter that the specification allows
 LONGEST_NAME = 128  # letters of a job's name
 LONGEST_TEXT = 1024  # letters of a parameter
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # letters that no job's name has
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def whole(
     return {
         "specificationVersion": SPECIFICATION,
         **({"extensions": list(extensions)} if extensions else {}),
-        "name": name[:LONGEST_NAME],
+        "name": _CONTROL.sub("_", name)[:LONGEST_NAME],
         "parameterDefinitions": parameters,
         "steps": steps,
     }

@@ -1,14 +1,18 @@
 import importlib
 import json
+import re
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import pi
 from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from known.kiriko_zip import kiriko_zip
 from small_rigs import small_rig
@@ -123,6 +127,8 @@ def test_rigs_and_values_become_tasks(
         (("--vary", "kiriko.tolerance", "--values", "0.1", "-1e9"), "cannot be -1000000000.0"),
         (("--frames", "1-3", "--name", "a/"), "'a/' has a folder in it"),
         (("--frames", "1-3", "--name", "a\\b"), "has a folder in it"),
+        (("--frames", "1-3", "--name", "a" * 300), "no room for such a name"),
+        (("--frames", "9999,10000", "--name", "金" * 82 + "a####"), "no room for such a name"),
     ],
 )
 def test_bad_jobs_are_one_sentence(
@@ -352,6 +358,64 @@ def test_viewers_become_tasks_that_solve_for_one_alone(
     assert images[0] != images[1]
 
 
+def test_a_viewer_that_begins_with_a_dash_has_results_that_the_join_finds(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """By the words of the bundle's tasks; folders that would become one are two."""
+    scene = bpy.context.scene
+    first = scene.kiriko.viewer or scene.camera
+    first.name = "-left"
+    second = first.copy()
+    second.name = "_left"
+    scene.collection.objects.link(second)
+    for camera in (first, second):
+        scene.kiriko.viewers.add().camera = camera
+    assert run("job", "--viewers", "all", "--zip", zipped, "--out", saved) == 0
+    solve, join = read(saved / "template.json")["steps"]
+    ranges = {
+        one["name"]: one["range"] for one in solve["parameterSpace"]["taskParameterDefinitions"]
+    }
+    assert ranges["Viewer"] == ["-left", "_left"]
+    assert not [name for name in ranges["ViewerFolder"] if name.startswith("-")]
+    for name, folder in zip(ranges["Viewer"], ranges["ViewerFolder"], strict=True):
+        bpy.ops.wm.open_mainfile(filepath=str(saved / NAME))
+        assert run(*verb(saved, solve, Viewer=name, ViewerFolder=folder)) == 0
+    assert run(*verb(saved, join)) == 0
+    assert capsys.readouterr().err == ""
+    assert {path.name for path in (saved / "source").iterdir()} == set(ranges["ViewerFolder"])
+
+
+def verb(bundle: Path, step: dict, **values: str) -> list[str]:
+    """The verb of a task, as a scheduler fills in its parameters."""
+    words = step["script"]["actions"]["onRun"]["args"]
+    filled = {"Param.OutDir": str(bundle / "source")}
+    filled |= {f"Task.Param.{name}": value for name, value in values.items()}
+    words = words[next(k for k, word in enumerate(words) if word in {"solve", "join"}) :]
+    return [re.sub(r"\{\{(.*?)\}\}", lambda found: filled[found[1]], word) for word in words]
+
+
+@pytest.mark.parametrize("text", ["-x", "--out", "-h", "--set", "-"])
+def test_values_may_begin_with_a_dash(
+    run: Callable[..., int],
+    saved: Path,
+    zipped: Path,
+    capsys: pytest.CaptureFixture,
+    text: str,
+) -> None:
+    """Of a property that is text, in a job's task and by themselves."""
+    path = "kiriko.export_path"
+    vary = ("--vary", path, f"--values={text}")
+    assert run("job", *vary, "--zip", zipped, "--out", saved) == 0
+    solve, _ = read(saved / "template.json")["steps"]
+    (value, folder) = (
+        one["range"][0] for one in solve["parameterSpace"]["taskParameterDefinitions"]
+    )
+    assert value == text
+    assert run(*verb(saved, solve, Value=value, ValueFolder=folder)) == 0
+    assert f"'{path}' is {text} now" in capsys.readouterr().out
+    assert bpy.context.scene.kiriko.export_path == text
+
+
 def test_button_has_a_task_for_each_viewer(
     kiriko: ModuleType, saved: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -435,6 +499,83 @@ def test_a_value_may_make_the_rig_whole(
     assert display.name in capsys.readouterr().err
     assert run(*job, *vary, "true", "false") == 0
     assert display.hide_viewport
+
+
+def test_a_rig_that_stays_dark_is_refused(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """With Solve's own sentence, where no frame and no value has light, and by the viewer's name
+    where it is solved for alone. One frame with light is enough.
+    """
+    scene = bpy.context.scene
+    job = ("job", "--zip", zipped, "--out", saved)
+    first = scene.kiriko.viewer or scene.camera
+    away = first.copy()
+    away.name, away.matrix_world = "Away", first.matrix_world @ Matrix.Rotation(pi, 4, "X")
+    scene.collection.objects.link(away)
+    for camera in (first, away):
+        scene.kiriko.viewers.add().camera = camera
+    scene.kiriko.viewers[0].is_on = False
+    alone = sentence_of_solve(run, saved, capsys)
+    scene.kiriko.viewers[0].is_on = True
+    assert run(*job, "--viewers", "Away") == 1
+    assert capsys.readouterr().err == f"kiriko: Viewer 'Away': {alone}\n"
+    assert run(*job, "--viewers", first.name, "--frames", "1-2") == 0
+    shutil.rmtree(saved)
+    scene.kiriko.viewers.clear()
+    scene.kiriko.viewer = first
+
+    glass = bpy.data.objects["Cube"]
+    for frame in range(1, 5):
+        glass.location.x = 50.0 * (frame != 4)
+        glass.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+    said = sentence_of_solve(run, saved, capsys)
+    assert "stays dark: no ray from the viewer meets the glass" in said
+    vary = ("--vary", "kiriko.tolerance", "--values", "0.1", "0.2")
+    for words in (("--frames", "1-3"), vary, (*vary, "--frames", "1-2")):
+        assert run(*job, *words) == 1
+        assert capsys.readouterr().err == f"kiriko: {said}\n"
+        assert not saved.exists()
+    assert run(*job, "--frames", "1-4") == 0
+
+
+def test_an_index_that_the_material_has_is_told_to_have_no_effect(
+    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Where Override IOR is off, unless that is set, too, whichever comes first."""
+    glass = bpy.data.objects["Cube"]
+    glass.kiriko.use_ior = False
+    bpy.ops.wm.save_mainfile()
+    path, switch = (f'objects["Cube"].kiriko.{name}' for name in ("ior", "use_ior"))
+    told = f"kiriko: '{path}' has no effect while '{switch}' is off: set that to true, too\n"
+    assert run("solve", "--set", path, "1.9", "--out", saved / "a") == 0
+    assert told in capsys.readouterr().out
+    job = ("job", "--vary", path, "--values", "1.4", "1.9", "--zip", zipped, "--out")
+    assert run(*job, saved / "b") == 0
+    assert told in capsys.readouterr().out
+    for k, words in enumerate(((path, "1.9", switch, "true"), (switch, "true", path, "1.9"))):
+        glass.kiriko.use_ior = False
+        given = ("--set", *words[:2], "--set", *words[2:])
+        assert run("solve", *given, "--out", saved / f"c{k}") == 0
+        assert "no effect" not in capsys.readouterr().out
+    plain, *others = ((saved / name / "source.png").read_bytes() for name in ("a", "c0", "c1"))
+    assert others[0] == others[1] != plain
+    assert run(*job, saved / "d") == 0
+    assert "no effect" not in capsys.readouterr().out
+
+
+def test_a_job_s_name_has_no_control_characters(
+    run: Callable[..., int], saved: Path, zipped: Path
+) -> None:
+    """Which a file's name may have, and Open Job Description refuses in a job's."""
+    file = saved.parent / "a\tb\nc\x85d.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    assert run("job", "--frames", "1-2", "--zip", zipped, "--out", saved) == 0
+    made = read(saved / "template.json")
+    assert made["name"] == "Kiriko a_b_c_d"
+    values = {one["name"]: one["default"] for one in made["parameterDefinitions"]}
+    assert (saved / values["BlendFile"]).is_file()
 
 
 def test_what_cannot_be_replaced_leaves_all_as_it_was(
