@@ -6,7 +6,19 @@ from pathlib import Path
 
 import bpy
 
-from . import beside_report, folder, report, set_value, solve_to_folder, viewer_images, work
+from ..core.errors import KirikoError, RigError
+from . import (
+    bench_drawing,
+    beside_report,
+    export_maps,
+    folder,
+    frames_to_folder,
+    report,
+    set_value,
+    solve_to_folder,
+    viewer_images,
+    work,
+)
 from .choose_rig import choose_by_name
 from .viewer_reports import asked_for
 
@@ -17,9 +29,12 @@ def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
     folders : for results, by the rigs' names
     """
     for name, out in folders.items():
-        choose_by_name(bpy.context, name)
-        set_value.set_values(arguments.set)
-        _check_active(argparse.Namespace(**{**vars(arguments), "out": out}))
+        try:
+            choose_by_name(bpy.context, name)
+            set_value.set_values(arguments.set)
+            _check_active(argparse.Namespace(**{**vars(arguments), "out": out}))
+        except KirikoError as error:
+            raise RigError("Rig '{rig}': {error}", rig=name, error=error.message) from None
 
 
 def _check_active(arguments: argparse.Namespace) -> None:
@@ -50,4 +65,7 @@ def _files(arguments: argparse.Namespace) -> Iterable[str]:
         return report.names(work.read(bpy.context).rig)
     if arguments.verb == "eyes":
         return beside_report.files_of(work.read(bpy.context).rig)
-    return []
+    if arguments.verb == "solve" and arguments.movie is not None:
+        return [frames_to_folder.wish_of(arguments, bpy.context.scene).file.name]
+    # of several, those that are there whatever the rest is
+    return {"maps": [export_maps.SIDECAR], "drawing": [bench_drawing.NAME]}.get(arguments.verb, [])

@@ -77,6 +77,14 @@ def name_of(arguments: argparse.Namespace) -> str:
     return NAME if arguments.name is None else arguments.name
 
 
+def wish_of(arguments: argparse.Namespace, scene: bpy.types.Scene) -> movies.Wish:
+    """The movie that is asked for."""
+    name = without_number(scene, name_of(arguments)) or "movie"
+    return movies.Wish(
+        arguments.out / name, arguments.movie, arguments.test_card or 0.0, arguments.overwrite
+    )
+
+
 def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Solve frames into the folder; yields lines of progress."""
     image_io.openimageio()
@@ -100,10 +108,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
         yield tally.told(arguments.out)
         return
 
-    name = without_number(context.scene, name_of(arguments)) or "movie"
-    wish = movies.Wish(
-        arguments.out / name, arguments.movie, arguments.test_card or 0.0, arguments.overwrite
-    )
+    wish = wish_of(arguments, context.scene)
     steps = movies.made(context, run, wish, tally, "add --overwrite")
     yield from solve_to_folder.told_in_tenths(steps)
     yield tally.told(arguments.out)

@@ -103,6 +103,8 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
     """The image in a viewer's file."""
     try:
         image = bpy.data.images.load(str(path), check_existing=True)
+        if image.source == "SEQUENCE":  # it is loaded as the first of one, another picture
+            image = bpy.data.images.load(str(path))
     except RuntimeError:
         raise ImageError(
             "The file '{file}' of the viewer '{viewer}' cannot be read: it is missing or broken.",

@@ -111,7 +111,7 @@ def encode(
 
     Parameters
     ----------
-    path : a new file
+    path : a new file, alone in its folder
     name : a key of CODECS
     size : width and height of the files, px
     like : the scene whose frame rate it has
@@ -130,8 +130,12 @@ def encode(
         _set_format(scene.render.image_settings, scene.render.ffmpeg, CODECS[name])
         _set_colours(scene)
         _fill(scene, files, card, size)
-        scene.render.filepath = _as_it_is(path)
+        # Blender would take # in a file's name for digits of a frame
+        made = path.with_name(f"movie{path.suffix}")
+        scene.render.filepath = _as_it_is(made)
         bpy.ops.render.render(animation=True, scene=scene.name)
+        if made.exists():
+            made.rename(path)
     except RuntimeError as reason:  # Blender's reports
         why = said_by(reason).rstrip(".")
         raise ImageError(

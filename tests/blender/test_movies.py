@@ -132,16 +132,23 @@ def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
     bpy.data.movieclips.remove(clip)
 
 
-def test_braces_in_its_path_are_its_own(
-    movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
+@pytest.mark.parametrize("name", ["{fps}.mkv", "take #1.mkv", "#.mkv"])
+def test_signs_in_its_path_are_its_own(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    name: str,
 ) -> None:
-    """Blender from 4.5 on reads them as templates, of the frame rate or of nothing."""
+    """Blender from 4.5 on reads braces as templates, of the frame rate or of nothing, and in any
+    version # as digits of a frame.
+    """
     files = written(tmp_path, 2, core("image_io"))
-    place = tmp_path / "{a"
+    place = tmp_path / "{a #"
     place.mkdir()
-    movie.encode(place / "{fps}.mkv", files, "FFV1", SIZE, scene)
-    assert movie.n_frames(place / "{fps}.mkv") == 2
-    assert [path.name for path in place.iterdir()] == ["{fps}.mkv"]
+    movie.encode(place / name, files, "FFV1", SIZE, scene)
+    assert movie.n_frames(place / name) == 2
+    assert [path.name for path in place.iterdir()] == [name]
 
 
 def test_a_card_comes_first(

@@ -78,3 +78,14 @@ def test_the_panel_has_it_below_the_own_image(drawn, folder: Path) -> None:
     bpy.context.scene.kiriko.picture_source = "IMAGE"
     shown: Layout = drawn("rig", "VIEW3D_PT_kiriko_rig")
     assert "kiriko.open_pictures" in shown.operators
+
+
+def test_a_file_that_is_loaded_as_a_sequence_is_opened_beside_it(folder: Path) -> None:
+    """The sequence is another picture, and stays one."""
+    sequence = bpy.data.images.load(str(folder / "Kiriko Left Eye.png"))
+    sequence.source = "SEQUENCE"
+    assert bpy.ops.kiriko.open_pictures(filepath=str(folder / "{viewer}.png")) == {"FINISHED"}
+    assert sequence.source == "SEQUENCE"
+    own = [one.image for one in bpy.context.scene.kiriko.viewers if one.image is not None]
+    assert [image.source for image in own] == ["FILE", "FILE"]
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
