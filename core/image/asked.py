@@ -71,6 +71,7 @@ class Asked:
         self._way = way_of(place, viewer)
         self._sum = np.zeros((2, height, width))
         self._weight = np.zeros((height, width))
+        self._area = np.zeros((2, height, width))
 
     def add(self, shares: Shares) -> None:
         """Add some of the shares that display pixels show."""
@@ -81,6 +82,9 @@ class Asked:
         is_within = ((xy >= low) & (xy <= high)).all(axis=0)
         weight = np.where(is_within, 1.0, BESIDE) * shares.weight * is_before
         add_at(self._weight, shares.display_index, weight)
+        area = shares.display_area * is_before
+        for total, some in zip(self._area, (area, area * is_within), strict=True):
+            add_at(total, shares.display_index, some)
 
         reach = REACH * (high - low)
         kept = np.where(is_before, np.clip(xy, low - reach, high + reach), 0.0)
@@ -92,6 +96,14 @@ class Asked:
         """The place (2, H, W) that each display pixel is asked for, picture px; NaN for none."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self._weight > 0, self._sum / self._weight, np.nan)
+
+    @property
+    def parts(self) -> Floats:
+        """The part (H, W) of each display pixel, 0..1, that tells its place: the one that shows the
+        picture, or else all that is seen.
+        """
+        of_all, within = self._area
+        return np.minimum(np.where(within > 0, within, of_all), 1.0)
 
 
 def moved_in_view(shares: Shares, place: PicturePlace, viewer: Viewer, step: Floats) -> Shares:

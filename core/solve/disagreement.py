@@ -8,6 +8,10 @@ with the viewer's weight w and the part c of the pixel that it sees. It is that 
 whichever way the disagreement is settled: *sharp* shows the picture at this place, *blended* its
 colours at all of the places, whose middle this is. The *conflict* of a pixel is the deviation that
 is left, sqrt(sum(w_v c_v |p_v - p|^2) / sum(w_v c_v)): no source image removes it.
+
+A viewer to which a part of a pixel shows the picture asks for the place of that part, which lies
+beside that of the whole by up to half of the rest, each way. By so much places differ for viewers
+that agree, so that only what is left of a difference counts as disagreement.
 """
 
 from collections.abc import Generator, Sequence
@@ -76,19 +80,23 @@ def settle(
 
     # a pixel that one viewer alone asks for shows the very place
     n_asking = sum((_part(placed) > 0).astype(int) for placed in channels)
-    mean = total / np.where(weight > 0, weight, 1.0)
+    divisor = np.where(weight > 0, weight, 1.0)
+    mean = total / divisor
+    beside = [_beside(placed) for placed in channels]
+    of_mean = sum(_part(placed) * own for placed, own in zip(channels, beside, strict=True))
     square = np.zeros(shape)
     steps = []
-    for placed in channels:
+    for placed, own in zip(channels, beside, strict=True):
         places = placed.asked.places
         step = np.where(n_asking > 1, mean - places, np.where(np.isnan(places), np.nan, 0.0))
+        step = _shortened(step, own + of_mean / divisor)
         square += _part(placed) * np.nan_to_num((step**2).sum(axis=0))
         steps.append(step)
         if is_sharp:
             placed.step = np.nan_to_num(step).reshape(2, -1)
 
     clock.lap("disagreement")
-    conflict = np.sqrt(square / np.where(weight > 0, weight, 1.0))
+    conflict = np.sqrt(square / divisor)
     return Settled(tuple(steps), conflict)
 
 
@@ -96,3 +104,29 @@ def _part(placed: Placed) -> Floats:
     """How much (H, W) a viewer counts in the mean of a pixel: 0 where it asks for no place."""
     is_asking = np.isfinite(placed.asked.places).all(axis=0)
     return placed.viewer.weighed(placed.coverage.of_display * is_asking)
+
+
+def _beside(placed: Placed) -> Floats:
+    """How far (H, W) the place that a part of a pixel asks for may lie from that of the whole,
+    picture px: by as much as places change within half of the rest.
+    """
+    places = placed.asked.places
+    change = np.zeros(places.shape[1:])
+    for axis in (1, 2):
+        steps = np.linalg.norm(np.diff(places, axis=axis), axis=0)
+        # largest of the steps around: those to a pixel that is seen in part are too short
+        around = np.zeros(places.shape[1:])
+        n = places.shape[axis]
+        for k in range(-2, 2):
+            here = slice(max(-k, 0), min(n - 1 - k, n))
+            at = (slice(None),) * (axis - 1) + (here,)
+            of = (slice(None),) * (axis - 1) + (slice(here.start + k, here.stop + k),)
+            around[at] = np.fmax(around[at], steps[of])
+        change += around
+    return 0.5 * (1.0 - placed.asked.parts) * change
+
+
+def _shortened(step: Floats, by: Floats) -> Floats:
+    """Steps (2, H, W) shorter by lengths (H, W), none below 0."""
+    length = np.linalg.norm(step, axis=0)
+    return step * np.clip(1.0 - by / np.where(length > 0, length, 1.0), 0.0, 1.0)

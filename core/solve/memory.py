@@ -40,7 +40,7 @@ class Bytes:
     share: int = 62
     triangle: int = 2000
     ray: int = 120
-    asked: int = 96
+    asked: int = 112
 
 
 @dataclass(frozen=True)

@@ -105,6 +105,22 @@ def test_without_glass_all_viewers_agree(disagreement):
     assert conflict[overlap].max() < 1e-6
 
 
+@pytest.mark.parametrize("display", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("disagreement", ["sharp", "blended"])
+def test_a_pixel_that_a_frame_cuts_is_no_disagreement(display, disagreement):
+    """Index 1, viewers side by side whose images end on the display: each sees another part of the
+    pixels there, and asks for the place of that part.
+    """
+    a_rig = slab_rig(ior=1.0, display=display, display_pixels=32)
+    beside = replace(
+        a_rig.viewer, position=a_rig.viewer.position + 0.01 * a_rig.viewer.axes[0], name="beside"
+    )
+    both = solve(replace(a_rig, viewers=(a_rig.viewer, beside)), disagreement=disagreement, **FINE)
+    seen = [placed.coverage.of_display for placed in both.channels]
+    assert any(((part > 0.01) & (part < 0.99)).any() for part in seen)
+    assert both.settled.conflict.max() < 1e-9
+
+
 def test_two_eyes_agree_without_glass_within_a_pixel_s_own_curvature():
     """By perspective the mean over a pixel is not the place of its middle, and another one for each
     eye: that is all of the conflict.
