@@ -120,7 +120,7 @@ def of_blended(scene: bpy.types.Scene) -> list[Message]:
 def begin(walk: Walk) -> Pauses[None]:
     """Begin a walk; RigError where nothing is seen to begin with."""
     yield from walk.begin()
-    if not walk.n_seen:
+    if not walk.seen:
         raise RigError(
             "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
             " enlarge the display.",

@@ -29,6 +29,9 @@ from .viewers import arcmin_between
 LIMIT = 5.0  # arcmin
 LEAST = 0.98  # of the points
 N_POINTS = 11  # each way, of the picture
+# of a side, how far within the picture the outermost lie: glass is worst at the edges, and right on
+# them half of a display pixel is none of the picture's
+EDGE = 0.002
 
 # the ways, by the axis of the viewer, its sign, and how far at the most, of the picture's distance
 WAYS = ((0, -1, 2.0), (0, 1, 2.0), (1, 1, 2.0), (1, -1, 2.0), (2, 1, 0.95), (2, -1, 8.0))
@@ -45,7 +48,8 @@ class EyeBox:
     left, right, up, down, nearer, farther : to where the picture is off by the limit, or less of it
         is seen; 0 where it is from the beginning
     limit : arcmin, by which a point may be off
-    least : share of the points that have to be seen, of those that are seen from the viewer's place
+    least : share of the points, by the part of the picture that each stands for, that have to be
+        seen, of those that are seen from the viewer's place
     is_open : in the same order, where the head was not followed any further
     """
 
@@ -91,7 +95,8 @@ class Walk:
 
     plan : of the rig whose viewers it is solved for, the first of whom moves
     distance : of the picture's middle from that one, m
-    n_seen : points that are seen from its own place, once they are counted
+    weights : (n,) of the points, as much of the picture as each stands for
+    seen : weights of the points that are seen from its own place together, once they are counted
     begun : the largest of the angles by which they are off there, as part of the limit
 
     Raises
@@ -103,22 +108,25 @@ class Walk:
         check_viewer(plan.viewer, plan.rig.picture_place)
         middle = plane_of(plan.rig).middle
         self.distance = float(np.linalg.norm(middle - plan.viewer.position))
-        self.uv = grid_on(plan.rig.picture_place, N_POINTS)
+        self.uv = grid_on(plan.rig.picture_place, N_POINTS, EDGE)
         self.plan, self.limit, self.least = plan, limit, least
         self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
-        self.n_seen, self.begun = 0, np.inf
+        # the outermost stand for half of a step, in corners for a quarter
+        along = np.array([1, *[2] * (N_POINTS - 2), 1])
+        self.weights = np.outer(along, along).ravel()
+        self.seen, self.begun = 0, np.inf
         self._shown: Floats | None = None  # where on the display the points are, once it is looked
 
     def begin(self) -> Pauses[None]:
         """Count the points that are seen from the viewer's own place."""
         off = yield from self.off((0.0, 0.0, 0.0))
         is_seen = np.isfinite(off)
-        self.n_seen = int(is_seen.sum())
-        self.begun = float(off[is_seen].max(initial=0)) / self.limit if self.n_seen else np.inf
+        self.seen = int(self.weights[is_seen].sum())
+        self.begun = float(off[is_seen].max(initial=0)) / self.limit if self.seen else np.inf
 
     def box(self) -> Generator[float, None, EyeBox]:
         """Find how far the head may go each way; yields progress 0..1."""
-        if not self.n_seen:
+        if not self.seen:
             yield from at(0.05, self.begin())
         found = []
         for k, (axis, sign, most) in enumerate(WAYS):
@@ -156,7 +164,7 @@ class Walk:
         except RigError:
             return np.inf
         is_seen = np.isfinite(off)
-        if not self.n_seen or is_seen.sum() < self.least * self.n_seen:
+        if not self.seen or self.weights[is_seen].sum() < self.least * self.seen:
             return np.inf
         return float(off[is_seen].max()) / self.limit
 

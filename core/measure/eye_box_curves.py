@@ -91,7 +91,7 @@ def _at(walk: Walk, offset: Floats) -> Pauses[tuple[float | None, ...]]:
     told = []
     for off in (arcmin_between(head, seen, straight), np.linalg.norm(seen - straight, axis=1)):
         told += [float(off.mean()), float(off.max())]
-    return *told, float(is_seen.mean())
+    return *told, float(walk.weights[is_seen].sum() / walk.weights.sum())
 
 
 def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str, Any]:

@@ -85,10 +85,16 @@ def grid_of(n: int) -> Floats:
     return np.stack([grid.ravel() for grid in np.meshgrid(along, 1 - along)], axis=1)
 
 
-def grid_on(place: PicturePlace, n: int) -> Floats:
-    """The same of the part of a picture that lies on its plane, by the plane's UV map."""
+def grid_on(place: PicturePlace, n: int, edge: float | None = None) -> Floats:
+    """The same of the part of a picture that lies on its plane, by the plane's UV map.
+
+    edge : of a side, how far within the picture the outermost points lie; half a step by default
+    """
     low, high = (bound(place.mesh.uv, (0, 1)) for bound in (np.min, np.max))
-    return low + grid_of(n) * (high - low)
+    grid = grid_of(n)
+    if edge is not None:
+        grid = edge + (grid * n - 0.5) / (n - 1) * (1 - 2 * edge)
+    return low + grid * (high - low)
 
 
 def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:
