@@ -31,7 +31,7 @@ from ..core.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen
 from ..core.steps import at, within
 from . import folder, solve_to_folder, telling, viewer_words, work
-from .eye_box import begin, of_blended
+from .eye_box import OffFromStartError, begin, check_limit, check_share, of_blended
 from .viewer_reports import CONFLICT, reports_of
 
 NUMBERS = "eyes.json"  # of the verb, where a report has report.json
@@ -264,24 +264,29 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
         beside(context, rig, arguments.limit, arguments.share)
     )
     for error in found.errors.values():
-        raise error
+        if not isinstance(error, OffFromStartError):
+            raise error
     texts = {**found.drawings, NUMBERS: json.dumps(found.numbers, indent=2) + "\n"}
     with disk.together(arguments.out) as scratch:
         for name, text in texts.items():
             disk.write_text(scratch / name, text)
     yield from found.lines(context.scene)
-    yield Message("wrote {names} to '{folder}'", names=", ".join(files), folder=arguments.out)
+    yield from found.missing(str)
+    yield Message("wrote {names} to '{folder}'", names=", ".join(texts), folder=arguments.out)
 
 
 def _limit(text: str) -> float:
-    number = float(text)
-    if not 0 < number < float("inf"):
-        raise ValueError(f"{number} is no angle")
-    return number
+    return _checked(float(text), check_limit)
 
 
 def _share(text: str) -> float:
-    number = float(text)
-    if not 0 < number <= 1:
-        raise ValueError(f"{number} is no share")
+    return _checked(float(text), check_share)
+
+
+def _checked(number: float, check: Callable[[float], None]) -> float:
+    """A number that an option takes."""
+    try:
+        check(number)
+    except KirikoError as reason:
+        raise argparse.ArgumentTypeError(str(reason)) from None
     return number

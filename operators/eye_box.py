@@ -34,6 +34,12 @@ NUMBERS = "kiriko_eye_box"  # the surface's own property that keeps them, as tex
 FOUND, SURFACE = 0.5, 0.7
 
 
+class OffFromStartError(RigError):
+    """There is no eye box, for the picture is off by more than its limit from the viewer's own
+    place; other numbers of the rig are worth having.
+    """
+
+
 class KIRIKO_OT_remove_eye_box(Remove, bpy.types.Operator):
     """Remove the surface of the eye box, and its numbers"""
 
@@ -76,6 +82,8 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         return needed.can_run(cls, needed.lacking(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        check_limit(self.limit)
+        check_share(self.share)
         scene = context.scene
         rig = work.read(context).rig
         made_for = work.rig_now(context).as_text()
@@ -83,14 +91,6 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         yield 0.0
         viewer = rig.viewers[0].name
         yield from at(0.02, begin(walk))
-        if walk.begun > 1:  # told before six ways are walked
-            raise RigError(
-                "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
-                " arcmin, as others ask for it elsewhere: raise Limit, or its weight.",
-                viewer=viewer,
-                limit=number(self.limit),
-            )
-
         box = yield from within(walk.box(), 0.02, FOUND)
         surface = yield from within(surface_of(walk, box), FOUND, SURFACE)
         served = yield from within(_served(walk.plan), SURFACE, 1.0)
@@ -109,6 +109,18 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         return joined([told, *of_blended(scene)])
 
 
+def check_limit(limit: float) -> None:
+    """Raise RigError where a limit, arcmin, is none, as scripts may set."""
+    if not 0 < limit < float("inf"):  # nor NaN
+        raise RigError("The limit {limit:g} is no angle: set one above 0 arcmin.", limit=limit)
+
+
+def check_share(share: float) -> None:
+    """Raise RigError where a share of the picture is none, as scripts may set."""
+    if not 0 < share <= 1:  # nor NaN
+        raise RigError("The share {share:g} is none: set one above 0, up to 1.", share=share)
+
+
 def of_blended(scene: bpy.types.Scene) -> list[Message]:
     """What a box leaves out where the colours that several viewers ask for are blended; else
     nothing.
@@ -118,13 +130,23 @@ def of_blended(scene: bpy.types.Scene) -> list[Message]:
 
 
 def begin(walk: Walk) -> Pauses[None]:
-    """Begin a walk; RigError where nothing is seen to begin with."""
+    """Begin a walk; RigError where nothing is seen to begin with, OffFromStartError where the limit
+    is exceeded already.
+    """
     yield from walk.begin()
+    viewer = walk.plan.viewer.name
     if not walk.seen:
         raise RigError(
             "The viewer '{viewer}' sees nothing of the picture from its own place: move it, or"
             " enlarge the display.",
-            viewer=walk.plan.viewer.name,
+            viewer=viewer,
+        )
+    if walk.begun > 1:
+        raise OffFromStartError(
+            "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
+            " arcmin, as others ask for it elsewhere: raise Limit, or its weight.",
+            viewer=viewer,
+            limit=number(walk.limit),
         )
 
 

@@ -686,6 +686,16 @@ FITTING = Section(
             "「可視範囲」で、絵がどこから見えるか分かります。",
         ),
         Advice(
+            "The limit {limit:g} is no angle: set one above 0 arcmin.",
+            "Limit is among the button's own settings, at the lower left of the view.",
+            "限度は、ビューの左下に出るボタンの設定で変えられます。",
+        ),
+        Advice(
+            "The share {share:g} is none: set one above 0, up to 1.",
+            "Share is among the button's own settings, at the lower left of the view.",
+            "割合は、ビューの左下に出るボタンの設定で変えられます。",
+        ),
+        Advice(
             "From its own place the viewer '{viewer}' sees the picture off by more than {limit}"
             " arcmin, as others ask for it elsewhere: raise Limit, or its weight.",
             "Result > Viewers tells by how much each of several viewers sees it displaced.",

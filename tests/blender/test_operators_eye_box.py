@@ -187,6 +187,12 @@ def test_where_there_is_none_one_sentence_tells_why(
     parts["DISPLAY"].location = place
     assert inventory() == before
 
+    with pytest.raises(RuntimeError, match="The limit nan is no angle: set one above 0 arcmin"):
+        bpy.ops.kiriko.eye_box(limit=float("nan"))
+    with pytest.raises(RuntimeError, match="The share nan is none: set one above 0, up to 1"):
+        bpy.ops.kiriko.eye_box(share=float("nan"))
+    assert inventory() == before
+
     bpy.ops.kiriko.two_eyes()
     with pytest.raises(RuntimeError, match=r"off by more than 0\.001 arcmin"):
         bpy.ops.kiriko.eye_box(limit=1e-3)

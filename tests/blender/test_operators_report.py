@@ -246,8 +246,15 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
     assert run("eyes", "--out", three) == 1
     assert "in the viewer's own pixels" in capsys.readouterr().err
     assert not three.exists()
-    for wrong in ("--limit=0", "--limit=inf", "--share=1.5"):
-        assert run("eyes", "--out", three, wrong) == 2
+    wrong = {
+        "--limit=0": "The limit 0 is no angle",
+        "--limit=inf": "The limit inf is no angle",
+        "--share=1.5": "The share 1.5 is none",
+        "--share=nan": "The share nan is none",
+    }
+    for option, why in wrong.items():
+        assert run("eyes", "--out", three, option) == 2
+        assert why in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("way", ["SHARP", "BLENDED", "own images"])
@@ -321,6 +328,34 @@ def test_command_eyes_fails_before_it_works_where_an_eye_sees_nothing(
     assert "sees nothing of the picture from its own place" in capsys.readouterr().err
     assert not (tmp_path / "eyes").exists()
     assert not begun
+
+
+def test_an_eye_box_that_is_none_from_the_start_is_missing_with_its_reason(
+    run: Callable[..., int],
+    rig: dict,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """Eyes 0.3 m apart disagree by more than the limit: the sentence of the button stands in JSON
+    and in the terminal, in place of six lengths of 0; all else is told.
+    """
+    bpy.context.scene.kiriko.viewer.data.stereo.interocular_distance = 0.3
+    bpy.ops.kiriko.two_eyes()
+    with pytest.raises(RuntimeError, match="off by more than 5 arcmin") as refused:
+        bpy.ops.kiriko.eye_box()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    for verb, name, more in (("eyes", "eyes", ()), ("report", "report", ("--seconds", 0))):
+        out = tmp_path / verb
+        capsys.readouterr()
+        assert run(verb, "--out", out, *more) == 0
+        told = json.loads((out / f"{name}.json").read_text())
+        assert "eye_box" not in told
+        assert list(told["missing"]) == ["eye_box"]
+        why = told["missing"]["eye_box"]
+        assert why in str(refused.value)
+        assert why in capsys.readouterr().out
+        assert "eye_box.svg" not in names(out)
+        assert {"head_box.svg", "two_eyes.svg", f"{name}.json"} <= {*names(out)}
 
 
 def test_what_goes_wrong_beside_a_report_does_not_lose_it(
