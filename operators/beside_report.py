@@ -45,18 +45,22 @@ class Beside:
     missing the errors, by the labels of the work.
 
     of_viewers : numbers of several viewers, as a result keeps them
+    no_pair : why nothing is told of two eyes, where two viewers are none before a flat picture
     """
 
     of_viewers: dict[str, Any] = field(default_factory=dict)
     numbers: dict[str, Any] = field(default_factory=dict)
     drawings: dict[str, str] = field(default_factory=dict)
     errors: dict[str, Exception] = field(default_factory=dict)
+    no_pair: Message | None = None
 
     def lines(self, scene: bpy.types.Scene) -> Iterator[Message]:
         """What is told of several viewers, in the words that the panel has after a solve, and of
         which way to settle their disagreement the boxes are.
         """
         yield from viewer_words.lines(scene, self.of_viewers)
+        if self.no_pair is not None and "no_pair" not in self.of_viewers:
+            yield self.no_pair
         if {"eye_box", "head_box"} & self.numbers.keys():
             yield from of_blended(scene)
 
@@ -126,6 +130,7 @@ def beside(
     )
     start = 0.0
     if len(rig.viewers) == 2 and (why := _refused(check_pair, rig)) is not None:
+        found.no_pair = why.message
         found.numbers["missing"] = {"two_eyes": str(why)}
     for name, label, is_there, steps, end in parts:
         if is_there:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.blender.conflict import Conflict
 from ..core.blender.viewer import seats_of
 from ..core.errors import RigError
-from ..core.measure.two_eyes import TIRES_FROM, sights_of
+from ..core.measure.two_eyes import TIRES_FROM, pair_of, sights_of
 from ..core.measure.viewers import conflict_in_light, viewer_reports
 from ..core.messages import Message, quoted
 from ..core.settings import Settings
@@ -39,6 +39,7 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
     conflict : its unit and the largest; of places where a pixel shows the mean of these, else of
         colours
     two_eyes : as `pair_seen` tells of it, where they are a pair
+    no_pair : why two are none
     """
     if len(solution.channels) < 2:
         return Told({})
@@ -51,7 +52,8 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
             }
             for channel in solution.channels
         ]
-        return Told({"viewers": sorted(told, key=lambda one: one["coverage"])})
+        told = sorted(told, key=lambda one: one["coverage"])
+        return Told({"viewers": told, **_of_pair(solution)})
 
     off, in_light = yield from conflict_in_light(solution)
     found = yield from viewer_reports(solution, off)
@@ -65,8 +67,19 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
         "viewers": [asdict(one) for one in found],
         "conflict": {"largest": conflict.largest, "unit": conflict.unit},
     }
+    return Told({**numbers, **_of_pair(solution)}, conflict)
+
+
+def _of_pair(solution: Solution) -> dict[str, Any]:
+    """What is told of two viewers together, by its name; nothing of more."""
+    if len(solution.channels) != 2:
+        return {}
+    try:
+        pair_of(solution.rig)
+    except RigError as reason:
+        return {"no_pair": reason.message}
     pair = pair_seen(solution)
-    return Told({**numbers, **({"two_eyes": pair} if pair else {})}, conflict)
+    return {"two_eyes": pair} if pair else {}
 
 
 def pair_seen(solution: Solution) -> dict[str, Any] | None:

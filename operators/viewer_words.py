@@ -10,7 +10,7 @@ import bpy
 
 from ..core.blender.units import length_text
 from ..core.measure.viewers import N_POINTS
-from ..core.messages import Message, joined
+from ..core.messages import Message, as_message, joined
 from ..core.numbers import number
 from ..core.words import percent
 
@@ -19,8 +19,8 @@ N_ALL = N_POINTS**2  # points of the picture
 
 
 def lines(scene: bpy.types.Scene, numbers: dict[str, Any]) -> Iterator[Message]:
-    """All that is told: each viewer, the worst first, their conflict, two eyes; nothing where there
-    is one viewer.
+    """All that is told: each viewer, the worst first, their conflict, two eyes or why two are no
+    pair; nothing where there is one viewer.
     """
     yield from (of_viewer(one) for one in numbers.get("viewers", ()))
     if "conflict" in numbers:
@@ -30,6 +30,8 @@ def lines(scene: bpy.types.Scene, numbers: dict[str, Any]) -> Iterator[Message]:
         yield from of_pair(scene, pair)
         if is_tiring(pair):
             yield tiring(pair)
+    if "no_pair" in numbers:
+        yield as_message(numbers["no_pair"])
 
 
 def of_viewer(one: dict[str, Any]) -> Message:

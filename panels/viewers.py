@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..core.blender.kept import Numbers
+from ..core.blender.kept import Numbers, Sentences
 from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
 from ..core.messages import Message
 from ..operators import viewer_words
@@ -148,6 +148,10 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
             if viewer_words.is_tiring(pair):
                 text = viewer_words.tiring(pair)
                 sentence(self.layout, context, text, icon="ERROR")
+        why = told_of(context, "no_pair")
+        if why:
+            text = Sentences.read(context.scene.kiriko.result.sentences).message(why)
+            sentence(self.layout, context, text, icon="INFO")
 
 
 def told_of(context: bpy.types.Context, name: str = "viewers") -> Any:

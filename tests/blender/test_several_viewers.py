@@ -512,6 +512,51 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
     assert list(found.numbers["missing"]) == ["viewers"]  # three are asked for no depth
 
 
+def test_two_that_are_no_pair_are_told_why_in_words(
+    run: Callable[..., int],
+    drawn: Callable[..., Layout],
+    kiriko: ModuleType,
+    rig: dict,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+) -> None:
+    """In the panel and in the terminal, once, the sentence of core, while two are on; of one above
+    the other, also where the picture is in their own pixels.
+    """
+    two_eyes = importlib.import_module(f"{kiriko.__name__}.core.measure.two_eyes")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    above = camera(0.0, "above")
+    above.location.z += 0.005
+    add(above)
+
+    def refused() -> str:
+        with pytest.raises(errors.RigError, match="do not stand side by side") as error:
+            two_eyes.pair_of(read(kiriko))
+        return str(error.value)
+
+    why = refused()
+    bpy.ops.kiriko.solve()
+    assert "two_eyes" not in details()
+    assert why in " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+
+    file = str(tmp_path / "rig.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    for verb, more in (("solve", ()), ("eyes", ()), ("report", ("--seconds", 0))):
+        capsys.readouterr()
+        assert run(verb, "--out", tmp_path / verb, *more) == 0
+        assert capsys.readouterr().out.count(why) == 1
+
+    add(camera(0.005, "third"))
+    bpy.ops.kiriko.solve()
+    assert "no_pair" not in details()
+    ours().viewers[[name for name, *_ in listed()].index("third")].is_on = False
+    ours().picture_source = "IMAGE"
+    for one in ours().viewers:
+        one.image = bpy.data.images["Kiriko Lattice"]
+    bpy.ops.kiriko.solve()
+    assert details()["no_pair"] == refused()
+
+
 def test_of_two_eyes_depth_and_disparity_are_told(
     drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict
 ) -> None:
