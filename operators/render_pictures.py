@@ -5,8 +5,8 @@ from collections.abc import Generator
 import bpy
 
 from ..core.blender.scene import read_viewers
-from ..core.blender.viewer import frame_of, own_images, seats_of
-from ..core.blender.viewer_render import RENDERED, eye_of, render_for
+from ..core.blender.viewer import frame_of, seats_of
+from ..core.blender.viewer_render import eye_of, remove_unused, render_for
 from ..core.errors import RigError
 from ..core.messages import Message
 from ..core.viewers import check_together
@@ -79,10 +79,10 @@ class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
 
 
 def _replace(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
-    """Give viewers their images; those that were rendered before go, if nobody else has them."""
-    before = {*own_images(scene), scene.kiriko.picture_image} - {None}
+    """Give viewers their images; those that were rendered before, also for eyes that are
+    gone, go, if nobody else has them.
+    """
     viewer_images.give(scene, images)
-    unused = [one for one in before if RENDERED in one and not one.users]
-    bpy.data.batch_remove(unused)
+    remove_unused()
     for name, image in images.items():
         image.name = name

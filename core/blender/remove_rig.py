@@ -24,6 +24,7 @@ from .made_for_rig import (
 from .rigs import RIG_MARK, active_rig, let_go, marked_key, rig_of, rigs, rigs_of
 from .viewer import camera_at
 from .viewer_list import bring_back, have_viewer, take_out
+from .viewer_render import remove_unused
 
 
 def rig_to_remove(
@@ -60,6 +61,7 @@ def remove_rig(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[str]:
     _go_on_with(scene, rig, before)
     names = [thing.name for thing in stay]
     bpy.data.batch_remove([*going, *([] if rig.users > 0 else [rig])])
+    remove_unused()
 
     return names
 

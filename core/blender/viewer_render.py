@@ -85,6 +85,17 @@ def render_for(other: bpy.types.Scene, eye: Eye, frame: Frame) -> bpy.types.Imag
         return image
 
 
+def remove_unused() -> None:
+    """Remove images that were rendered for viewers and that nobody uses any more."""
+    bpy.data.batch_remove(
+        [
+            one
+            for one in bpy.data.images
+            if RENDERED in one and not one.users and one.library is None
+        ]
+    )
+
+
 def _rendered(other: bpy.types.Scene, eye: Eye, frame: Frame, path: Path) -> str:
     """Render a scene to a file; the reason where Blender tells one why there is none."""
     with _copied(other, eye) as copy, _changed(_wanted(other, copy, eye.frame, frame, path)):
