@@ -169,11 +169,14 @@ def test_what_of_the_material_is_not_followed_is_named_in_the_result(
 
 
 def test_a_rig_without_a_plate_is_solved_straight(scene: bpy.types.Scene) -> None:
-    """A display behind the glass, and no plate: the sentence says that there is none, and
-    Only Through Plate changes nothing.
+    """A display behind the glass, and no plate, of which the rig knows: the sentence says that
+    there is none, and Only Through Plate changes nothing.
     """
     rig = small_rig()
     bpy.data.objects.remove(rig["PLATE"])
+    with pytest.raises(RuntimeError, match="plate is gone: make it anew, or go without"):
+        bpy.ops.kiriko.solve()
+    bpy.ops.kiriko.go_without_plate()
     display = rig["DISPLAY"]
     display.matrix_world = rig["PICTURE"].matrix_world.copy()
     display.location.y += 0.06
