@@ -15,8 +15,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TEMPLATES = {
-    "ImageError", "InsideGlassError", "KirikoError", "MeshError", "Message", "OffFromStartError", "RigError",
-    "UsageError", "note", "warning",
+    "ImageError", "InsideGlassError", "KirikoError", "MeshError", "Message", "OffFromStartError",
+    "RigError", "UsageError", "note", "warning",
 }  # fmt: skip
 TOLD = {"description", "help", "text", "title", "message"}  # keywords with a text for people
 SAMPLES = {
