@@ -26,12 +26,13 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
     A rig that is whole at one frame at least, or with one of the values, is good enough. Nothing of
     the scene is changed in the end.
     """
+    kept = Kept()  # glass is made ready once for all viewers
     for rig in [one.value for one in job.rigs] or [None]:
         with _chosen(context.scene, rig):
             for viewer in [one.value for one in job.viewers] or [None]:
                 try:
                     with _alone(context.scene, viewer):
-                        _check_one(context, job)
+                        _check_one(context, job, kept)
                 except KirikoError as error:
                     if viewer is not None:
                         error = RigError(
@@ -42,9 +43,9 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
                     raise error from None
 
 
-def _check_one(context: bpy.types.Context, job: Job) -> None:
+def _check_one(context: bpy.types.Context, job: Job, kept: Kept) -> None:
     """Raise the first of the errors, where each of the job's tasks for a rig has one."""
-    first, kept = None, Kept()
+    first = None
     for value in [one.value for one in job.values] or [None]:
         with ExitStack() as stack:
             if value is not None:
