@@ -819,10 +819,10 @@ ADD_RIG_STAGES = (
     "core.blender.role_glass.read_glass",
     "core.light.kept.making_solids",
     "core.bench.light.tracing",
-    "core.blender.new_rig.encoded_image",
+    "core.blender.rig_objects.encoded_image",
     "core.blender.image.encode",
     "core.blender.shaders.show_picture",
-    "core.blender.new_rig._make_viewer",
+    "core.blender.new_rig.make_viewer",
 )
 
 
@@ -914,7 +914,7 @@ def test_a_part_that_cannot_be_fitted_or_moved_stays(
     rig["DISPLAY"].scale *= 0.8
     bpy.context.view_layer.update()
     before = state()
-    for stage in ("core.bench.light.tracing", "core.bench.room.points_of"):
+    for stage in ("core.bench.light.tracing", "core.bench.picture_light.points_of"):
         owner, attribute = stage.rsplit(".", 1)
         for error in errors()[:FEW]:
             with monkeypatch.context() as broken:
