@@ -59,13 +59,15 @@ def _check_active(arguments: argparse.Namespace) -> None:
 
 def _files(arguments: argparse.Namespace) -> Iterable[str]:
     """The files that the work for the active rig writes, as far as they are known before it."""
-    if arguments.verb == "solve" and arguments.frames is None:
-        return [path.name for path in solve_to_folder.file_names(arguments).values()]
+    if arguments.verb == "solve":
+        if arguments.frames is None:
+            return [path.name for path in solve_to_folder.file_names(arguments).values()]
+        if arguments.movie is not None:
+            return [frames_to_folder.wish_of(arguments, bpy.context.scene).file.name]
+        return []
     if arguments.verb == "report":
         return report.names(work.read(bpy.context).rig)
     if arguments.verb == "eyes":
         return beside_report.files_of(work.read(bpy.context).rig)
-    if arguments.verb == "solve" and arguments.movie is not None:
-        return [frames_to_folder.wish_of(arguments, bpy.context.scene).file.name]
     # of several, those that are there whatever the rest is
     return {"maps": [export_maps.SIDECAR], "drawing": [bench_drawing.NAME]}.get(arguments.verb, [])

@@ -1,7 +1,6 @@
 """Export an atlas: warp maps for a head that moves."""
 
 import argparse
-import textwrap
 from collections.abc import Generator
 from contextlib import suppress
 from functools import partial
@@ -31,14 +30,14 @@ from . import export_job, folder, solve_to_folder, work
 from .atlas_estimate import estimate
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder
-from .telling import in_words, report
+from .telling import report
 from .usage import count
+from .wrapping import sentence
 
 TOLERANCE = 1.0  # px of the picture
 MOST = 500  # places of the head
 PLANNED = 0.2  # progress, about
 MM = 1e-3  # m
-LINE = 34  # letters of a line in the dialogue's sidebar
 ASIDE = 0.03  # m to each side, at first: from eye to eye
 
 
@@ -352,10 +351,8 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         edges.prop(self, "high", index=2, text="Forward")
         for name in ("tolerance", "most", "images"):
             layout.prop(self, name)
-        told = layout.column(align=True)
         for text in estimate(context.scene, self._box(context), self.most, self.images):
-            for line in textwrap.wrap(in_words(text), LINE):
-                told.label(text=line)
+            sentence(layout, context, text)
         layout.prop(context.scene.kiriko, "export_overwrite")
         layout.prop(self, "job")
         tasks = layout.row()

@@ -1,6 +1,5 @@
 """A change of the bench that is proposed, with its gain, before it is made."""
 
-import textwrap
 from dataclasses import dataclass
 
 import bpy
@@ -14,9 +13,10 @@ from ..core.errors import RigError
 from ..core.glass.motion import Motion
 from ..core.messages import Message, as_message
 from ..core.solve.solved_for import SolvedFor
-from . import needed, telling, work
+from . import needed, telling, work, wrapping
 
 NOTHING = Message("Nothing is proposed for the rig as it is")
+WIDTH, BESIDE = 420, 40  # px of the dialogue, and beside its text
 SAME = 1e-6  # of a matrix's numbers: so near an object is where it was
 
 
@@ -162,14 +162,16 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
             proposal = current(context.scene)
             refuse_changed(context, proposal)
             return context.window_manager.invoke_props_dialog(
-                self, width=420, title=proposal.label, confirm_text=self.bl_label
+                self, width=WIDTH, title=proposal.label, confirm_text=self.bl_label
             )
         return {"CANCELLED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         proposal = current(context.scene)
-        for line in () if proposal is None else _lines(telling.in_words(proposal.text)):
-            self.layout.label(text=line, translate=False)
+        if proposal is not None:
+            text = telling.in_words(proposal.text)
+            for line in wrapping.wrapped(text, WIDTH - BESIDE, wrapping.points_of(context)):
+                self.layout.label(text=line, translate=False)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
@@ -194,11 +196,6 @@ class KIRIKO_OT_drop_proposal(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         drop()
         return {"FINISHED"}
-
-
-def _lines(text: str) -> list[str]:
-    """A sentence in lines of a dialogue's width."""
-    return textwrap.wrap(text, 64)
 
 
 @persistent

@@ -7,7 +7,8 @@ import bpy
 from ..core.blender.kept import Numbers, Offset, Sentences
 from ..core.messages import Message, as_message, joined
 from ..operators.calibrate import TELLS, TEXTS
-from .words import OfRig, sentence
+from ..operators.wrapping import sentence
+from .words import OfRig
 
 MOST = 5  # amounts in the list
 

@@ -6,9 +6,10 @@ from ..core.blender.to_do import Entry
 from ..core.messages import Message
 from ..operators import look_over, needed
 from ..operators.telling import in_words
+from ..operators.wrapping import sentence
 from .add_menu import add_rig
 from .rigs import draw_rigs
-from .words import Sidebar, sentence, side_by_side
+from .words import Sidebar, side_by_side
 
 FIRST = Message(
     "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"

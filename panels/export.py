@@ -5,7 +5,8 @@ import bpy
 from ..core.messages import Message
 from ..operators import watch
 from ..operators.export import unwritable
-from .words import OfRig, sentence
+from ..operators.wrapping import sentence
+from .words import OfRig
 
 
 class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):

@@ -15,7 +15,8 @@ from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..core.messages import Message, as_message
 from ..operators.make_glass import can_be_given
 from ..operators.telling import in_words
-from .words import OfRig, sentence
+from ..operators.wrapping import sentence
+from .words import OfRig
 
 
 class VIEW3D_MT_kiriko_images(bpy.types.Menu):

@@ -3,7 +3,7 @@
 import bpy
 
 from ..operators import needed, proposal
-from .words import sentence
+from ..operators.wrapping import sentence
 
 WHOLE = 0.999  # share of the picture from which on nothing needs a remedy
 

@@ -9,8 +9,9 @@ from ..core.numbers import number
 from ..core.words import percent, pixels, shares_in_words
 from ..operators import needed, watch, work
 from ..operators.telling import in_words
+from ..operators.wrapping import MARGIN, sentence
 from .remedies import draw_remedies
-from .words import MARGIN, OfRig, sentence
+from .words import OfRig
 
 ICON = 20.0  # px at a scale of 1 that an icon is wide
 LARGEST = 16.0  # icons: no picture is drawn larger, however wide the sidebar

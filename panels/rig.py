@@ -10,9 +10,10 @@ from ..operators import needed, watch
 from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
 from ..operators.parts import name_part
 from ..operators.surfaces import EYE_BOX, LABELS, RANGE, looked_up
+from ..operators.wrapping import sentence
 from .object import draw_resolution, draw_tone, labelled
 from .viewers import draw_images, draw_more, draw_viewers
-from .words import OfRig, sentence
+from .words import OfRig
 
 
 class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):

@@ -5,7 +5,8 @@ import bpy
 from ..core.blender.rigs import rigs
 from ..core.messages import Message
 from ..operators import show_window
-from .words import OfRig, sentence
+from ..operators.wrapping import sentence
+from .words import OfRig
 
 
 class VIEW3D_PT_kiriko_show(OfRig, bpy.types.Panel):

@@ -3,7 +3,8 @@
 import bpy
 
 from ..operators import live, needed
-from .words import OfRig, sentence
+from ..operators.wrapping import sentence
+from .words import OfRig
 
 
 class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):

@@ -9,7 +9,8 @@ from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
 from ..core.messages import Message
 from ..operators import viewer_words
 from ..operators.telling import in_words
-from .words import OfRig, sentence
+from ..operators.wrapping import sentence
+from .words import OfRig
 
 ROWS = 4
 

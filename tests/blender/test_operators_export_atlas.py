@@ -92,12 +92,15 @@ def test_the_dialogue_tells_how_much_it_will_be_at_least(
         told: list[str] = []
         layout = MagicMock()
         layout.column.return_value = layout.row.return_value = layout
-        layout.label.side_effect = lambda text: told.append(text)
+        layout.label.side_effect = lambda text, **_: told.append(text)
+        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=[])
+        region = SimpleNamespace(width=300)
+        shown = SimpleNamespace(scene=scene, region=region, preferences=preferences)
         dialogue.layout = layout
         with monkeypatch.context() as closed:
             closed.setattr(module.work, "read", None)
             closed.setattr(module.work, "session", None)
-            kind.draw(dialogue, bpy.context)
+            kind.draw(dialogue, shown)
         return " ".join(told)
 
     text = drawn()

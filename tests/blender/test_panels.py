@@ -421,15 +421,15 @@ def test_text_wraps_by_its_measured_width(kiriko: ModuleType, text: str, width: 
 
     Japanese breaks anywhere but before a mark that closes, or after one that opens.
     """
-    words = importlib.import_module(f"{kiriko.__name__}.panels.words")
-    lines = words.wrapped(text, width)
-    blf.size(0, words.POINTS)
+    wrapping = importlib.import_module(f"{kiriko.__name__}.operators.wrapping")
+    lines = wrapping.wrapped(text, width)
+    blf.size(0, wrapping.POINTS)
     assert all(blf.dimensions(0, line)[0] <= width for line in lines)
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")
     assert not any(line[0] in "、。」』,.;" for line in lines)
     assert not any(line[-1] in "「『" for line in lines)
     for line, after in pairwise(lines):
-        piece = words.pieces(after)[0].rstrip()
+        piece = wrapping.pieces(after)[0].rstrip()
         joint = " " if text.replace(" ", "").isascii() else ""
         is_cut = piece not in text.split() and text.isascii()
         assert is_cut or blf.dimensions(0, line + joint + piece)[0] > width
