@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..image.flat_picture import area_in_view
+from ..image.picture import cover_in_view
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
@@ -13,6 +15,7 @@ from ..messages import Length, Message, joined
 from ..numbers import number
 from ..rig import Rig
 from ..settings import Settings
+from ..viewer import Viewer
 from ..words import percent
 from .channel import Channel
 from .disagreement import is_sharp
@@ -24,6 +27,9 @@ from .tessellation import NOTED_ERROR_PX, Tessellation
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
 LEAST_LOST = 1e-3
 LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is worth a remark
+# of the picture: where a viewer's frame cuts off more it is worth a remark; what pixels along the
+# outline of a picture of few pixels show is known to half of that
+LEAST_CUT = 0.01
 BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
 UNDECIDED = 0.01  # share of the light whose way may be another one
 # of the light that is cut off: where more never comes free, to raise the limit does not help
@@ -73,6 +79,7 @@ def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark
     accuracy = channel.accuracy
     error = channel.map_error
 
+    yield from _on_frame(rig, plan.viewer)
     yield from _on_gaps(rig, plan, accuracy.leaks)
     yield from _on_normals(rig, plan)
     yield from _on_doubted(rig, plan)
@@ -84,6 +91,24 @@ def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark
     yield from on_white(rig, plan, light)
     yield from on_black(rig, light)
     yield from on_glare(plan, channel.glare)
+
+
+def _on_frame(rig: Rig, viewer: Viewer) -> Iterator[Remark]:
+    """On the part of the picture that lies beyond the viewer's image, of which nothing else tells:
+    the share that is covered is one of what the viewer looks at.
+    """
+    whole = area_in_view(rig.picture_place, viewer)
+    if whole is None:
+        return
+
+    cut = 1 - cover_in_view(rig.picture_place, viewer).sum() / whole
+    if cut > LEAST_CUT:
+        yield warning(
+            "The frame of the viewer '{viewer}' cuts off {share} of the picture: turn it to the"
+            " picture, or give it a wider view.",
+            viewer=viewer.name,
+            share=percent(float(cut)),
+        )
 
 
 def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]:

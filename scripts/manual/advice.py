@@ -498,6 +498,14 @@ RESULT = Section(
             "絵のそばを見ているか、プレートに対して斜めすぎるのかもしれません。",
         ),
         Advice(
+            "The frame of the viewer '{viewer}' cuts off {share} of the picture: turn it to the"
+            " picture, or give it a wider view.",
+            "A shorter Focal Length, or a larger Orthographic Scale, of the camera sees more. The"
+            " coverage that is told is of the rest.",
+            "カメラの「焦点距離」を短くするか、「平行投影のスケール」を大きくします。"
+            "表示される割合は、残りの部分のものです。",
+        ),
+        Advice(
             "{share} of the picture's light goes through gaps in the glass '{glass}' ({n} open"
             " edges): close them.",
             "Select Faults, in the first panel, selects them. F fills them.",

@@ -52,6 +52,25 @@ def test_what_a_display_cannot_show_is_told():
     )
 
 
+@pytest.mark.parametrize("part", [0.0, 0.009, 0.011, 1 / 3])
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_what_the_frame_cuts_off_is_told(projection, part, axis):
+    """Of a picture that is 0.03 m of a field of 0.05 m, seen from before its
+    middle: the viewer is moved in its own plane until a part is outside.
+    """
+    a_rig = small(projection=projection, field=0.05, picture=0.03)
+    viewer = a_rig.viewer
+    aside = (0.05 - 0.03) / 2 + part * 0.03
+    moved = replace(viewer, position=viewer.position + aside * viewer.axes[axis])
+    solution = solve(replace(a_rig, viewers=(moved,)))
+    found = [remark.told() for remark in solution.remarks if "frame" in remark.text]
+    assert found == [
+        f"The frame of the viewer 'viewer' cuts off {percent(part)} of the picture: turn it to the"
+        " picture, or give it a wider view."
+    ] * (part > 0.01)
+
+
 def encoded(value):
     """Linear light of an sRGB-encoded number near 1 (IEC 61966-2-1)."""
     return ((value + 0.055) / 1.055) ** 2.4
