@@ -20,7 +20,7 @@ from ..core.rig import Rig, Viewer
 from ..core.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison
 from ..core.solve.solution import Solution
-from . import work
+from . import framing, work
 from .windows import camera_of, view_of
 
 
@@ -99,19 +99,19 @@ def frame_in_region(context: bpy.types.Context, scene: bpy.types.Scene) -> np.nd
 
 
 def enter_view(context: bpy.types.Context) -> None:
-    """Have the 3D view that is worked in show the viewer's camera, if it does not."""
+    """Have the 3D view that is worked in show the whole image of the viewer's camera; one that
+    looks through the viewer does.
+    """
     area = view_of(context)
     camera = viewer_of(context.scene)
     if area is None or camera is None:
         return
 
-    space = area.spaces.active
-    view = space.region_3d
-    if view.view_perspective == "CAMERA" and camera_of(space, context.scene) == camera:
+    if area.spaces.active in _looking():
         return
 
     screen = next(s for s in bpy.data.screens if area in list(s.areas))
-    turned_views.turn(screen, area, context.scene, camera)
+    turned_views.turn(screen, area, context.scene, camera, framing.window_of(area))
 
 
 def leave() -> None:
@@ -127,13 +127,13 @@ def put_views_back() -> None:
     """
     if bpy.context.window_manager.kiriko.show_comparison:
         return
-    looking = [
-        space
-        for scene in bpy.data.scenes
-        if scene.kiriko.looking
-        for space, _ in looking_through.views(scene)
-    ]
-    turned_views.put_back(looking.__contains__)
+    turned_views.put_back(_looking().__contains__)
+
+
+def _looking() -> list[bpy.types.SpaceView3D]:
+    """The views that look through a viewer."""
+    scenes = [scene for scene in bpy.data.scenes if scene.kiriko.looking]
+    return [space for scene in scenes for space, _ in looking_through.views(scene)]
 
 
 def forget() -> None:

@@ -41,7 +41,6 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
     ]
     points = np.concatenate([corners(thing) for thing in things])
     space = area.spaces.active
-    region = next(region for region in area.regions if region.type == "WINDOW")
     views = list(space.region_quadviews) or [space.region_3d]
     start, end = space.clip_start, space.clip_end
     front = next((front_of(thing) for thing in things if thing.kiriko.role == "PICTURE"), None)
@@ -49,13 +48,7 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
     for view in views:
         if view.view_perspective == "CAMERA":
             view.view_perspective = "PERSP"
-        window = Window(
-            max(region.width, 1),
-            max(region.height, 1),
-            *covered(area, region),
-            space.lens,
-            view.view_perspective == "PERSP",
-        )
+        window = window_of(area, view.view_perspective == "PERSP")
         axes = np.array(view.view_rotation.to_matrix()).T
         if front is not None and window.is_perspective and not view.lock_rotation:
             axes = turned(axes, front)
@@ -69,16 +62,24 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
     return [(next(s.name for s in bpy.data.screens if area in list(s.areas)), changes)]
 
 
-def covered(area: bpy.types.Area, window: bpy.types.Region) -> tuple[int, int]:
-    """Pixels at the left and the right of a window that sidebars lie over."""
-    left = right = 0
-    for region in area.regions:
-        if region.type in {"TOOLS", "UI"} and region.width > 1:
-            if region.alignment == "LEFT":
-                left = max(left, min(region.x + region.width - window.x, window.width))
-            else:
-                right = max(right, min(window.x + window.width - region.x, window.width))
-    return max(left, 0), max(right, 0)
+def window_of(area: bpy.types.Area, is_perspective: bool = True) -> Window:
+    """The window of a 3D view, and how much of it sidebars and headers lie over."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    width, height = max(region.width, 1), max(region.height, 1)
+    covered = dict.fromkeys(("LEFT", "RIGHT", "BOTTOM", "TOP"), 0)
+
+    for other in area.regions:
+        if min(other.width, other.height) > 1 and other.alignment in covered:
+            x, y = other.x - region.x, other.y - region.y
+            reach = {
+                "LEFT": min(x + other.width, width),
+                "RIGHT": min(width - x, width),
+                "BOTTOM": min(y + other.height, height),
+                "TOP": min(height - y, height),
+            }[other.alignment]
+            covered[other.alignment] = max(covered[other.alignment], reach)
+
+    return Window(width, height, *covered.values(), area.spaces.active.lens, is_perspective)
 
 
 def front_of(plane: bpy.types.Object) -> Floats:

@@ -10,7 +10,6 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender import looking_through, turned_views
-from ..core.blender.framing import Window
 from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.viewer import viewer_of
 from ..core.messages import Message, joined
@@ -40,17 +39,8 @@ def enter(context: bpy.types.Context) -> None:
 
 def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     """Have a 3D view look through the viewer that is shown."""
-    space = area.spaces.active
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    window = Window(
-        max(region.width, 1),
-        max(region.height, 1),
-        *framing.covered(area, region),
-        space.lens,
-        is_perspective=True,
-    )
     screen = next(s.name for s in bpy.data.screens if area in list(s.areas))
-    looking_through.enter(scene, screen, space, window)
+    looking_through.enter(scene, screen, area.spaces.active, framing.window_of(area))
     _entered[scene.session_uid] = scene.kiriko.looking
 
 

@@ -10,7 +10,10 @@ FILLED = 0.8  # of the view's half width and height, by the points: names stand 
 SENSOR = 36.0  # mm, half of a 3D view's at its lens, along the longer side
 ROUNDS = 4  # the middle of what is seen moves with the distance
 LEAST_LEVEL = 1e-3  # a front that is steeper has no side
-LEAST_FREE = 0.2  # of the width, however wide the sidebars are
+LEAST_FREE = 0.2  # of width and height, however much is covered
+IMAGE_FILLED = 0.9  # of what is free, by a camera's image
+ZOOMS = (-30.0, 600.0)  # that a camera view of Blender's may have
+SQRT2 = np.sqrt(2.0)
 NEAR = 1e-2  # of the distance: nothing that is framed is cut off, nor what is zoomed to
 FAR = 1e2
 
@@ -53,13 +56,15 @@ def turned(axes: Floats, front: Floats) -> Floats:
 
 class Window(NamedTuple):
     """The window of a 3D view: pixels of it, and of those at
-    the left and right that sidebars cover; mm of its lens.
+    its sides that sidebars and headers cover; mm of its lens.
     """
 
     width: int
     height: int
     left: int
     right: int
+    bottom: int
+    top: int
     lens: float
     is_perspective: bool
 
@@ -74,8 +79,7 @@ def framed(points: Floats, axes: Floats, window: Window) -> Framed:
     """
     size = np.array([window.width, window.height], float)
     scale = window.lens / SENSOR * size.max() / size
-    free = max(1 - (window.left + window.right) / window.width, LEAST_FREE)
-    half = FILLED * np.array([free, 1.0])
+    half = FILLED * _free(window)
     seen = points @ axes.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
 
@@ -86,5 +90,32 @@ def framed(points: Floats, axes: Floats, window: Window) -> Framed:
         shown = off[:, :2] / np.maximum(distance - nearer, 1e-12 * distance)[:, None]
         middle[:2] += (shown.min(axis=0) + shown.max(axis=0)) / 2 * distance
 
-    middle[0] -= (window.left - window.right) / window.width * distance / scale[0]
+    middle[:2] += _off_middle(window) * distance / scale
     return Framed(middle @ axes, distance, NEAR * distance, FAR * distance)
+
+
+def image_framed(image: tuple[int, int], window: Window) -> tuple[float, list[float]]:
+    """Zoom and offset of a camera view in which nothing covers the camera's image (width, height).
+
+    Blender shows as much along the window's longer side as the camera sees along its image's, times
+    a factor that it keeps as a zoom.
+    """
+    size = np.array([window.width, window.height], float)
+    shown = size.max() * np.array(image) / max(image)  # at a factor of 1, px
+    factor = IMAGE_FILLED * (_free(window) * size / shown).min()
+    zoom = float(np.clip(50 * (2 * np.sqrt(factor) - SQRT2), *ZOOMS))
+    factor = ((zoom / 50 + SQRT2) / 2) ** 2
+    return zoom, (_off_middle(window) / (4 * factor)).tolist()
+
+
+def _free(window: Window) -> Floats:
+    """Shares (2,) of a window's width and height that nothing covers."""
+    width = 1 - (window.left + window.right) / window.width
+    height = 1 - (window.bottom + window.top) / window.height
+    return np.maximum([width, height], LEAST_FREE)
+
+
+def _off_middle(window: Window) -> Floats:
+    """Twice the way from the middle of what is free to the window's, in shares (2,) of its size."""
+    x = (window.right - window.left) / window.width
+    return np.array([x, (window.top - window.bottom) / window.height])

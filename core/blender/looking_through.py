@@ -7,10 +7,9 @@ from secrets import token_hex
 from typing import Any
 
 import bpy
-import numpy as np
 
 from .changes import Change, change, put_back
-from .framing import Window
+from .framing import Window, image_framed
 from .kept import Changed
 from .preview_settings import BOUNCES
 from .remove_rig import spaces
@@ -19,8 +18,6 @@ from .viewer import frame_of, no_camera, viewer_of
 from .world_light import is_dark
 
 SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
-FILLED = 0.9  # of the view, by the viewer's image
-SQRT2 = np.sqrt(2.0)
 SCENE = {
     "render.engine": "CYCLES",
     "cycles.preview_samples": SAMPLES,
@@ -122,14 +119,14 @@ def _enter_view(
     before = [space.use_local_camera, space.camera.name if space.camera else ""]
     space.use_local_camera, space.camera = True, viewer
 
-    zoom, offset = _fitted(viewer, scene, window)
+    zoom, offset = image_framed(frame_of(viewer, scene.render).size, window)
     is_faint = space.shading.use_scene_world_render and is_dark(scene)
     changes = change(
         space,
         {
             "region_3d.view_perspective": "CAMERA",
             "region_3d.view_camera_zoom": zoom,
-            "region_3d.view_camera_offset": (offset, 0.0),
+            "region_3d.view_camera_offset": offset,
             "shading.type": "RENDERED",
             "overlay.show_overlays": False,
             **(FAINT if is_faint else {}),
@@ -140,23 +137,6 @@ def _enter_view(
 
 def _plain(value: Any) -> Any:
     return value if isinstance(value, float) else list(value)
-
-
-def _fitted(
-    viewer: bpy.types.Object, scene: bpy.types.Scene, window: Window
-) -> tuple[float, float]:
-    """Zoom and sideways offset of a camera view in which the viewer's whole image is seen.
-
-    Blender shows as much along the window's longer side as the camera sees along its image's, times
-    a factor that it keeps as a zoom.
-    """
-    width, height = frame_of(viewer, scene.render).size
-    longer = max(width, height)
-    free = max(window.width - window.left - window.right, 1)
-    share = min(free * longer / width, window.height * longer / height)
-    factor = FILLED * share / max(window.width, window.height)
-    zoom = float(np.clip(50 * (2 * np.sqrt(factor) - SQRT2), -30, 600))
-    return zoom, (window.right - window.left) / (4 * factor * window.width)
 
 
 def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:

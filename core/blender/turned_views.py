@@ -1,4 +1,4 @@
-"""3D views that were turned to the viewer's camera for a while.
+"""3D views that were turned to the viewer's camera for a while, and show all of its image.
 
 What a view showed before is kept on its screen: undo leaves both alone, and a file has both.
 """
@@ -8,24 +8,35 @@ from typing import Any
 
 import bpy
 
+from .framing import Window, image_framed
 from .kept import Changed
+from .viewer import frame_of
 
 TURNED_MARK = "kiriko_turned"  # on a screen
 POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
+FRAMING = ("view_camera_zoom", "view_camera_offset")  # of a view by a camera
 
 
 def turn(
-    screen: bpy.types.Screen, area: bpy.types.Area, scene: bpy.types.Scene, camera: Any
+    screen: bpy.types.Screen,
+    area: bpy.types.Area,
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object,
+    window: Window,
 ) -> None:
-    """Have a 3D view of a screen show a camera; what it showed at first is kept."""
+    """Have a 3D view of a screen, with this window, show a camera's whole
+    image; what it showed at first is kept.
+    """
     space = area.spaces.active
+    framing = image_framed(frame_of(camera, scene.render).size, window)
     kept = Changed.read(screen.get(TURNED_MARK, ""))
     place = list(screen.areas).index(area)
     if place not in {one[0] for one in kept.changes}:
         is_local = scene.camera != camera
         before = _shown(space)
-        changes = [*kept.changes, [place, before, [is_local, camera.name]]]
-        screen[TURNED_MARK] = Changed("", changes).text()
+        _set(space.region_3d, FRAMING, framing)
+        after = [is_local, camera.name, _values(space.region_3d, FRAMING)]
+        screen[TURNED_MARK] = Changed("", [*kept.changes, [place, before, after]]).text()
     if scene.camera != camera:
         space.use_local_camera, space.camera = True, camera
     space.region_3d.view_perspective = "CAMERA"
@@ -71,19 +82,29 @@ def go_on(paused: list[tuple[bpy.types.Screen, str, list[tuple[Any, list[Any]]]]
 
 
 def _shown(space: Any) -> list[Any]:
-    """What a view shows: whether by a camera of its own, which, perspective and pose."""
+    """What a view shows: whether by a camera of its own, which, perspective, pose and framing."""
     view = space.region_3d
-    pose = [view.view_location[:], view.view_rotation[:], view.view_distance]
     camera = space.camera.name if space.camera else ""
-    return [space.use_local_camera, camera, view.view_perspective, pose]
+    pose, framing = _values(view, POSE), _values(view, FRAMING)
+    return [space.use_local_camera, camera, view.view_perspective, pose, framing]
+
+
+def _values(view: bpy.types.RegionView3D, names: tuple[str, ...]) -> list[Any]:
+    values = [getattr(view, name) for name in names]
+    return [value if isinstance(value, float) else list(value) for value in values]
+
+
+def _set(view: bpy.types.RegionView3D, names: tuple[str, ...], values: Any) -> None:
+    for name, value in zip(names, values, strict=True):
+        setattr(view, name, value)
 
 
 def _show(screen: bpy.types.Screen, space: Any, shown: list[Any]) -> None:
-    is_local, camera, perspective, pose = shown
+    is_local, camera, perspective, pose, framing = shown
     _have_camera(screen, space, is_local, camera)
     space.region_3d.view_perspective = perspective
-    for name, value in zip(POSE, pose, strict=True):
-        setattr(space.region_3d, name, value)
+    _set(space.region_3d, POSE, pose)
+    _set(space.region_3d, FRAMING, framing)
 
 
 def _have_camera(screen: bpy.types.Screen, space: Any, is_local: bool, camera: str) -> None:
@@ -100,17 +121,21 @@ def _have_camera(screen: bpy.types.Screen, space: Any, is_local: bool, camera: s
 
 def _show_again(screen: bpy.types.Screen, space: Any, before: list[Any], after: list[Any]) -> None:
     """What was shown before, as far as the artist has not chosen another camera or turned away."""
-    is_local, camera = after
+    is_local, camera, fitted = after
     if is_local != space.use_local_camera:
         return
     # one that has no name any more was deleted or renamed meanwhile
     is_known = bpy.data.objects.get(camera) is not None
     if is_local and is_known and (space.camera is None or space.camera.name != camera):
         return
-    if space.region_3d.view_perspective == "CAMERA":
-        _show(screen, space, before)
+    view, framing = space.region_3d, before[-1]
+    if (now := _values(view, FRAMING)) != fitted:
+        framing = now  # the artist's own
+    if view.view_perspective == "CAMERA":
+        _show(screen, space, [*before[:-1], framing])
     else:
         _have_camera(screen, space, *before[:2])
+        _set(view, FRAMING, framing)
 
 
 def _space(screen: bpy.types.Screen, place: int) -> Any | None:

@@ -218,6 +218,32 @@ def test_a_viewer_that_is_renamed_or_deleted_meanwhile_keeps_nobody_there(
     assert view() == before
 
 
+def test_a_view_that_the_artist_zooms_meanwhile_keeps_the_zoom(
+    scene: bpy.types.Scene, compared: ModuleType
+) -> None:
+    """It shows all of the image at first; a frame of before comes back where it is not touched."""
+    small_rig()
+    look = space().region_3d
+    look.view_perspective = "CAMERA"
+    look.view_camera_zoom, look.view_camera_offset = 33.0, (0.25, -0.5)
+    before = view()
+    bpy.ops.kiriko.before_after()
+    framing = importlib.import_module(f"{compared.__package__}.framing")
+    area = max(
+        (a for a in bpy.context.window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width
+    )
+    core = importlib.import_module(f"{framing.framed.__module__}")
+    zoom, offset = core.image_framed((64, 64), framing.window_of(area))
+    assert look.view_camera_zoom == pytest.approx(zoom, rel=1e-6)
+    assert look.view_camera_offset[:] == pytest.approx(offset, rel=1e-6)
+    compared.leave()
+    assert view() == before
+    bpy.ops.kiriko.before_after()
+    look.view_camera_zoom = 7.0
+    compared.leave()
+    assert view()["view_camera_zoom"] == 7.0
+
+
 def test_a_view_that_the_artist_gives_another_camera_stays(
     scene: bpy.types.Scene, compared: ModuleType
 ) -> None:

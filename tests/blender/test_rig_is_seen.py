@@ -136,19 +136,67 @@ def test_a_frame_holds_all_points_and_no_more(
     random = np.random.default_rng(3)
     points = size * random.normal(size=(40, 3)) + 5 * size
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
-    window = framing.Window(1000, 700, 50, 250, 50.0, is_perspective)
+    window = framing.Window(1000, 700, 50, 250, 10, 60, 50.0, is_perspective)
     found = framing.framed(points, axes, window)
 
     # a lens of 50 mm before 72 mm of the longer side
     seen = (points - found.centre) @ axes.T
     depth = found.distance - seen[:, 2] if is_perspective else np.full(40, found.distance)
     across = 0.5 + seen[:, :2] / depth[:, None] * 50 / 72 * 1000 / np.array([1000, 700])
-    across[:, 0] = (across[:, 0] * 1000 - 50) / 700
+    across = (across * [1000, 700] - [50, 10]) / [700, 630]
     assert (depth > found.clip_start).all()
     assert (depth < found.clip_end).all()
     assert (across > 0).all()
     assert (across < 1).all()
     assert np.ptp(across, axis=0).max() == pytest.approx(0.8, abs=0.05)
+
+
+@pytest.mark.parametrize("image", [(512, 512), (1920, 1080), (300, 900)])
+@pytest.mark.parametrize("size", [(1129, 725), (480, 900), (700, 260)])
+def test_nothing_covers_the_image_of_a_camera_view(
+    kiriko: ModuleType, size: tuple[int, int], image: tuple[int, int]
+) -> None:
+    """Where Blender draws the frame of a camera with that zoom and offset, it is in the middle of
+    what is free, and fills nine tenths of it.
+    """
+    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    left, right, bottom, top = 58, 220, 8, 54
+    window = framing.Window(*size, left, right, bottom, top, 50.0, is_perspective=True)
+    zoom, offset = framing.image_framed(image, window)
+
+    # as BKE_screen_view3d_zoom_to_fac and BKE_camera_params_compute_viewplane have it
+    factor = (zoom / 50 + np.sqrt(2)) ** 2 / 4
+    size, image = np.array(size), np.array(image)
+    half = factor * size.max() * image / image.max() / 2
+    middle = size * (0.5 - 2 * factor * np.array(offset))
+    low, high = np.array([left, bottom]), size - [right, top]
+    assert middle == pytest.approx((low + high) / 2)
+    assert (2 * half / (high - low)).max() == pytest.approx(0.9)
+
+
+def test_a_view_too_narrow_for_a_camera_view_has_its_middle_free(kiriko: ModuleType) -> None:
+    """Blender makes the frame no smaller than a sixth of the window's longer side."""
+    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    window = framing.Window(300, 900, 58, 220, 0, 54, 50.0, is_perspective=True)
+    zoom, offset = framing.image_framed((512, 512), window)
+    assert zoom == -30
+    factor = (zoom / 50 + np.sqrt(2)) ** 2 / 4
+    middle = np.array([300, 900]) * (0.5 - 2 * factor * np.array(offset))
+    assert middle == pytest.approx([(58 + 80) / 2, 846 / 2])
+
+
+def test_a_window_knows_what_lies_over_it(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+    """The toolbar and both headers of Blender's own layout; no sidebar, which is closed."""
+    framing = importlib.import_module(f"{kiriko.__name__}.operators.framing")
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    by_type = {region.type: region for region in area.regions}
+    headers = by_type["HEADER"].height + by_type["TOOL_HEADER"].height
+    window = framing.window_of(area)
+    inside = by_type["WINDOW"]
+    assert (window.width, window.height) == (inside.width, inside.height)
+    assert window.left == by_type["TOOLS"].width > 10
+    assert window.top == headers - (area.height - inside.height) > 20
+    assert window.bottom == 0
 
 
 def test_a_view_turns_only_where_it_hardly_sees_the_picture(kiriko: ModuleType) -> None:
