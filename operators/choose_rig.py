@@ -9,7 +9,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.active_rig import follow, know_by_name, make_active, remember
-from ..core.blender.newcomers import keep_settings, take_newcomers
+from ..core.blender.newcomers import keep_settings, know_plates, take_newcomers
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
@@ -115,9 +115,10 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
 
 @persistent
 def on_load(*_: object) -> None:
-    """Numbers of objects are of another session."""
+    """Numbers of objects are of another session; rigs may be of versions before."""
     for scene in bpy.data.scenes:
         know_by_name(scene)
+        know_plates(scene)
 
 
 @persistent

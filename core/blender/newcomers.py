@@ -35,10 +35,21 @@ def keep_settings(scene: bpy.types.Scene) -> None:
             rig.kiriko.settings = settings_text(settings_of(scene, rig))
 
 
+def know_plates(scene: bpy.types.Scene) -> None:
+    """Have rigs of files of before, which do not say it, know whether they have a plate: so one
+    that is deleted from now on is missed.
+    """
+    for rig in rigs(scene):
+        if rig.is_editable and not rig.kiriko.is_property_set("has_plate"):
+            plates = (thing for thing in scene.objects if thing.kiriko.role == "PLATE")
+            rig.kiriko.has_plate = any(marked_key(one) == rig.kiriko.key for one in plates)
+
+
 def take_newcomers(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
     """Make rigs that came in since the last call rigs of their own; returns them."""
     if not scene.is_editable:
         return []
+    know_plates(scene)
     groups = [group for group in scene.collection.children_recursive if group.kiriko.key]
     groups = list(dict.fromkeys(groups))  # one may be in two others
     firsts = rigs(scene)

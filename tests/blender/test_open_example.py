@@ -32,6 +32,18 @@ def test_example_is_a_rig_that_can_be_solved(
     assert opened.kiriko.result.coverage > 0.95
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_the_plate_of_an_example_is_missed(
+    scene: bpy.types.Scene, needed: ModuleType, name: str
+) -> None:
+    """Deleted by hand, it is told, though the file is older than the question."""
+    bpy.ops.kiriko.open_example(example=name)
+    opened = bpy.context.scene
+    bpy.data.objects.remove(next(iter(needed.parts(opened)["PLATE"])))
+    with pytest.raises(RuntimeError, match="plate is gone: make it anew, or go without"):
+        bpy.ops.kiriko.solve()
+
+
 def test_examples_are_those_that_are_offered(kiriko: ModuleType) -> None:
     """Each entry of the menu has its file, and each file an entry."""
     module = importlib.import_module(f"{kiriko.__name__}.operators.open_example")

@@ -332,6 +332,35 @@ def test_a_rig_from_another_file_brings_viewer_and_settings(
     assert scene.kiriko.tolerance == pytest.approx(0.05)
 
 
+def test_a_rig_of_a_file_of_before_misses_its_plate(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """One that is appended, and one that has it overridden; a rig that never had one does not."""
+    rig = add(cube())
+    rig.kiriko.property_unset("has_plate")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    rig = bring(tmp_path / "rig.blend", is_link=False)
+    look(kiriko)
+    assert rig.kiriko.has_plate
+    bpy.data.objects.remove(next(one for one in rig.objects if one.kiriko.role == "PLATE"))
+    look(kiriko)
+    assert bpy.ops.kiriko.go_without_plate.poll()
+    rig.kiriko.property_unset("has_plate")  # as one that was made without
+    look(kiriko)
+    assert not rig.kiriko.has_plate
+
+    bpy.data.batch_remove([*rig.objects, rig])
+    linked = bring(tmp_path / "rig.blend", is_link=True)
+    look(kiriko)
+    assert not linked.kiriko.is_property_set("has_plate")
+    own = linked.override_hierarchy_create(scene, bpy.context.view_layer)
+    scene.collection.children.unlink(linked)
+    look(kiriko)
+    assert own.kiriko.has_plate
+
+
 def test_a_rig_that_is_appended_twice_is_two(
     kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
