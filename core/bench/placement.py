@@ -222,5 +222,7 @@ def lattice(pixels: int = 1024, n: int = 7) -> np.ndarray:
     offset = at - (index + 0.5) * pitch
     disc = np.clip(0.2 * pitch + 0.5 - np.hypot(offset[:, None], offset[None, :]), 0.0, 1.0)
     weight = (index + 1) / (n + 1)
-    colour = np.stack(np.broadcast_arrays(1.0, weight[None, :], weight[:, None]), axis=2)
-    return (disc[..., None] * colour).astype(np.float32)
+    picture = np.empty((pixels, pixels, 3), np.float32)
+    for k, colour in enumerate((1.0, weight[None, :], weight[:, None])):
+        picture[..., k] = disc * colour
+    return picture

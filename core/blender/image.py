@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..encoding import encode
+from ..encoding import quantised
 from ..errors import ImageError
 from .reports import said_by
 
@@ -79,13 +79,13 @@ def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
     return rgba.reshape(height, width, 4)[::-1].copy()
 
 
-def encoded_image(name: str, pixels: ArrayLike) -> bpy.types.Image:
+def encoded_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
     """New packed 8-bit sRGB image of linear pixels (h, w, 3),
     row 0 at the top: small in the file, for pictures.
     """
-    encoded = encode(pixels)[::-1]
-    height, width, _ = encoded.shape
-    rgba = np.concatenate([encoded, np.ones((height, width, 1))], axis=2).astype(np.float32)
+    height, width, _ = pixels.shape
+    rgba = np.ones((height, width, 4), np.float32)
+    np.divide(quantised(pixels, "uint8")[::-1], np.float32(255), out=rgba[..., :3])
     image = bpy.data.images.new(name, width, height, alpha=False)
     with or_none(image):
         image.pixels.foreach_set(rgba.ravel())

@@ -87,24 +87,21 @@ def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
     return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
 
 
-def area_in_view(place: PicturePlace, viewer: Viewer) -> float | None:
-    """How large (viewer px^2) a flat picture is seen as if there were neither glass nor frame.
+def corners_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
+    """Where the corners of a flat picture are seen, going round, as if there were no glass.
 
-    None where its outline is no rectangle, is that of the viewer's image, or is partly not before
-    the viewer.
+    Returns
+    -------
+    (4, 2) viewer px, also beyond the frame. None where the outline is no rectangle, is that of the
+    viewer's image, or is partly not before the viewer.
     """
     way = None if place.mesh is None else way_to_mesh(place.mesh, viewer)
     if way is None:
         return None
 
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    uv = way.low + corners * (way.high - way.low)
+    uv = way.low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (way.high - way.low)
     xyw = np.linalg.solve(way.matrix, np.column_stack([uv, np.ones(4)]).T)
-    if (xyw[2] <= 0).any():
-        return None
-
-    x, y = xyw[:2] / xyw[2]
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+    return None if (xyw[2] <= 0).any() else (xyw[:2] / xyw[2]).T
 
 
 def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:

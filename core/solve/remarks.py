@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..image.flat_picture import area_in_view
+from ..image.flat_picture import corners_in_view
 from ..image.picture import cover_in_view
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
@@ -97,10 +97,13 @@ def _on_frame(rig: Rig, viewer: Viewer) -> Iterator[Remark]:
     """On the part of the picture that lies beyond the viewer's image, of which nothing else tells:
     the share that is covered is one of what the viewer looks at.
     """
-    whole = area_in_view(rig.picture_place, viewer)
-    if whole is None:
+    corners = corners_in_view(rig.picture_place, viewer)
+    frame = np.array([viewer.width, viewer.height])
+    if corners is None or ((corners >= 0) & (corners <= frame)).all():
         return
 
+    x, y = corners.T
+    whole = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
     cut = 1 - cover_in_view(rig.picture_place, viewer).sum() / whole
     if cut > LEAST_CUT:
         yield warning(
