@@ -15,8 +15,8 @@ import numpy as np
 from ..core.blender.conflict import write_conflict
 from ..core.blender.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result import (
+    update_coarse,
     update_solution,
-    update_source,
     write_helps,
     write_viewers,
 )
@@ -261,8 +261,8 @@ class Live:
             if is_last:
                 update_solution(scene, self._reading, found)
             else:
-                update_source(scene, enlarged(found, rig.display.width, rig.display.height))
-                scene.kiriko.result.is_coarse = True
+                pixels = enlarged(found, rig.display.width, rig.display.height)
+                self._reading = update_coarse(scene, self._reading, pixels)
             self.n_pictures += 1
             self.is_unpacked = self._has_picture = True
             self._note_ours(scene)

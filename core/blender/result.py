@@ -145,6 +145,26 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
     return _write_numbers(scene, reading, solution, numbers, remarks)
 
 
+def update_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
+    """Show pixels as `update_source` does, as a coarse source image: on the display, too, so that
+    it is seen through the glass while the final one takes its time.
+
+    Returns the reading from which the final result is to be
+    written: it knows which materials have given way.
+    """
+    image = update_source(scene, pixels)
+    scene.kiriko.result.is_coarse = True
+    display = bpy.data.objects.get(reading.display_object)
+    if display is None or is_on_display(display, image):
+        return reading
+    return _with_notes(reading, put_on_display(display, image))
+
+
+def _with_notes(reading: Reading, notes: list[str]) -> Reading:
+    """A reading with further notes, each once."""
+    return replace(reading, notes=tuple(dict.fromkeys((*reading.notes, *notes))))
+
+
 def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
     """Show pixels (h, w, 3; linear, row 0 at the top) as a
     coarse source image, whole as a result without numbers.
@@ -153,8 +173,7 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     written: it knows which materials have given way.
     """
     remarks = _put_in_place(scene, reading, _packed(name_for(scene, SOURCE), pixels))
-    notes = tuple(dict.fromkeys((*reading.notes, *remarks)))
-    reading = replace(reading, notes=notes)
+    reading = _with_notes(reading, remarks)
     result = scene.kiriko.result
     result.is_coarse, result.coverage = True, 0.0
     result.summary = result.details = result.seen_summary = ""  # the old ones are of another one

@@ -68,7 +68,7 @@ def traces(live: ModuleType) -> list[str]:
 def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the writes that live does, in order."""
     calls = []
-    for name in ("update_source", "update_solution"):
+    for name in ("update_coarse", "update_solution"):
         own = getattr(live.live_follower, name)
         monkeypatch.setattr(
             live.live_follower,
@@ -185,20 +185,49 @@ def test_a_coarse_picture_comes_first(
     """
     monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
-    assert written == ["update_source", "update_solution"]
+    assert written == ["update_coarse", "update_solution"]
     written.clear()
     turn(rig["GLASS"])
     until(written, live)
     coarse = shown()
     settle(live)
 
-    assert written == ["update_source", "update_solution"]
+    assert written == ["update_coarse", "update_solution"]
     assert coarse.shape == shown().shape
     off = np.abs(coarse - shown()).mean()
     moved = np.abs(shown() - np.roll(shown(), 4, axis=1)).mean()
 
     # the first picture shows where things are: a shift by 4 pixels is far more
     assert 0 < off < 0.1 * moved
+
+
+def test_the_first_coarse_picture_is_on_the_display(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a rig that was never solved, too: who looks through hard glass would see a dark display
+    until the final picture. The note on the material that gave way is in the final result.
+    """
+    monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
+    rig = small_rig(viewer_resolution=208)
+    own = bpy.data.materials.new("Own Display")
+    rig["DISPLAY"].data.materials.clear()
+    rig["DISPLAY"].data.materials.append(own)
+    live.start(bpy.context.scene)
+    until(written, live)
+    result = bpy.context.scene.kiriko.result
+    assert result.is_coarse
+    assert images_on(rig["DISPLAY"]) == [result.source]
+
+    settle(live)
+    assert written == ["update_coarse", "update_solution"]
+    assert images_on(rig["DISPLAY"]) == [result.source]
+    assert result.notes.count("'Own Display' of the display") == 1
+
+
+def images_on(thing: bpy.types.Object) -> list[bpy.types.Image]:
+    """The images that an object's materials show."""
+    nodes = [node for slot in thing.material_slots for node in slot.material.node_tree.nodes]
+    return [node.image for node in nodes if node.type == "TEX_IMAGE"]
 
 
 def test_what_was_quick_gets_no_coarse_picture(
@@ -209,7 +238,7 @@ def test_what_was_quick_gets_no_coarse_picture(
     """
     monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
     rig = follow(live, viewer_resolution=192)
-    assert written == ["update_source", "update_solution"]
+    assert written == ["update_coarse", "update_solution"]
     for _ in range(2):  # glass that was turned is ready, the first time it was not
         written.clear()
         turn(rig["GLASS"])
@@ -228,7 +257,7 @@ def test_what_was_quick_gets_no_coarse_picture(
         written.clear()
         change()
         settle(live)
-        assert written == ["update_source", "update_solution"]
+        assert written == ["update_coarse", "update_solution"]
 
 
 def test_a_coarse_picture_is_not_exported(
@@ -409,7 +438,7 @@ def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
         turn(rig["GLASS"], 1e-3)
         live.tick()
     assert len(written) > 4
-    assert set(written) == {"update_source"}
+    assert set(written) == {"update_coarse"}
     settle(live)
     assert written[-1] == "update_solution"
     assert is_rounding(shown() - plain(live))
