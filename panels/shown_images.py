@@ -9,12 +9,17 @@ from gpu_extras.batch import batch_for_shader
 from ..core.blender.shown_images import ShownImage, shown_images
 from ..core.blender.viewer import viewer_of
 from ..operators.windows import camera_of
-from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers
+from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 
 # how textures of images blend, by the mode of their alpha; that of others is no coverage
 BLENDING = {"STRAIGHT": "ALPHA", "PREMUL": "ALPHA_PREMULT"}
 SHARE = 20.0  # times as long as all objects of a scene took to look at they are not looked at again
 ROLES = {"PICTURE", "DISPLAY"}
+# how an image is drawn, pass by pass: the test against the depth of the view, and how opaque. A
+# picture stands in its glass, and is drawn in front of all. A display stands behind glass or plate:
+# in front of them it would hide the glass that it is seen through.
+IN_FRONT = (("NONE", 1.0),)
+IN_PLACE = (("GREATER", 0.4), ("LESS_EQUAL", 1.0))
 
 _found: dict[int, tuple[float, list[str]]] = {}  # by scene: looked at next, names of the parts
 
@@ -29,7 +34,13 @@ def draw() -> None:
     parts = [thing for thing in parts_of(context.scene) if thing.visible_get(viewport=space)]
     parts = [thing for thing in parts if is_drawn(context, thing.kiriko.role)]
 
-    for shown in shown_images(context.scene, context.view_layer, parts):
+    draw_parts(context, parts)
+
+
+def draw_parts(context: bpy.types.Context, parts: list[bpy.types.Object]) -> None:
+    """Draw the images of these parts, pictures last."""
+    found = shown_images(context.scene, context.view_layer, parts)
+    for shown in sorted(found, key=lambda shown: shown.is_picture):
         _draw(shown)
 
 
@@ -69,21 +80,26 @@ def _draw(shown: ShownImage) -> None:
     except RuntimeError:  # an image without pixels
         return
 
-    shader = gpu.shader.from_builtin(IMAGE_SHADER)
+    shader = gpu.shader.from_builtin(TINTED_SHADER)
     batch = batch_for_shader(shader, "TRIS", {"pos": shown.points, "texCoord": shown.uv})
-    before = gpu.state.depth_test_get(), gpu.state.blend_get()
+    before = gpu.state.depth_test_get(), gpu.state.blend_get(), gpu.state.depth_mask_get()
 
     try:
-        gpu.state.depth_test_set("NONE")  # in front of glass, plate and all else
-        gpu.state.blend_set(BLENDING.get(shown.image.alpha_mode, "NONE"))
-        gpu.state.face_culling_set("NONE" if shown.is_two_sided else "BACK")
+        gpu.state.depth_mask_set(False)  # or a pass would be tested against the one before
+        gpu.state.face_culling_set("NONE" if shown.is_picture else "BACK")
         shader.bind()
         shader.uniform_sampler("image", texture)
-        batch.draw(shader)
+        for depth, opacity in IN_FRONT if shown.is_picture else IN_PLACE:
+            mode = BLENDING.get(shown.image.alpha_mode, "NONE")
+            gpu.state.depth_test_set(depth)
+            gpu.state.blend_set(mode if opacity == 1 else "ALPHA")
+            shader.uniform_float("color", (1.0, 1.0, 1.0, opacity))
+            batch.draw(shader)
     finally:
         gpu.state.face_culling_set("NONE")
         gpu.state.depth_test_set(before[0])
         gpu.state.blend_set(before[1])
+        gpu.state.depth_mask_set(before[2])
 
 
 _handlers = ViewHandlers(POST_VIEW=draw)

@@ -23,13 +23,13 @@ class ShownImage(NamedTuple):
 
     points : (n, 3) float32 world, Blender units
     uv : (n, 2) float32
-    is_two_sided : a picture is seen from behind, too, a display is not
+    is_picture : seen from behind, too, and in front of its glass, as a display is not
     """
 
     image: bpy.types.Image
     points: NDArray[np.float32]
     uv: NDArray[np.float32]
-    is_two_sided: bool
+    is_picture: bool
 
 
 def shown_images(
@@ -54,7 +54,7 @@ def shown_images(
         if image is not None:
             laid = _laid(thing.evaluated_get(layer.depsgraph), uv_map)
             if laid is not None:
-                yield ShownImage(image, *laid, is_two_sided=is_picture)
+                yield ShownImage(image, *laid, is_picture=is_picture)
 
 
 def _laid(

@@ -7,6 +7,10 @@ import bpy
 # since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
 # all that is drawn within a viewport, and there was no other shader
 IMAGE_SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE"
+# the same times a colour
+TINTED_SHADER = (
+    "IMAGE_COLOR_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE_COLOR"
+)
 
 
 class ViewHandlers:

@@ -1,7 +1,9 @@
 import importlib
-from types import ModuleType
+from functools import partial
+from types import ModuleType, SimpleNamespace
 
 import bpy
+import gpu
 import numpy as np
 import pytest
 
@@ -29,6 +31,13 @@ def test_parts_that_are_made_let_see_the_picture(scene: bpy.types.Scene) -> None
     assert {thing.display_type for thing in rig.values()} == {"TEXTURED"}
     assert rig["PICTURE"].show_in_front
     assert [rig[role].show_name for role in ("PLATE", "PICTURE", "DISPLAY")] == [True] * 3
+
+
+def test_names_do_not_cover_each_other(scene: bpy.types.Scene) -> None:
+    """Without a plate the picture stands on the display: two names at one place cannot be read."""
+    bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", viewer_resolution=32, display_resolution=(32, 32))
+    named = [thing for thing in scene.objects if thing.show_name]
+    assert [thing.kiriko.role for thing in named] == ["DISPLAY"]
 
 
 def test_an_ideal_plate_is_a_portal_in_cycles_and_tinted_in_eevee(scene: bpy.types.Scene) -> None:
@@ -91,7 +100,7 @@ def test_the_picture_is_drawn_where_it_stands_with_the_image_it_shows(
     picture.scale.x = 2
     (drawn,) = shown(kiriko, picture)
     assert drawn.image == mine
-    assert drawn.is_two_sided
+    assert drawn.is_picture
 
     mesh = picture.data
     expected = {
@@ -119,9 +128,48 @@ def test_the_source_image_is_drawn_on_the_front_of_the_display(
     bpy.ops.kiriko.solve()
     (drawn,) = shown(kiriko, display)
     assert drawn.image == scene.kiriko.result.source
-    assert not drawn.is_two_sided
+    assert not drawn.is_picture
     a, b, c = drawn.points[:3]
     assert np.cross(b - a, c - a) @ np.array(display.matrix_world.col[2].to_3d()) > 0
+
+
+def test_the_glass_is_seen_in_front_of_the_display(
+    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A display behind its glass is drawn where nothing stands in front of it, and faintly where
+    something does; no depth is written, by which one pass would let the other through. The
+    picture, which stands in the glass, comes last, in front of all.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.panels.shown_images")
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    state, passes = {}, []
+    names = ("depth_test", "blend", "depth_mask", "face_culling")
+    for name in names:
+        setter = partial(state.__setitem__, name)
+        monkeypatch.setattr(gpu.state, f"{name}_set", setter)
+        if name != "face_culling":
+            monkeypatch.setattr(gpu.state, f"{name}_get", lambda name=name: state.get(name))
+    shader = SimpleNamespace(
+        bind=lambda: None,
+        uniform_sampler=lambda _, image: state.update(image=image),
+        uniform_float=lambda _, colour: state.update(opacity=colour[3]),
+    )
+    batch = SimpleNamespace(draw=lambda _: passes.append(dict(state)))
+    monkeypatch.setattr(module.gpu.shader, "from_builtin", lambda _: shader)
+    monkeypatch.setattr(module.gpu.texture, "from_image", lambda image: image)
+    monkeypatch.setattr(module, "batch_for_shader", lambda *_, **__: batch)
+    view = SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer)
+    module.draw_parts(view, [rig["PICTURE"], rig["DISPLAY"]])
+
+    told = [(one["image"], one["depth_test"], one["opacity"]) for one in passes]
+    source, picture = scene.kiriko.result.source, rig["PICTURE"].active_material
+    (lattice,) = (node.image for node in picture.node_tree.nodes if node.type == "TEX_IMAGE")
+    (hidden, _, faint), *others = told
+    assert (hidden, told[0][1]) == (source, "GREATER")
+    assert 0 < faint < 1
+    assert others == [(source, "LESS_EQUAL", 1.0), (lattice, "NONE", 1.0)]
+    assert not any(one["depth_mask"] for one in passes)
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
