@@ -78,6 +78,7 @@ class Live:
         self.kept = Kept()
         self.ours: set[int] = set()  # session uids of the datablocks that we write to
         self._text = ""
+        self._told: set[int] = set()  # session uids of the workspaces that have the text
         self._lasted: dict[Step, float] = {}
         # s of tracing and painting, by kind of rig
         self._whole_lasted: dict[tuple[object, ...], float] = {}
@@ -337,10 +338,17 @@ class Live:
         if text == self._text:
             return False
         self._text = text
+        told, self._told = self._told, set()
         for window in all_windows():
             if window.scene.session_uid == self.uid or not text:
                 with bpy.context.temp_override(window=window):
                     window.workspace.status_text_set(text or None)
+                self._told.add(uid(window.workspace))
+        # a workspace that was left keeps its text, which would stand there for good
+        for workspace in bpy.data.workspaces:
+            if uid(workspace) in told - self._told:
+                with bpy.context.temp_override(workspace=workspace):
+                    workspace.status_text_set(None)
         return True
 
 

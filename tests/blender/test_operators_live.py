@@ -693,6 +693,32 @@ def test_long_step_is_announced_before_it_begins(
     assert begun[0] == known
 
 
+def test_no_text_stays_in_a_workspace_that_was_left(
+    live: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The status bar's text is the workspace's: whoever goes to another one while Live is at
+    work, and ends it there, finds Blender's own hints in the first one again.
+    """
+    follow(live)
+    bars = {}
+    monkeypatch.setattr(
+        bpy.types.WorkSpace,
+        "status_text_set",
+        lambda _, text: bars.update({bpy.context.workspace.name: text}),
+    )
+    here = bpy.data.window_managers[0].windows[0].workspace
+    other = next(workspace for workspace in bpy.data.workspaces if workspace != here)
+    followed = live.followed()
+    assert followed._say("at work")
+    assert bars == {here.name: "at work"}
+
+    followed._told.add(
+        other.session_uid
+    )  # as if the window, which waits for events, had been there
+    live.stop()
+    assert bars == {here.name: None, other.name: None}
+
+
 def test_work_of_others_comes_first(live: ModuleType) -> None:
     """While a solve runs in the interface, with the same session, live waits."""
     rig = follow(live)
