@@ -14,7 +14,7 @@ from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.viewer import viewer_of
 from ..core.messages import Message, joined
 from . import compared, framing, live, make_glass, needed, telling, work
-from .windows import redraw, view_of
+from .windows import all_windows, redraw, view_of
 
 _entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
 _saving: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save
@@ -104,6 +104,16 @@ def _forget(scene: bpy.types.Scene) -> None:
             live.stop()
 
 
+def _show_comparison(scene: bpy.types.Scene) -> None:
+    """Have a view that undo took the look from go on with the comparison, as by the button: else
+    that one's button would be pressed with nothing to be seen.
+    """
+    window = next((window for window in all_windows() if window.scene == scene), None)
+    if window is not None and compared.is_shown(scene):
+        with bpy.context.temp_override(window=window):
+            compared.enter_view(bpy.context)
+
+
 def follow() -> None:
     """Have views and settings follow the scenes' texts, which undo or a file may have changed."""
     for scene in bpy.data.scenes:
@@ -113,6 +123,7 @@ def follow() -> None:
         elif text and not scene.kiriko.looking:
             looking_through.put_views_back(scene, text)
             _forget(scene)
+            _show_comparison(scene)
     redraw()
 
 

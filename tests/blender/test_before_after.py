@@ -155,6 +155,29 @@ def test_comparison_and_look_through_in_any_order(
     assert all(len(screen.keys()) == 0 for screen in bpy.data.screens)
 
 
+def test_undo_of_the_look_leaves_the_comparison_in_sight(
+    scene: bpy.types.Scene, kiriko: ModuleType, compared: ModuleType
+) -> None:
+    """As its button does: a comparison whose button is pressed is seen; then the view is as before
+    both.
+    """
+    small_rig()
+    turned_away()
+    before = {**view(), "camera": None}  # undo makes objects anew
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.kiriko.look_through()
+    bpy.ops.ed.undo_push(message="Look Through Viewer")
+    bpy.ops.kiriko.before_after()
+    bpy.ops.ed.undo()
+    kiriko.operators.look_through.follow()  # by a timer, which background has not
+    assert compared.is_shown(bpy.context.scene)
+    assert space().region_3d.view_perspective == "CAMERA"
+    assert space().shading.type != "RENDERED"
+
+    compared.leave()
+    assert {**view(), "camera": None} == before
+
+
 @pytest.mark.parametrize("looks", ["", "before", "after"])
 def test_a_file_that_is_saved_meanwhile_has_the_artists_view(
     scene: bpy.types.Scene, tmp_path: Path, looks: str
