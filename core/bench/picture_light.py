@@ -61,15 +61,22 @@ def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """The light of a rig's picture, of places uv (n, 2) and their shares (n,) of the picture."""
+    """The light of a rig's picture, of places uv (n, 2) and their shares (n,) of the picture.
+
+    area : (n,) as weight, which is 0 out of sight, in all places
+    """
 
     light: Light
     uv: Floats
-    weight: Floats
+    area: Floats
+
+    @property
+    def weight(self) -> Floats:
+        return np.where(self.light.is_seen, self.area, 0.0)
 
     @property
     def lost(self) -> dict[str, float]:
-        return self.light.lost(self.weight)
+        return self.light.lost(self.area)
 
     @property
     def share(self) -> float:
@@ -94,16 +101,16 @@ def traced_by_all(
     is_fine : divide the picture further where ways of light part
     """
     plan, n = plan_of(rig), len(rig.viewers)
-    lights, uvs, weights = [], [], []
+    lights, uvs, areas = [], [], []
     for k, viewer in enumerate(rig.viewers):
         place = place_in_sight(rig.picture_place, viewer)
         steps = _light_over(plan.seen_by(viewer), place, n_grid, plate, is_fine)
         light, uv, area = yield from within(steps, k / n, (k + 1) / n)
-        seen = np.where(light.is_seen, area, 0.0)
+        seen = float(area[light.is_seen].sum())
         lights.append(light)
         uvs.append(uv)
-        weights.append(seen / max(seen.sum(), np.finfo(float).tiny) / n)
-    return Traced(together(lights), np.concatenate(uvs), np.concatenate(weights))
+        areas.append(area / max(seen, np.finfo(float).tiny) / n)
+    return Traced(together(lights), np.concatenate(uvs), np.concatenate(areas))
 
 
 def _light_over(

@@ -106,7 +106,7 @@ def fit_picture(
     size = min(most, float(bundle.largest(about[None], most)[0]) + 2 * step)
     shift = about @ plane.sides
 
-    before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid), 0.3, 0.5)
+    before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid, is_fine=True), 0.3, 0.5)
     size = yield from within(_border(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
     if size <= ROOM.spare and before.share >= wanted.share * (1 - ROUNDING):
         size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
@@ -134,7 +134,7 @@ def _of_size(
 ) -> Generator[float, None, Traced]:
     """The light of a picture of another size."""
     changed = replace(rig, pictures=(resized(rig.picture_place, plane, size, shift),))
-    return (yield from traced_by_all(changed, plan_of, wanted.n_grid))
+    return (yield from traced_by_all(changed, plan_of, wanted.n_grid, is_fine=True))
 
 
 def _border(
@@ -148,8 +148,7 @@ def _border(
     if not is_lost.any():
         return size
     if wanted.share < 1:
-        even = np.ones(len(places))
-        whole = largest_about(np.full(2, 0.5), places, is_lost, even, wanted.share)
+        whole = largest_about(np.full(2, 0.5), places, is_lost, found.area, wanted.share)
         return size * whole / ROOM.spare
 
     # all within is good, and something on the next ring is lost
