@@ -966,7 +966,7 @@ def test_fitting_counts_all_viewers(kiriko: ModuleType, rig: dict, name: str) ->
     """A part is as large as the one needs who needs most, here the eye beside the viewer; the
     picture is as large as gets through to that one.
     """
-    ours().viewer.data.stereo.interocular_distance = 0.02
+    ours().viewer.data.stereo.interocular_distance = 0.03
     bpy.ops.kiriko.two_eyes()
     role = "DISPLAY" if name == "fit_display" else "PICTURE"
     widths = []
