@@ -40,7 +40,9 @@ def on_missing(look: Look) -> Iterator[Entry]:
         if hidden is not None:
             buttons = (_show(hidden),)
         elif role == "VIEWER" and look.cameras:
-            buttons = (_use_camera("scene.kiriko.viewer", look.cameras[0]),)
+            # any other camera may look elsewhere, as that of Blender's own scene does
+            made = (_make(role),) if "GLASS" in roles and not look.has_own_camera else ()
+            buttons = (*made, _use_camera("scene.kiriko.viewer", look.cameras[0]))
         elif role == "IMAGE":
             buttons = _images(look)
         elif is_new:

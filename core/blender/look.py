@@ -18,7 +18,7 @@ from .material import refracts
 from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
 from .result_images import images_of
-from .rigs import active_rig
+from .rigs import active_rig, marked_key
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
 from .viewer import camera_at
@@ -67,12 +67,16 @@ def look_at(
 def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any]:
     """What is there of the rig and beside it, where something is missing."""
     listed = scene.kiriko.viewers
+    rig = active_rig(scene)
     cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
+    made = [thing for thing in cameras if rig and marked_key(thing) == rig.kiriko.key]
+    cameras = [*made, *(thing for thing in cameras if thing not in made)]
     seated = [(n, camera_at(scene, n)) for n, one in enumerate(listed) if one.is_on]
     known = {camera for _, camera in seated}
     gone = [(n, c) for n, c in seated if c is None or not c.users_scene]
     return {
-        "has_rig": active_rig(scene) is not None,
+        "has_rig": rig is not None,
+        "has_own_camera": bool(made),
         "cameras": tuple(camera.name for camera in cameras),
         "free_cameras": tuple(camera.name for camera in cameras if camera not in known),
         "empty_seats": tuple((n, "" if c is None else c.name) for n, c in gone),

@@ -81,7 +81,8 @@ class Look:
 
     missing : phrases on the roles that a rig needs and has not, by role
     has_rig : has the scene a rig of Add Rig?
-    cameras : names of the scene's cameras
+    has_own_camera : is there one that was made for that rig?
+    cameras : names of the scene's cameras, those made for the rig first
     free_cameras : those that are no viewers
     empty_seats : numbers of entries of the list of viewers that are on and whose camera is gone,
         with its name, '' where there was none
@@ -97,6 +98,7 @@ class Look:
     things: tuple[Thing, ...] = ()
     missing: tuple[tuple[str, str], ...] = ()
     has_rig: bool = False
+    has_own_camera: bool = False
     cameras: tuple[str, ...] = ()
     free_cameras: tuple[str, ...] = ()
     empty_seats: tuple[tuple[int, str], ...] = ()

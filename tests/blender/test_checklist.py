@@ -713,6 +713,29 @@ def test_a_part_that_was_deleted_is_made_anew(
     assert {block.name for block in bpy.data.objects} == untouched | {glass.name}
 
 
+def test_a_viewer_that_was_deleted_is_made_anew_beside_other_cameras(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """The camera of Blender's own scene looks elsewhere: it is offered, but not alone, nor first.
+    Deleted by its key a viewer stays chosen, and is in no scene.
+    """
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+    rig = small_rig()
+    rig["GLASS"].kiriko.use_ior = True
+    viewer = scene.kiriko.viewer
+    place = np.array(viewer.matrix_world)
+    scene.collection.children[0].objects.unlink(viewer)
+    (entry,) = look()
+    assert entry.text == "No viewer: choose a camera."
+    assert [str(button.label) for button in entry.buttons] == ["Make a Viewer", "Use 'Camera'"]
+
+    press([entry], "No viewer")
+    assert scene.kiriko.viewer not in (None, viewer, scene.camera)
+    assert np.abs(np.array(scene.kiriko.viewer.matrix_world) - place).max() < 1e-5
+    assert look() == []
+
+
 def test_a_rig_may_go_on_without_its_plate(
     scene: bpy.types.Scene, look: Callable[[], list]
 ) -> None:
