@@ -2,6 +2,7 @@
 and dialogues.
 """
 
+import re
 import unicodedata
 from functools import lru_cache
 
@@ -16,6 +17,8 @@ MARGIN = 88  # px beside the text: borders, tabs, icon, and the space before the
 LEAST = 60.0  # px: in a region that is narrower the text is cut off
 WIDE = {"W", "F"}  # Unicode's word for letters of scripts that are written without spaces
 ENDING, BEGINNING = {"Pe", "Pf", "Po"}, {"Ps", "Pi"}  # marks that end and begin words
+# what a number is not parted from
+UNIT = re.compile(r"(?<=\d )(%|[kcm]?m|px|s)(?!\w)")
 # kana and the mark of a long vowel, with which no line of Japanese begins
 SMALL = set("ぁぃぅぇぉっゃゅょァィゥェォッャュョー")
 
@@ -43,8 +46,8 @@ def wrapped(text: str, width: float, points: float = POINTS) -> tuple[str, ...]:
     """Lines no wider than `width`, px, in Blender's own font.
 
     A line ends at a space, or anywhere beside a letter of a script without spaces, such as
-    Japanese, but not before a mark that closes, nor after one that opens. A word that is wider
-    than a line, such as a path, is cut.
+    Japanese, but not before a mark that closes, nor after one that opens, nor between a number and
+    its unit. A word that is wider than a line, such as a path, is cut.
     """
     blf.size(FONT, points)
     lines: list[str] = []
@@ -80,7 +83,7 @@ def pieces(text: str) -> list[str]:
     found: list[str] = []
     start = 0
     for k in range(1, len(text)):
-        if _is_break(text[k - 1], text[k]):
+        if _is_break(text[k - 1], text[k]) and not UNIT.match(text, k):
             found.append(text[start:k])
             start = k
 
