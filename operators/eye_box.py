@@ -18,7 +18,7 @@ from ..core.measure.head_box import as_data, check_box, head_box
 from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.steps import Pauses, at, within
-from . import long_work, needed, work
+from . import framing, long_work, needed, work
 from .surfaces import EYE_BOX as NAME
 from .surfaces import MADE_FOR
 from .visible_range import Remove
@@ -99,6 +99,8 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         thing = surface_object(scene, NAME, positions, surface.triangles, off)
         numbers = {**numbers_of(box, viewer), **served}
         thing[NUMBERS], thing[MADE_FOR] = Numbers(numbers).text(), made_for
+        if not bpy.app.background:
+            framing.bring_into_sight(context, thing)  # it is around the viewer, far from the bench
         told = Message(
             "Within {limit} arcmin the head of '{viewer}' may go {ways}: '{name}'.",
             limit=number(self.limit),

@@ -6,11 +6,12 @@ from mathutils import Matrix
 
 from ..core.arrays import Floats
 from ..core.blender.changes import Change, change
-from ..core.blender.framing import Window, framed, turned
+from ..core.blender.framing import Framed, Window, framed, in_sight, turned
 from ..core.blender.rigs import elsewhere
 from .windows import view_of
 
 BENCH = ("GLASS", "PLATE", "PICTURE", "DISPLAY")  # the viewer is so far that it would dwarf them
+LEAST_SEEN = 0.5  # of the corners of a new object: the view stays where as many are in sight
 
 
 def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> None:
@@ -33,12 +34,7 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
         return []
 
     context.view_layer.update()
-    is_elsewhere = elsewhere(context.scene)
-    things = [
-        thing
-        for thing in context.scene.objects
-        if thing.kiriko.role in BENCH and not is_elsewhere(thing)
-    ]
+    things = _bench(context.scene)
     points = np.concatenate([corners(thing) for thing in things])
     space = area.spaces.active
     views = list(space.region_quadviews) or [space.region_3d]
@@ -60,6 +56,38 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
     area.tag_redraw()
     changes = change(space, {"clip_start": start, "clip_end": end})
     return [(next(s.name for s in bpy.data.screens if area in list(s.areas)), changes)]
+
+
+def bring_into_sight(context: bpy.types.Context, thing: bpy.types.Object) -> None:
+    """Have the 3D view that is worked in show an object that was just made, and the bench, where
+    less than half of it would be seen; its direction stays, and so does a view by a camera.
+    """
+    area = view_of(context)
+    if area is None or area.spaces.active.region_quadviews:
+        return
+    space = area.spaces.active
+    view = space.region_3d
+    if view.view_perspective == "CAMERA":
+        return
+
+    context.view_layer.update()
+    window = window_of(area, view.view_perspective == "PERSP")
+    axes = np.array(view.view_rotation.to_matrix()).T
+    ends = space.clip_start, space.clip_end
+    stands = Framed(np.array(view.view_location), view.view_distance, *ends)
+    points = corners(thing)
+    if in_sight(points, axes, stands, window).mean() >= LEAST_SEEN:
+        return
+    points = np.concatenate([points, *map(corners, _bench(context.scene))])
+    found = framed(points, axes, window)
+    view.view_location, view.view_distance = found.centre.tolist(), found.distance
+    area.tag_redraw()
+
+
+def _bench(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The parts of the active rig, but for its viewer."""
+    is_elsewhere = elsewhere(scene)
+    return [t for t in scene.objects if t.kiriko.role in BENCH and not is_elsewhere(t)]
 
 
 def window_of(area: bpy.types.Area, is_perspective: bool = True) -> Window:

@@ -11,7 +11,7 @@ from ..core.blender.scene import length_of_unit
 from ..core.errors import RigError
 from ..core.messages import Message
 from ..core.words import percent
-from . import long_work, needed, work
+from . import framing, long_work, needed, work
 from .surfaces import MADE_FOR
 from .surfaces import RANGE as NAME
 
@@ -90,6 +90,8 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
         brightness = {"brightness": found.brightness.ravel()}
         thing = surface_object(scene, NAME, positions, shown_quads(is_seen), brightness)
         thing[MADE_FOR] = made_for
+        if not bpy.app.background:
+            framing.bring_into_sight(context, thing)  # it is around the viewer, far from the bench
         left, right, down, up = np.degrees(found.extent)
         if np.isnan(left):
             return Message(

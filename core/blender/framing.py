@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats
 
@@ -92,6 +93,26 @@ def framed(points: Floats, axes: Floats, window: Window) -> Framed:
 
     middle[:2] += _off_middle(window) * distance / scale
     return Framed(middle @ axes, distance, NEAR * distance, FAR * distance)
+
+
+def in_sight(points: Floats, axes: Floats, stands: Framed, window: Window) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie within what a view shows and nothing covers, wherever things hide
+    them.
+
+    axes : (3, 3) rows right, up, back of the view
+    stands : where it is; how near and far it sees counts
+    """
+    size = np.array([window.width, window.height], float)
+    scale = window.lens / SENSOR * size.max() / size
+    x, y, nearer = ((points - stands.centre) @ axes.T).T
+    away = stands.distance - nearer
+    shown = np.stack([x, y]) * scale[:, None] / (away if window.is_perspective else stands.distance)
+    covered = (
+        2 * np.array([[window.left, window.right], [window.bottom, window.top]]) / size[:, None]
+    )
+    is_within = (shown > covered[:, :1] - 1) & (shown < 1 - covered[:, 1:])
+    is_before = (away > stands.clip_start) & (away < stands.clip_end)
+    return is_within.all(axis=0) & (is_before if window.is_perspective else True)
 
 
 def image_framed(image: tuple[int, int], window: Window) -> tuple[float, list[float]]:

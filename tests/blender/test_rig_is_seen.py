@@ -198,6 +198,17 @@ def test_a_frame_holds_all_points_and_no_more(
     assert (across < 1).all()
     assert np.ptp(across, axis=0).max() == pytest.approx(0.8, abs=0.05)
 
+    # and the other way round: what is in sight is told of all, wherever they are
+    everywhere = np.concatenate([points, 4 * (points - found.centre) + found.centre])
+    seen = (everywhere - found.centre) @ axes.T
+    depth = found.distance - seen[:, 2] if is_perspective else np.full(80, found.distance)
+    across = 0.5 + seen[:, :2] / depth[:, None] * 50 / 72 * 1000 / np.array([1000, 700])
+    across = (across * [1000, 700] - [50, 10]) / [700, 630]
+    expected = ((across > 0) & (across < 1)).all(axis=1) & (depth > 0)
+    assert np.array_equal(framing.in_sight(everywhere, axes, found, window), expected)
+    assert expected[:40].all()
+    assert not expected.all()
+
 
 @pytest.mark.parametrize("image", [(512, 512), (1920, 1080), (300, 900)])
 @pytest.mark.parametrize("size", [(1129, 725), (480, 900), (700, 260)])
@@ -220,6 +231,44 @@ def test_nothing_covers_the_image_of_a_camera_view(
     low, high = np.array([left, bottom]), size - [right, top]
     assert middle == pytest.approx((low + high) / 2)
     assert (2 * half / (high - low)).max() == pytest.approx(0.9)
+
+
+def test_what_is_made_far_from_the_bench_comes_into_sight(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """As eye box and visible range, around the viewer: else nothing but their legend was seen. The
+    view keeps its direction, and its place where the object is in sight, or a camera is its eye.
+    """
+    framing = importlib.import_module(f"{kiriko.__name__}.operators.framing")
+    core = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    rig = small_rig()
+    framing.frame_rig(bpy.context)
+    area = framing.view_of(bpy.context)
+    view = area.spaces.active.region_3d
+
+    def stands() -> list[float]:
+        return [*view.view_location, view.view_distance, *view.view_rotation]
+
+    framed = stands()
+    framing.bring_into_sight(bpy.context, rig["PLATE"])
+    assert stands() == framed
+
+    far = new_object(primitive("cube", size=0.1))
+    far.location = rig["GLASS"].location
+    far.location.y -= 1.0
+    view.view_perspective = "CAMERA"
+    camera = stands()
+    framing.bring_into_sight(bpy.context, far)
+    assert stands() == camera
+    view.view_perspective = "PERSP"
+    framing.bring_into_sight(bpy.context, far)
+    assert stands() != framed
+    assert stands()[4:] == framed[4:]
+
+    axes = np.array(view.view_rotation.to_matrix()).T
+    place = core.Framed(np.array(view.view_location), view.view_distance, 0.0, 1e6)
+    for thing in (far, rig["GLASS"], rig["DISPLAY"]):
+        assert core.in_sight(framing.corners(thing), axes, place, framing.window_of(area)).all()
 
 
 def test_a_view_too_narrow_for_a_camera_view_has_its_middle_free(kiriko: ModuleType) -> None:
