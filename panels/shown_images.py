@@ -19,7 +19,7 @@ ROLES = {"PICTURE", "DISPLAY"}
 # picture stands in its glass, and is drawn in front of all. A display stands behind glass or plate:
 # in front of them it would hide the glass that it is seen through.
 IN_FRONT = (("NONE", 1.0),)
-IN_PLACE = (("GREATER", 0.4), ("LESS_EQUAL", 1.0))
+IN_PLACE = (("GREATER", 0.65), ("LESS_EQUAL", 1.0))
 
 _found: dict[int, tuple[float, list[str]]] = {}  # by scene: looked at next, names of the parts
 
