@@ -18,6 +18,8 @@ from .choose_picture import the_picture
 
 FAR = 1e-3  # of the picture's side: a smaller shift is not told
 REACH = 0.5  # of the picture's side: so far it may move by itself
+AT_LIMIT = 0.98  # of the shift that is allowed: who comes so far may find more beyond
+ENOUGH = 0.995  # of the picture: more is not worth a further look
 _taken: automatic.Taken = {}
 
 
@@ -102,7 +104,13 @@ class KIRIKO_OT_best_place(proposing.Proposes, bpy.types.Operator):
         if found.glass_turn.any():
             turn = turn_of(rig, found.glass_turn)
             moves += [proposal.move_of(g, turn, metres) for g in proposal.glass_objects(scene)]
-        return proposal.Proposal(self.bl_label, _told(scene, rig, found, side), tuple(moves))
+        told = _told(scene, rig, found, side)
+        is_at_limit = np.abs(found.shift).max() > AT_LIMIT * limits.shift
+        if is_at_limit and found.after < ENOUGH:
+            told = joined(
+                [told, Message("That is as far as it may move: raise Move up to for more.")]
+            )
+        return proposal.Proposal(self.bl_label, told, tuple(moves))
 
 
 def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Message:

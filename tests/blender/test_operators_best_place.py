@@ -75,6 +75,25 @@ def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> 
     assert "stands in the best place within these limits" in capfd.readouterr().out
 
 
+def test_a_limit_that_was_reached_is_told(scene: bpy.types.Scene, capfd) -> None:
+    """A picture that stands farther off than it may move by itself comes nearer alone: the sentence
+    names the setting with which it comes back, and it does.
+    """
+    rig = off_rig()
+    bpy.ops.kiriko.best_place()
+    words = "That is as far as it may move: raise Move up to for more."
+    assert words not in capfd.readouterr().out
+
+    rig["PICTURE"].location.x += 0.010
+    bpy.context.view_layer.update()
+    bpy.ops.kiriko.best_place(turn=0.0)
+    assert words in capfd.readouterr().out
+    bpy.ops.kiriko.best_place(shift=0.016, turn=0.0)
+    assert words not in capfd.readouterr().out
+    bpy.ops.kiriko.take_proposal()
+    assert coverage() > 0.99
+
+
 def test_a_proposal_is_for_the_rig_as_it_was(scene: bpy.types.Scene) -> None:
     """Where the picture has moved since it cannot be taken; it can be left, too."""
     rig = off_rig()
