@@ -23,7 +23,7 @@ from ..core.blender.units import length_of_unit
 from ..core.errors import ImageError
 from ..core.farm.atlas_job import SHARES
 from ..core.farm.job import MOST as MOST_TASKS
-from ..core.messages import Message
+from ..core.messages import CONTEXT, Message
 from ..core.steps import within
 from ..core.words import percent
 from . import export_job, folder, solve_to_folder, work
@@ -343,12 +343,12 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         edges = layout.column(align=True)
-        edges.prop(self, "low", index=0, text="Left")
-        edges.prop(self, "high", index=0, text="Right")
-        edges.prop(self, "low", index=1, text="Down")
-        edges.prop(self, "high", index=1, text="Up")
-        edges.prop(self, "low", index=2, text="Back")
-        edges.prop(self, "high", index=2, text="Forward")
+        edges.prop(self, "low", index=0, text="Left", text_ctxt=CONTEXT)
+        edges.prop(self, "high", index=0, text="Right", text_ctxt=CONTEXT)
+        edges.prop(self, "low", index=1, text="Down", text_ctxt=CONTEXT)
+        edges.prop(self, "high", index=1, text="Up", text_ctxt=CONTEXT)
+        edges.prop(self, "low", index=2, text="Back", text_ctxt=CONTEXT)
+        edges.prop(self, "high", index=2, text="Forward", text_ctxt=CONTEXT)
         for name in ("tolerance", "most", "images"):
             layout.prop(self, name)
         for text in estimate(context.scene, self._box(context), self.most, self.images):

@@ -36,12 +36,24 @@ def test_example_is_a_rig_that_can_be_solved(
 def test_the_plate_of_an_example_is_missed(
     scene: bpy.types.Scene, needed: ModuleType, name: str
 ) -> None:
-    """Deleted by hand, it is told, though the file is older than the question."""
+    """Deleted by hand, it is told."""
     bpy.ops.kiriko.open_example(example=name)
     opened = bpy.context.scene
     bpy.data.objects.remove(next(iter(needed.parts(opened)["PLATE"])))
     with pytest.raises(RuntimeError, match="plate is gone: make it anew, or go without"):
         bpy.ops.kiriko.solve()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_an_example_tells_can_be_translated(
+    scene: bpy.types.Scene, kiriko: ModuleType, name: str
+) -> None:
+    """The sentence on its display is kept with its values, as by this version's Add Rig."""
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    bpy.ops.kiriko.open_example(example=name)
+    result = bpy.context.scene.kiriko.result
+    message = kept.Sentences.read(result.sentences).message(result.summary)
+    assert message.values
 
 
 def test_examples_are_those_that_are_offered(kiriko: ModuleType) -> None:
