@@ -6,7 +6,6 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import KirikoError, RigError
 from . import (
     bench_drawing,
     beside_report,
@@ -20,6 +19,7 @@ from . import (
     work,
 )
 from .choose_rig import choose_by_name
+from .one_viewer import naming_rig
 from .viewer_reports import asked_for
 
 
@@ -29,12 +29,10 @@ def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
     folders : for results, by the rigs' names
     """
     for name, out in folders.items():
-        try:
+        with naming_rig(name):
             choose_by_name(bpy.context, name)
             set_value.set_values(arguments.set)
             _check_active(argparse.Namespace(**{**vars(arguments), "out": out}))
-        except KirikoError as error:
-            raise RigError("Rig '{rig}': {error}", rig=name, error=error.message) from None
 
 
 def _check_active(arguments: argparse.Namespace) -> None:

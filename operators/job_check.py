@@ -8,13 +8,13 @@ import bpy
 from ..core.blender.active_rig import make_active
 from ..core.blender.frames import frame_kept
 from ..core.blender.rigs import active_rig, rigs
-from ..core.errors import KirikoError, RigError
+from ..core.errors import KirikoError
 from ..core.farm.job import Job
 from ..core.frame_list import frames_of
 from ..core.light.kept import Kept
 from ..core.solve.coarse import check_light
 from . import work
-from .one_viewer import choose_alone
+from .one_viewer import choose_alone, naming_rig, naming_viewer
 from .set_value import having
 
 MOST = 64  # frames of a job that are looked at, where the rig is whole at none before
@@ -28,19 +28,10 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
     """
     kept = Kept()  # glass is made ready once for all viewers
     for rig in [one.value for one in job.rigs] or [None]:
-        with _chosen(context.scene, rig):
+        with naming_rig(rig), _chosen(context.scene, rig):
             for viewer in [one.value for one in job.viewers] or [None]:
-                try:
-                    with _alone(context.scene, viewer):
-                        _check_one(context, job, kept)
-                except KirikoError as error:
-                    if viewer is not None:
-                        error = RigError(
-                            "Viewer '{viewer}': {error}", viewer=viewer, error=error.message
-                        )
-                    if rig is not None:
-                        error = RigError("Rig '{rig}': {error}", rig=rig, error=error.message)
-                    raise error from None
+                with naming_viewer(viewer), _alone(context.scene, viewer):
+                    _check_one(context, job, kept)
 
 
 def _check_one(context: bpy.types.Context, job: Job, kept: Kept) -> None:
