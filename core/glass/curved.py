@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import Floats, Ints
 from ..products import combine
 from ..vectors import normalise
+from .meshes import spheres_of
 from .motion import Motion
 from .quartics import (
     AT_NODES,
@@ -195,8 +196,7 @@ class CurvedFaces:
         """Centres (t, 3) and radii (t,) of spheres that hold the triangles and their
         curved faces.
         """
-        centre = self.corners.mean(axis=1)
-        radius = np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+        centre, radius = spheres_of(self.corners)
         offset = np.linalg.norm(np.matmul(AT_NODES, self.coefficients), axis=2).max(axis=1)
         radius[self.triangle] += HIGHER * offset
         return centre, radius

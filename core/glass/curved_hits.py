@@ -62,29 +62,34 @@ def find_roots(
     return found
 
 
-def may_meet(faces: CurvedFaces, lines: Lines) -> tuple[Ints, Ints]:
-    """Rays and curved faces whose lines may meet, as indices of
-    rays (m,) and of triangles (m,).
+def pass_by(spheres: tuple[Floats, Floats], lines: Lines) -> tuple[Ints, Ints]:
+    """Rays (m,) and the spheres (m,) that their lines enter, by number,
+    of spheres with centres (t, 3) and radii (t,).
     """
     origins, directions = lines
-    centre, radius = faces.spheres
-    middle = faces.corners[0, 0]  # from near here the squares lose nothing that matters
+    centre, radius = spheres
+    middle = centre[0]  # from near here the squares lose nothing that matters
     o = origins - dot(origins - middle, directions)[:, None] * directions - middle
     away = centre - middle
     columns = np.ascontiguousarray(away.T)
 
     # distance of the centres from the lines, squared; by
     # products of matrices, many times as fast
+    squares = dot(away, away)
+    apart = combine(2 * o, columns)
+    np.subtract(squares, apart, out=apart)
+    apart += dot(o, o)[:, None]
     along = combine(directions, columns)
-    apart = dot(away, away) + dot(o, o)[:, None] - 2 * combine(o, columns) - along * along
-    i, k = np.nonzero(
-        (apart <= (1 + 1e-6) * radius**2 + 1e-12 * dot(away, away).max()) & (faces.row >= 0)
-    )
+    along *= along
+    apart -= along
+    return np.nonzero(apart <= (1 + 1e-5) * radius**2 + 1e-12 * squares.max())
 
-    parts = [slice(first, first + FACES_AT_ONCE) for first in range(0, len(i), FACES_AT_ONCE)]
-    holds = [_is_in_box(faces, k[some], lines.at(i[some])) for some in parts]
-    chosen = np.concatenate([np.zeros(0, bool), *holds])
-    return i[chosen], k[chosen]
+
+def are_in_boxes(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
+    """As seen along each of n rays, is it in the box around the curved face of triangle k (n,)?"""
+    parts = [slice(first, first + FACES_AT_ONCE) for first in range(0, len(k), FACES_AT_ONCE)]
+    holds = [_is_in_box(faces, k[some], lines.at(some)) for some in parts]
+    return np.concatenate([np.zeros(0, bool), *holds])
 
 
 def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:

@@ -130,6 +130,12 @@ def areas_of(corners: Floats) -> Floats:
     )
 
 
+def spheres_of(corners: Floats) -> tuple[Floats, Floats]:
+    """Centres (t, 3) and radii (t,) of spheres that hold triangles with corners (t, 3, 3)."""
+    centre = corners.mean(axis=1)
+    return centre, np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+
+
 def volume_of(corners: Floats) -> float:
     """Volume, m^3, that facets (t, 3, 3) enclose, positive where they face out of it."""
     a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)

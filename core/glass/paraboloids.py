@@ -8,6 +8,7 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints
 from ..vectors import dot
 from .curved import EDGE, MOST_OFFSET, CurvedFaces
+from .meshes import spheres_of
 from .quartics import N_TERMS, POWERS
 
 # barycentric: paraboloids, which have no neighbours, are followed this far beyond their edges
@@ -53,8 +54,7 @@ class Paraboloids(CurvedFaces):
     @cached_property
     def spheres(self) -> tuple[Floats, Floats]:
         """Centres (t, 3) and radii (t,) of spheres that hold the triangles and their faces."""
-        centre = self.corners.mean(axis=1)
-        radius = np.linalg.norm(self.corners - centre[:, None], axis=2).max(axis=1)
+        centre, radius = spheres_of(self.corners)
         return centre, (1 + MOST_OFFSET) * radius
 
     def terms(self, k: Ints) -> Floats:

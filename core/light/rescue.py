@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import FLOAT32, Bools, Floats, Ints
-from ..glass.curved_hits import may_meet
+from ..glass.curved_hits import are_in_boxes, pass_by
 from ..glass.curved_roots import ROOTS, Lines, Spots
+from ..glass.meshes import spheres_of
 from ..steps import Pauses
 from .hits import Hits, Question, is_within
 
@@ -31,8 +32,8 @@ class RescueKnobs:
     many_triangles : from here on a curved face is searched from one place only: a ray that grazes
         can meet a large face twice, but not a small one
     most_tests : pairs of rays and triangles that may be tested in one call: a few seconds
-    pairs_at_once : of rays and triangles that are tested together: about 60 MB
-    curved_at_once : pairs of rays and curved faces whose roots are found together: about 20 MB, and
+    pairs_at_once : of rays and triangles that are looked over together: about 10 MB
+    near_at_once : pairs of rays and faces near them whose hits are found together: about 20 MB, and
         0.05 s, so that Esc is heard
     """
 
@@ -41,7 +42,7 @@ class RescueKnobs:
     many_triangles: int = 10_000
     most_tests: int = 20_000_000
     pairs_at_once: int = 1 << 18
-    curved_at_once: int = 1 << 13
+    near_at_once: int = 1 << 13
 
 
 RESCUE = RescueKnobs()
@@ -123,33 +124,55 @@ def ask_all_triangles(layer: "Layer", question: Question, rays: Ints, hits: Hits
     """Test rays (n,) against every triangle, as far as the budget goes."""
     budget = max(1, RESCUE.most_tests // layer.n_triangles)
     per_chunk = max(1, RESCUE.pairs_at_once // layer.n_triangles)
-    flat = np.arange(layer.n_triangles)
+    nearest = _Nearest(layer, question, rays[:budget])
+    lines = question.lines.at(nearest.rays)
+    spheres = spheres_of(layer.corners) if layer.curved is None else layer.curved.spheres
+    near: list[tuple[Ints, Ints]] = []
+
+    for first in range(0, len(nearest.rays), per_chunk):
+        i, k = pass_by(spheres, lines.at(slice(first, first + per_chunk)))
+        near.append((first + i, k))
+        yield 0
+        # those of several chunks are tested together
+        is_last = first + per_chunk >= len(nearest.rays)
+        if is_last or sum(len(i) for i, _ in near) >= RESCUE.near_at_once:
+            i, k = (np.concatenate(column) for column in zip(*near, strict=True))
+            yield from _test(layer, question, nearest, i, k)
+            near = []
+
+    nearest.put_into(hits)
+
+
+def _test(layer: "Layer", question: Question, nearest: _Nearest, i: Ints, k: Ints) -> Pauses[None]:
+    """Keep the nearest true hits of rays of numbers i (m,) among these on triangles k (m,)."""
+    lines = question.lines.at(nearest.rays)
     if layer.curved is not None:
-        flat = flat[layer.curved.row < 0]
+        is_curved = layer.curved.row[k] >= 0
+        on_curved = i[is_curved], k[is_curved]
+        i, k = i[~is_curved], k[~is_curved]
+        yield from _test_curved(layer, question, nearest, *on_curved)
 
-    for first in range(0, min(len(rays), budget), per_chunk):
-        nearest = _Nearest(layer, question, rays[first : first + per_chunk])
-        o, d = question.lines.at(nearest.rays)
-        if layer.curved is not None:
-            yield from _test_curved(layer, question, nearest)
-
-        on_planes = layer.on_facets(flat, o[:, None], d[:, None])
-        i, k = np.nonzero(is_within(on_planes.u, on_planes.v, RESCUE.wider))
-        nearest.keep(i, layer.on_facets(flat[k], o[i], d[i]))
-        nearest.put_into(hits)
+    for first in range(0, len(i), RESCUE.near_at_once):
+        j = i[first : first + RESCUE.near_at_once]
+        found = layer.on_facets(k[first : first + RESCUE.near_at_once], *lines.at(j))
+        good = is_within(found.u, found.v, RESCUE.wider)
+        nearest.keep(j[good], found.at(good))
         yield 0
 
 
-def _test_curved(layer: "Layer", question: Question, nearest: _Nearest) -> Pauses[None]:
-    """Keep the nearest true hits of rays on all curved faces they may meet."""
+def _test_curved(
+    layer: "Layer", question: Question, nearest: _Nearest, i: Ints, k: Ints
+) -> Pauses[None]:
+    """Keep the nearest true hits of rays of numbers i (m,) among these on curved faces k (m,)."""
     lines = question.lines.at(nearest.rays)
     leaves = question.leaves_at(nearest.rays)
-    i, k = may_meet(layer.curved, lines)
+    holds = are_in_boxes(layer.curved, k, lines.at(i))
+    i, k = i[holds], k[holds]
 
     for u, v in ROOTS.starts[: count_starts(layer.n_triangles)]:
-        for first in range(0, len(i), RESCUE.curved_at_once):
-            j = i[first : first + RESCUE.curved_at_once]
-            faces = k[first : first + RESCUE.curved_at_once]
+        for first in range(0, len(i), RESCUE.near_at_once):
+            j = i[first : first + RESCUE.near_at_once]
+            faces = k[first : first + RESCUE.near_at_once]
             spots = Spots(faces, np.full(len(j), u), np.full(len(j), v))
             of_these = None if leaves is None else leaves[j]
             found, is_met = layer.on_curved(spots, lines.at(j), of_these, is_last=True)

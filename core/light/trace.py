@@ -50,13 +50,13 @@ class Step(NamedTuple):
     direction: Floats
 
 
-def courses(plan: Plan, origins: Floats, directions: Floats) -> Pauses[Words]:
-    """The branch of each ray (n, 3) after each of its m
-    events at the most: (n, m), for `trace` to compare.
+def recording(plan: Plan, origins: Floats, directions: Floats) -> Pauses[tuple[Landings, Words]]:
+    """The landings of rays (n, 3), and their courses: the branch of each
+    after each of its m events at the most, (n, m), for `tracing` to compare.
     """
     rays = Rays(origins, directions, np.zeros((len(origins), 8), np.uint64), is_recorded=True)
     yield from _following(plan, rays)
-    return rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
+    return _landings_of(rays), rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
 
 
 def trace(
@@ -80,7 +80,7 @@ def tracing(
     Parameters
     ----------
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
-    course : (n, m) as `courses` gives them: a ray is given up,
+    course : (n, m) as `recording` gives them: a ray is given up,
         without a landing, as soon as it leaves its course
     steps : is filled with a step for each event
     light : which light is followed at mirror arrays: that of the mid-air image, as the mean over
@@ -89,11 +89,15 @@ def tracing(
     """
     rays = Rays(origins, directions, course, False, light)
     yield from _following(plan, rays, steps)
+    return _landings_of(rays)
 
+
+def _landings_of(rays: Rays) -> Landings:
+    """Where rays have come to in the end."""
     rays.xy[rays.is_astray] = np.nan
     has_place = np.isfinite(rays.xy[:, 0])
     return Landings(
-        sample=np.arange(len(origins)),
+        sample=np.arange(len(rays.xy)),
         reason=rays.reason,
         branch=np.where(has_place, np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
         xy=rays.xy,

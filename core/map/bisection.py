@@ -15,15 +15,14 @@ from .. import kernel
 from ..arrays import Floats, Ints, taken
 from ..light.landings import Words
 from ..light.plan import Plan
-from ..light.trace import courses
-from .points import RAYS_AT_ONCE, Points, trace_points
+from .points import Points, trace_points
 
 
 @dataclass(frozen=True)
 class Bisection:
     """How borders are looked for.
 
-    least_digits : binary, a border is known to 2^-9 of a viewer pixel
+    least_digits : binary, a border is known to 2^-9 of an edge
     of_tolerance : and, where that is less, to this part of the tolerance, in viewer pixels
     most_digits : that are found in one step
     batch_rays, kernel_batch_rays : that numpy traces in not much more time than a few; and
@@ -40,22 +39,16 @@ class Bisection:
 BISECTION = Bisection()
 
 
-def _courses(plan: Plan, view: Floats) -> Generator[int, None, Words]:
-    """Courses (n, m) of viewer points (n, 2).
+def with_courses(plan: Plan, view: Floats) -> Generator[int, None, tuple[Points, Words]]:
+    """Trace viewer points (n, 2): with their courses (n, m).
 
     Yields the number of rays after each chunk of them.
     """
-    parts = []
-    for first in range(0, len(view), RAYS_AT_ONCE):
-        parts.append(
-            (yield from courses(plan, *plan.viewer.rays(view[first : first + RAYS_AT_ONCE])))
-        )
-        yield len(parts[-1])
-
-    width = max((part.shape[1] for part in parts), default=1)
-    return np.concatenate(
+    parts: list[Words] = [np.empty((0, 1), np.uint64)]
+    points = yield from trace_points(plan, view, courses=parts)
+    width = max(part.shape[1] for part in parts)
+    return points, np.concatenate(
         [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]
-        or [np.empty((0, 1), np.uint64)]
     )
 
 
@@ -75,8 +68,12 @@ def both_ways(
     is_second = (key[at] == back) & (near > far)
     first = np.flatnonzero(~is_second)
     second = np.flatnonzero(is_second)
+    # several borders begin at one point
+    once, at_near = np.unique(near, return_inverse=True)
+    _, course = yield from with_courses(plan, taken(points.view, once))
+    course = course[at_near]
     place, found = yield from last_on_branch(
-        plan, points, near[first], far[first], np.ones(len(first))
+        plan, points, near[first], far[first], np.ones(len(first)), course[first]
     )
     ends = np.empty(len(key))
     ends[first] = place
@@ -87,17 +84,19 @@ def both_ways(
     rank = np.empty(len(key), np.int64)
     rank[first] = np.arange(len(first))
     end = np.minimum(1 - place[rank[at[second]]], 1.0)
-    ends[second], others = yield from last_on_branch(plan, points, near[second], far[second], end)
+    ends[second], others = yield from last_on_branch(
+        plan, points, near[second], far[second], end, course[second]
+    )
     order = np.argsort(np.concatenate([first, second]))
 
     return ends, found.and_more(others).at(order)
 
 
 def last_on_branch(
-    plan: Plan, points: Points, near: Ints, far: Ints, end: Floats
+    plan: Plan, points: Points, near: Ints, far: Ints, end: Floats, course: Words
 ) -> Generator[int, None, tuple[Floats, Points]]:
-    """Last points (n,) on the branch of points `near` towards
-    points `far`, by bisection in several parts.
+    """Last points (n,) on the branch of points `near`, on courses (n,
+    m), towards points `far`, by bisection in several parts.
 
     They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first
     unless it is `far`. Returned before the points is where (n,) the branch has ended.
@@ -110,7 +109,6 @@ def last_on_branch(
     low = np.zeros(len(near))
     width = end.copy()
 
-    course = yield from _courses(plan, a)
     digits = max(
         BISECTION.least_digits,
         int(np.ceil(-np.log2(BISECTION.of_tolerance * plan.settings.tolerance))),

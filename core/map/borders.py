@@ -25,6 +25,7 @@ from .doubts import (
     missed_by_pieces,
     n_branches,
 )
+from .known_borders import Borders
 from .points import Points, trace_points
 from .ray_guess import RAYS, rays_of_cut
 
@@ -82,10 +83,13 @@ class _Parts(NamedTuple):
 
 
 class _Cutting:
-    """The work of cutting: all points so far, and the pieces, `last` those to be cut at the end."""
+    """The work of cutting: all points and borders so far, and
+    the pieces, `last` those to be cut at the end.
+    """
 
     def __init__(self, plan: Plan, points: Points, expect: Callable[[float], None]) -> None:
         self.plan, self.points, self.expect = plan, points, expect
+        self.known = Borders.none()
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
         self.chaotic: list[Ints] = []
@@ -138,7 +142,7 @@ class _Cutting:
         last = np.concatenate(self.last)
         self._expect(np.empty((0, 4), np.int64))
         yield 0
-        self.points, of_last = yield from _cut_last(self.plan, self.points, last)
+        self.points, of_last = yield from _cut_last(self.plan, self.points, self.known, last)
         return Pieces(
             self.points,
             np.concatenate(self.quads),
@@ -173,7 +177,9 @@ class _Cutting:
         yield 0
 
         # on several
-        self.points, pieces, owner = yield from cut_cells(plan, self.points, cells.corners[mixed])
+        self.points, self.known, pieces, owner = yield from cut_cells(
+            plan, self.points, cells.corners[mixed], self.known
+        )
         yield 0
         off[mixed] = missed_by_pieces(
             plan, self.points, pieces, owner, self.points.at(cells.middle[mixed])
@@ -236,14 +242,14 @@ class _Cutting:
 
 
 def _cut_last(
-    plan: Plan, points: Points, triangles: Ints
+    plan: Plan, points: Points, known: Borders, triangles: Ints
 ) -> Generator[int, None, tuple[Points, Ints]]:
     """Cut triangles (m, 3) that are not looked into any
     further: all points, and the lit pieces (t, 3).
     """
     branch = points.branch[triangles]
     is_one = (branch == branch[:, :1]).all(axis=1)
-    points, pieces, _ = yield from cut_cells(plan, points, triangles[~is_one])
+    points, _, pieces, _ = yield from cut_cells(plan, points, triangles[~is_one], known)
     yield 0
     return points, np.concatenate([triangles[is_one & (branch[:, 0] != 0)], pieces])
 

@@ -7,15 +7,16 @@ import numpy as np
 from ..arrays import Ints
 from ..light.plan import Plan
 from .bisection import both_ways
+from .known_borders import Borders, key_of
 from .points import Points, trace_points
 from .strips import find_strips
 
 
 def cut_cells(
-    plan: Plan, points: Points, cells: Ints
-) -> Generator[int, None, tuple[Points, Ints, Ints]]:
-    """Cut cells (m, k) with k corners; returns all points,
-    triangles (t, 3) and the cells (t,) they are pieces of.
+    plan: Plan, points: Points, cells: Ints, known: Borders
+) -> Generator[int, None, tuple[Points, Borders, Ints, Ints]]:
+    """Cut cells (m, k) with k corners; returns all points and borders
+    known, triangles (t, 3) and the cells (t,) they are pieces of.
 
     A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
     on the corner's own branch and the first on the next corner's. Between these two are the ends of
@@ -24,7 +25,7 @@ def cut_cells(
     m, k = cells.shape
     n = len(points)
     if not m:
-        return points, np.empty((0, 3), np.int64), np.empty(0, np.int64)
+        return points, known, np.empty((0, 3), np.int64), np.empty(0, np.int64)
 
     # each border is looked for once, from each of its two sides that has a landing
     cells = cells.astype(np.int64)
@@ -35,16 +36,23 @@ def cut_cells(
         np.stack([cells, following], axis=2)[differs & (branch != 0)],
         np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
     ])  # fmt: skip
-    key, inverse = np.unique(sides[:, 0] * n + sides[:, 1], return_inverse=True)
+    key, inverse = np.unique(key_of(*sides.T), return_inverse=True)
+    new = key[~known.find(key)[0]]
+    near, far = new >> 32, new & 0xFFFFFFFF
     yield 0
-    ends, border = yield from both_ways(plan, points, key // n, key % n)
-    strips = yield from find_strips(plan, points, key, ends)
+    ends, border = yield from both_ways(plan, points, near, far)
+    strips, of_strips = yield from find_strips(plan, points, near, far, ends)
+    number = n + np.arange(len(new))
+    strips = np.where(strips > 0, strips + n + len(new), 0)
+    known = known.and_more(Borders(new, ends, number, strips))
+    points = points.and_more(border).and_more(of_strips)
+    yield 0
 
     # places: 0 where there is none, else 1 + index of the point
     places = np.zeros((m, k, 3), np.int64)
     places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
     n_from_corner = int((differs & (branch != 0)).sum())
-    number = inverse.ravel() + n + 1
+    number = known.number[known.find(key)[1]][inverse.ravel()] + 1
     places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
     places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
 
@@ -52,10 +60,7 @@ def cut_cells(
     group = yield from _groups(plan, points, cells)
     yield 0
     of_place = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2)
-    points = points.and_more(border)
-    on_edges = strips.on_edges(cells, following, n, len(points))
-    points = points.and_more(strips.points)
-    yield 0
+    on_edges = known.strips_on(cells, following)
 
     # cells with strips have more places
     has_strips = (on_edges > 0).any(axis=(1, 2))
@@ -73,7 +78,7 @@ def cut_cells(
         yield 0
     triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
 
-    return points, triangles - 1, owner
+    return points, known, triangles - 1, owner
 
 
 def _between(of_places: Ints, of_strips: Ints) -> Ints:

@@ -8,7 +8,7 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
-from ..light.trace import Step, tracing
+from ..light.trace import Step, recording, tracing
 from ..vectors import cross_2d
 
 # rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
@@ -103,7 +103,11 @@ class Paths:
 
 
 def trace_points(
-    plan: Plan, view: Floats, course: Words | None = None, paths: Paths | None = None
+    plan: Plan,
+    view: Floats,
+    course: Words | None = None,
+    paths: Paths | None = None,
+    courses: list[Words] | None = None,
 ) -> Generator[int, None, Points]:
     """Trace viewer points (n, 2), on their courses; yields
     the number of rays after each chunk of them.
@@ -111,6 +115,7 @@ def trace_points(
     A map has one landing at a point: the main one where light goes several ways.
 
     paths : take up where the rays went
+    courses : is filled with the courses that they took, a chunk at a time
     """
     n = len(view)
     points = Points(
@@ -121,9 +126,13 @@ def trace_points(
         some = slice(first, first + RAYS_AT_ONCE)
         origins, directions = plan.viewer.rays(view[some])
         steps = None if paths is None else []
-        found = yield from tracing(
-            plan, origins, directions, None if course is None else course[some], steps
-        )
+        if courses is None:
+            found = yield from tracing(
+                plan, origins, directions, None if course is None else course[some], steps
+            )
+        else:
+            found, taken_by_them = yield from recording(plan, origins, directions)
+            courses.append(taken_by_them)
         landings = main_landings(found, len(origins))
         if paths is not None:
             paths.add(origins, steps)

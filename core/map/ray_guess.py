@@ -20,7 +20,8 @@ class RayGuess:
 
     of_edge : a pixel's edge with a border on it takes so many, with all that comes of it
     of_lit_edge : and so many, in curved glass, where both its ends have a landing
-    of_last_lit_edge : of triangles, which are cut at the end
+    of_last_edge, of_last_lit_edge : of triangles, which are cut at the end, when the borders on
+        many of their edges are known
     of_bent : a pixel on one branch whose middle is missed, and a quarter of one
     n_bent : pixels of the smallest squares beside borders that are bent, too
     of_square : at the nodes that it does not share with those before
@@ -29,7 +30,8 @@ class RayGuess:
 
     of_edge: float = 13
     of_lit_edge: float = 120
-    of_last_lit_edge: float = 25
+    of_last_edge: float = 8
+    of_last_lit_edge: float = 15
     of_bent: tuple[float, ...] = (16, 4, 0)
     n_bent: float = 2
     of_square: float = 16
@@ -64,7 +66,7 @@ def rays_of_finest(branch: Words, xy: Floats, tolerance: float, is_flat: bool) -
 
     # of their five lines of nodes, squares side by side share one
     shared = PARTS / NODES_ALONG
-    rays = shared * _of_edges(n_edges.sum(), n_lit.sum(), RAYS.of_lit_edge, is_flat)
+    rays = shared * _of_edges(n_edges.sum(), n_lit.sum(), RAYS.of_edge, RAYS.of_lit_edge, is_flat)
 
     # all middles are traced beside a border
     n_bent = 0.0 if is_flat else RAYS.n_bent
@@ -85,13 +87,16 @@ def rays_of_cut(
     are cut at the end, and to sample chaotic cells (c, 4).
     """
     rays = 0.0
-    for corners, of_lit in ((cells, RAYS.of_lit_edge), (last, RAYS.of_last_lit_edge)):
+    for corners, of_edge, of_lit in (
+        (cells, RAYS.of_edge, RAYS.of_lit_edge),
+        (last, RAYS.of_last_edge, RAYS.of_last_lit_edge),
+    ):
         branch = points.branch[corners]
         # most edges are those of two cells
         n_edges, n_lit = (
             some.sum() / 2 for some in _borders(np.column_stack([branch, branch[:, 0]]), 1)
         )
-        rays += float(_of_edges(n_edges, n_lit, of_lit, is_flat))
+        rays += float(_of_edges(n_edges, n_lit, of_edge, of_lit, is_flat))
 
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
     return rays + effort * sum(float((side**2).sum()) for side in sides)
@@ -105,6 +110,8 @@ def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return differs, differs & (one != 0) & (other != 0)
 
 
-def _of_edges(n_edges: Floats, n_lit: Floats, of_lit: float, is_flat: bool) -> Floats:
+def _of_edges(
+    n_edges: Floats, n_lit: Floats, of_edge: float, of_lit: float, is_flat: bool
+) -> Floats:
     """Rays for borders on edges, some of which have a landing at both ends."""
-    return RAYS.of_edge * n_edges + (0.0 if is_flat else of_lit - RAYS.of_edge) * n_lit
+    return of_edge * n_edges + (0.0 if is_flat else of_lit - of_edge) * n_lit

@@ -36,7 +36,7 @@ from kiriko.core.light.landings import Landings, Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays, ReachedError
 from kiriko.core.light.thin_parts import ThinParts
-from kiriko.core.light.trace import courses, trace_all, tracing
+from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import share_batches
 from kiriko.core.map.shares import Shares
@@ -252,7 +252,7 @@ def test_same_ways_and_courses():
         steps = []
         with way:
             finish(tracing(plan, *rays, steps=steps))
-            words.append(finish(courses(plan, *rays)))
+            words.append(finish(recording(plan, *rays))[1])
         ways.append(steps)
 
     assert np.array_equal(*words)
@@ -490,10 +490,10 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
     a_rig = ball_rig(2)
     plan = make_plan(a_rig, Settings())
     rays = rays_of(a_rig, 100)
-    expected = finish(courses(plan, *rays))
+    expected = finish(recording(plan, *rays))[1]
     monkeypatch.setattr(kernel, "MOST_RECORDED", 1000)
     assert not kernel.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
-    assert np.array_equal(finish(courses(plan, *rays)), expected)
+    assert np.array_equal(finish(recording(plan, *rays))[1], expected)
 
 
 def test_a_library_of_another_version_is_not_used(monkeypatch):
