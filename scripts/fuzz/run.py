@@ -34,6 +34,7 @@ from kiriko.core.blender import preview as blender_preview
 from kiriko.core.blender import scene as blender_scene
 from kiriko.core.blender.image import pixels_from_image
 from kiriko.core.blender.nested_glass import interfaces
+from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Rig
@@ -360,40 +361,68 @@ def is_comparable(reading: blender_scene.Reading, dice: Dice) -> bool:
     return dice.is_tame and not notes and all(plate.array is None for plate in reading.rig.plates)
 
 
-def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:
-    """Landings of the middles of the viewer's pixels in core and
-    in Cycles: differences in display px, and masks.
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Landings of the middles of the viewer's pixels (n,), row by row, in core and in Cycles.
 
-    Without total reflection, which Cycles' map has not.
+    is_ours, is_theirs : those that arrive in core, and in Cycles, without total reflection, which
+        Cycles' map has not; off : display px apart, NaN where they do not arrive in both; is_glass,
+        by_gap : of core's, those that meet glass, and go in or out by a gap in it
     """
+
+    is_ours: np.ndarray
+    is_theirs: np.ndarray
+    off: np.ndarray
+    is_glass: np.ndarray
+    by_gap: np.ndarray
+
+
+def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared:
+    """Where light lands in core, beside Cycles."""
     rig = reading.rig
-    plan = make_plan(rig, Settings(max_events=scene.kiriko.max_events, only_through_glass=False))
     x, y = np.meshgrid(np.arange(rig.viewer.width) + 0.5, np.arange(rig.viewer.height) + 0.5)
-    landings = trace_all(plan, *rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1)))
+    rays = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
+    every, through = (
+        trace_all(make_plan(rig, Settings(max_events=scene.kiriko.max_events, **options)), *rays)
+        for options in ({"only_through_glass": False}, {"only_through_glass": True})
+    )
     xy = np.full((x.size, 2), np.nan)
-    is_ours = np.zeros(x.size, bool)
-    inside, _ = landings.pixels(rig.display.width, rig.display.height)
-    is_ours[landings.sample[inside]] = True
-    xy[landings.sample[inside]] = landings.xy[inside]
+    inside, _ = every.pixels(rig.display.width, rig.display.height)
+    xy[every.sample[inside]] = every.xy[inside]
+    is_glass, by_gap = np.zeros((2, x.size), bool)
+    is_glass[through.sample[through.reason != Reason.MISSED_GLASS]] = True
+    by_gap[every.sample[every.leak >= 0]] = True
+
     carried = blender_preview.render_map(scene, reading).reshape(-1, 3)
     is_theirs = carried[:, 2] > 0.5
     theirs = (carried[:, :2] * [1, -1] + [0, 1]) * [rig.display.width, rig.display.height]
-    both = is_ours & is_theirs
+    off = np.where(is_theirs, np.linalg.norm(xy - theirs, axis=1), np.nan)
+    return Compared(np.isfinite(xy[:, 0]), is_theirs, off, is_glass, by_gap)
 
-    if not both.any():
+
+def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:
+    """Differences of landings in core and in Cycles, display px, and shares, 0..1."""
+    found = compared(scene, reading)
+    return how_far(found.is_ours, found.is_theirs, found.off)
+
+
+def how_far(is_ours: np.ndarray, is_theirs: np.ndarray, off: np.ndarray) -> dict[str, float] | None:
+    """Median and 95 % of those that arrive in both, and shares; None where none does in Cycles."""
+    off = off[is_ours & is_theirs]
+    if not len(off):
         return (
             None
             if not is_theirs.any()
             else {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
         )
 
-    off = np.linalg.norm(xy - theirs, axis=1)[both]
+    only_theirs = (is_theirs & ~is_ours).sum()
     return {
         "median": float(np.median(off)),
         "most": float(np.quantile(off, 0.95)),
-        "only_theirs": float((is_theirs & ~is_ours).sum() / is_theirs.sum()),
-        "apart": float(((is_theirs & ~is_ours).sum() + (off > 1).sum()) / is_theirs.sum()),
-        "both": float(both.sum() / is_ours.sum()),
+        "only_theirs": float(only_theirs / is_theirs.sum()),
+        "apart": float((only_theirs + (off > 1).sum()) / is_theirs.sum()),
+        "both": float(len(off) / is_ours.sum()),
     }
 
 
