@@ -112,6 +112,13 @@ def irregular(arguments: argparse.Namespace) -> None:
     run_in_blender("bench.irregular", arguments.rest)
 
 
+def meant(arguments: argparse.Namespace) -> None:
+    """Measure what each choice of Surface makes of glass as artists bring it, against the
+    surface that was meant.
+    """
+    run_in_blender("bench.meant", arguments.rest)
+
+
 def glasses(arguments: argparse.Namespace) -> None:
     """Measure solves through glass as artists bring it
     (further options go to scripts/bench/glasses.py).
@@ -367,6 +374,7 @@ def main() -> None:
         lab,
         surface,
         irregular,
+        meant,
         glasses,
         placement,
         marks,

@@ -26,14 +26,18 @@ class AgreementKnobs:
         jumps only tell that faces are coarse, and do no harm up to the gain. On coarse ellipsoids
         and tori it is 0.11 and less, on nine in ten faces of remeshed and decimated ones 0.35 and
         more; noise that makes it 0.2 spoils the gain
-    coarse : jumps of coarse faces, in parts of the gain, over the square of the turn: on ellipsoids
-        and tori 0.3 to 1.5, and 8 in the shoulder of a bottle, whose lines are smooth as well
+    coarse : jumps of coarse faces, in parts of the gain, over the square of the turn, or of the
+        part of a circle or an ellipse that an edge spans, rad, as lines tell it: on balls and tori
+        0.3 to 1.5, and 8 by the turn in the shoulder of a bottle, whose lines are smooth as well
+    by_lines : jumps that are trusted at most where lines are coarse and faces turn little, as in
+        the flat parts of ellipsoids: at 0.8 and more single ones of 6 to 12 faces get worse
     """
 
     agree: float = 1e-6
     trusted: float = 0.2
     scattered: float = 0.12
     coarse: float = 4.0
+    by_lines: float = 0.7
 
 
 AGREEMENT = AgreementKnobs()
@@ -164,10 +168,14 @@ class Trial(NamedTuple):
         """Faces that turn so far that their jumps may come of it alone."""
         return AGREEMENT.coarse * self.turn**2 > AGREEMENT.trusted
 
-    def on_lines(self, scatter: Floats) -> "Trial":
-        """The same where the vertices at their corners lie off smooth lines by scatter (p, 3)."""
+    def on_lines(self, scatter: Floats, phase: Floats) -> "Trial":
+        """The same where the vertices at their corners lie off smooth lines by scatter (p, 3), and
+        lines go on by phase (p, 3), rad squared, from vertex to vertex.
+        """
         # in a scale on which as much as may be believed of each is what is trusted
-        part = np.minimum(AGREEMENT.coarse * self.turn**2, 1.0)
+        by_turn = AGREEMENT.coarse * self.turn**2
+        by_lines = np.minimum(AGREEMENT.coarse * phase.mean(axis=1), AGREEMENT.by_lines)
+        part = np.minimum(np.maximum(by_turn, by_lines), 1.0)
         by_jump = self.unsure * (AGREEMENT.trusted / np.maximum(part, AGREEMENT.trusted)) ** 2
         by_scatter = (scatter**2).mean(axis=1) * (AGREEMENT.trusted / AGREEMENT.scattered) ** 2
         return self._replace(unsure=np.minimum(self.unsure, np.maximum(by_scatter, by_jump)))

@@ -7,6 +7,7 @@ vertices lie on the surface.
 
 from dataclasses import dataclass
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,39 +43,73 @@ class LineKnobs:
 LINES = LineKnobs()
 
 
-def find_scatter(v: Vertices, size: Floats) -> Pauses[Floats]:
-    """How far vertices (f,) lie off smooth lines, in units of
-    size (f,); infinite where there are no lines.
+class Lines(NamedTuple):
+    """What lines tell of the vertices (f,) that they run through.
 
-    It is the highest difference along the line (rms 1 for vertices that are off by 1 at random).
-    What is counted is off in any direction: sideways a remeshed mesh is off most.
+    scatter : how far vertices lie off smooth lines, in units of the size asked for; infinite where
+        there are no lines
+    phase : rad squared: by how much of a circle, an ellipse or a wave the lines go on from vertex
+        to vertex, where they are coarsest
+    """
+
+    scatter: Floats
+    phase: Floats
+
+
+def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
+    """How smooth and how coarse lines are, of sizes (f,).
+
+    The scatter is the highest difference along the line (rms 1 for vertices that are off by 1 at
+    random). What is counted is off in any direction: sideways a remeshed mesh is off most. The
+    phase is the fourth difference over the second, in the middle: on an ellipse or a wave of n
+    vertices both are of one direction, and (2 sin(pi / n))^2 apart whatever its axes.
     """
     across = _find_across(v)
     yield 0
-    last = LINES.vertices - 1
-    weights = np.array([comb(last, k) * (-1) ** k for k in range(last + 1)], float)
-    weights /= np.linalg.norm(weights)
 
     # along the lines that start with each pair, all at once
+    n = LINES.vertices
+    highest, fourth, second = (
+        np.pad(_weights(order), (n - 1 - order) // 2) for order in (n - 1, 4, 2)
+    )
+    highest /= np.linalg.norm(highest)
     onward = across[_find_back(v)]
     pair = np.arange(len(v.start))
     is_line = np.ones(len(pair), bool)
-    difference = weights[0] * taken(v.at, v.start) + weights[1] * taken(v.at, v.end)
-    for weight in weights[2:]:
-        pair = onward[pair]
-        is_line &= pair >= 0
-        difference += weight * taken(v.at, v.end[pair])
+    differences = np.zeros((3, len(pair), 3))
+    for k, weights in enumerate(np.stack([highest, fourth, second], axis=1)):
+        if k > 1:
+            pair = onward[pair]
+            is_line &= pair >= 0
+        at = taken(v.at, v.end[pair] if k else v.start)
+        for difference, weight in zip(differences, weights, strict=True):
+            if weight:
+                difference += weight * at
+        yield 0
+
+    off, bends, bend = (length_of(difference) for difference in differences)
+    phase = bends / np.maximum(bend, np.finfo(float).tiny)
 
     # near a rim a line has no room one way, and counts for both
-    off = np.where(is_line, length_of(difference), np.inf)
-    off = np.where(is_line | (across < 0), off, off[across])
+    has_room = is_line | (across < 0)
+    off = np.where(is_line, off, np.inf)
+    off, phase = (np.where(has_room, x, x[across]) for x in (off, phase))
     yield 0
 
     scatter = np.full(len(v.at), np.inf)
+    coarsest = np.zeros(len(v.at))
     for some, pairs in v.by_valence(np.diff(v.first) >= LINES.ends):
-        scatter[some] = np.partition(off[pairs], LINES.ends - 1, axis=1)[:, LINES.ends - 1]
+        ends = off[pairs]
+        scatter[some] = np.partition(ends, LINES.ends - 1, axis=1)[:, LINES.ends - 1]
+        is_smooth = ends <= (1 + 1e-6) * scatter[some, None]  # on a regular mesh many are the same
+        coarsest[some] = np.where(is_smooth, phase[pairs], 0.0).max(axis=1)
 
-    return scatter / size
+    return Lines(scatter / size, coarsest)
+
+
+def _weights(order: int) -> Floats:
+    """Of the places that a difference of some order is made of."""
+    return np.array([comb(order, k) * (-1) ** k for k in range(order + 1)], float)
 
 
 def _find_across(v: Vertices) -> Ints:

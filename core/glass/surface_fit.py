@@ -18,7 +18,7 @@ from ..vectors import length_of
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
 from .fitted_faces import Faces, fit_faces
-from .grid_lines import find_scatter
+from .grid_lines import look_along_lines
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
 from .vertex_fields import fit_fields
@@ -227,10 +227,10 @@ def _are_trusted(
     trial = yield from on_trial(at, faces.coefficients, taken(v.normal, vertex), agreed)
     yield 0
     is_near = trial.trusted(vertex)
-    if (~is_near & trial.is_coarse).any():
+    if trial.is_coarse.any() and not is_near.all():
         yield 0
-        scatter = yield from find_scatter(v, size)
-        is_fine = trial.on_lines(scatter[vertex]).trusted(vertex)
+        lines = yield from look_along_lines(v, size)
+        is_fine = trial.on_lines(lines.scatter[vertex], lines.phase[vertex]).trusted(vertex)
 
         # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
         along = np.concatenate([vertex[:, :2], vertex[:, 1:]]).T

@@ -214,12 +214,14 @@ def made(name: str) -> Mesh:
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = GLASSES[name]()
-    place = (
-        Matrix.Translation((0, 0, -BOWLS[name]))
-        if name in BOWLS
-        else Matrix.Scale(SIZE, 4) @ fitting(thing)
-    )
-    return evaluated(thing, place)
+    return evaluated(thing, place_of(name, thing))
+
+
+def place_of(name: str, thing: bpy.types.Object) -> Matrix:
+    """Where the object of a glass stands on the bench."""
+    if name in BOWLS:
+        return Matrix.Translation((0, 0, -BOWLS[name]))
+    return Matrix.Scale(SIZE, 4) @ fitting(thing)
 
 
 def rebuilt(fine: Mesh, **options: object) -> Mesh:

@@ -76,6 +76,7 @@ REBUILT: dict[str, tuple[str, Callable[[], Mesh], float, dict[str, object]]] = {
 COARSE = {
     "ball": (8, 12),
     "ellipsoid": (8, 10, 12, 14, 16),
+    "lentil": (12, 16, 20, 24),
     "torus": (12, 16, 20, 24),
     "Blender's torus": (32, 48),
     "wavy slab": (16, 24, 32),

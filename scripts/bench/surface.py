@@ -35,6 +35,7 @@ OPTIONS = {"display": 0.2, "display_pixels": 512, "ior": N}
 BALL = (0.025,) * 3
 ELLIPSOID = (0.025, 0.020, 0.015)
 TORUS = (0.018, 0.007)
+LENTIL = (0.025, 0.025, 0.012)
 BLENDERS_TORUS = (0.020, 0.005)  # of the proportions that Add > Mesh > Torus gives it
 SEGMENTS = (10, 16, 32, 64, 128, 256, 512, 1024)
 FIT_FROM = 64  # segments: coarser meshes do not yet show an order
@@ -82,12 +83,15 @@ SHAPES = {
         lambda o, d: closed_forms.through_wavy_slab(o, d, 0.075, 0.02, 0.001, N, GRAZING),
     ),
 }
-# judged elsewhere only: of some segments x a quarter as many around the tube
+# judged elsewhere only: the torus is of some segments x a quarter as many around the tube
 BLENDERS = {
+    "lentil": Shape(
+        lambda s: uv_ellipsoid(LENTIL, s, s // 2), lambda o, d: through_ellipsoid(o, d, LENTIL)
+    ),
     "Blender's torus": Shape(
         lambda s: torus(*BLENDERS_TORUS, s, s // 4),
         lambda o, d: closed_forms.through_torus(o, d, *BLENDERS_TORUS, N, GRAZING),
-    )
+    ),
 }
 KINDS = ("facet normals", "interpolated normals", "curved faces")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kiriko.core import kernel
-from kiriko.core.glass.grid_lines import find_scatter
+from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.meshes import find_edges, find_joined
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import tangent_planes
@@ -20,14 +20,19 @@ MAJOR, MINOR = 0.020, 0.005  # m
 RADII = (0.025, 0.020, 0.015)
 
 
-def scattered(mesh):
-    """How far the vertices (v,) are off smooth lines, m."""
+def looked_at(mesh):
+    """How far the vertices (v,) are off smooth lines, m, and how coarse these are."""
     edges = find_edges(mesh.triangles)
     usable = np.ones(len(mesh.triangles), bool)
     joined = find_joined(mesh.corner_normals, edges)
     v = find_vertices(mesh.vertices, mesh.triangles, mesh.corner_normals, usable, edges, joined)
     size = tangent_planes(v).size
-    return finish(find_scatter(v, size)) * size
+    lines = finish(look_along_lines(v, size))
+    return lines.scatter * size, lines.phase
+
+
+def scattered(mesh):
+    return looked_at(mesh)[0]
 
 
 def moved(mesh, by):
@@ -57,6 +62,15 @@ def test_vertices_of_a_torus_are_off_by_the_difference_of_a_circle(segments, rin
     assert scattered(torus(MAJOR, MINOR, segments, rings)) == pytest.approx(by_circle, rel=1e-9)
 
 
+@pytest.mark.parametrize("radii", [(0.025,) * 3, (0.025, 0.025, 0.012), RADII])
+@pytest.mark.parametrize(("segments", "rings"), [(16, 8), (24, 10), (12, 16)])
+def test_lines_of_an_ellipsoid_are_as_coarse_as_those_of_a_ball(radii, segments, rings):
+    """The closed form of the differences on a circle, around or from pole to pole."""
+    by_circle = max((2 * np.sin(np.pi / n)) ** 2 for n in (segments, 2 * rings))
+    _, phase = looked_at(uv_ellipsoid(radii, segments, rings))
+    assert phase[segments : -segments - 2] == pytest.approx(by_circle, rel=1e-6)
+
+
 def test_vertices_off_their_place_are_off_by_about_as_much():
     """Out of a smooth surface or along it: of a mesh so fine that its own curve is nothing."""
     fine = torus(MAJOR, MINOR, 256, 64)
@@ -67,8 +81,13 @@ def test_vertices_off_their_place_are_off_by_about_as_much():
 
 @pytest.mark.parametrize(
     "mesh",
-    [torus(0.018, 0.007, 16, 8), uv_ellipsoid(RADII, 10, 5), torus(MAJOR, MINOR, 32, 8)],
-    ids=["torus", "ellipsoid", "Blender's torus"],
+    [
+        torus(0.018, 0.007, 16, 8),
+        uv_ellipsoid(RADII, 10, 5),
+        uv_ellipsoid((0.025, 0.025, 0.012), 16, 8),
+        torus(MAJOR, MINOR, 32, 8),
+    ],
+    ids=["torus", "ellipsoid", "lentil", "Blender's torus"],
 )
 def test_a_coarse_regular_mesh_is_curved_and_not_when_its_vertices_are_off(mesh):
     """By a seventh of an edge along the surface, or off it."""

@@ -1,0 +1,242 @@
+"""Display error of glass as artists bring it, by each choice of *Surface*, held to the surface
+that was meant: what Subdivision goes towards, or the lathe of the same profile, finely divided.
+
+`python3 scripts/dev.py meant [--glass NAME ...]`. Wine glass and bottle are Blender's, by so many
+levels of Subdivision; the judge is the limit of the same cage by known/catmull_clark.py. The vase
+is the curve of fourth degree through its profile's points, at so many of it and 32 steps around.
+Normals are means, and the judge's own are exact. Errors in display px, of random rays through the
+bench's viewer where the judge's map is smooth: a viewer pixel aside, each way, light lands on the
+display, too, less than 10 px away and within 1 px of where it goes straight on. `judge` tells by
+how much one of four times fewer triangles differs at 50 and 99 % of those rays, and how much one
+of four times more, in facets with interpolated normals, without a curved face. `curved` is the
+share of the triangles that *Automatic* follows as curved, `worse` by how many px rms it is further
+off than the better of the other two.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from kiriko.core.light.plan import Plan
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.rig import Mesh
+from kiriko.core.settings import Settings
+from known.catmull_clark import Cage, limit_mesh
+from known.reference_rigs import glass_rig, mean_normals, split_quads
+
+from . import brought_glass as glasses
+from .irregular import CHOICES
+
+Floats = NDArray[np.float64]
+
+RAYS = 20_000
+STRETCH = 10.0  # display px a viewer pixel, at the most
+BENT = 1.0  # display px, from where light a pixel aside on both sides lets it be expected
+WALL = 0.002  # m, of the vase
+STEPS = 32
+
+
+def subdivided(name: str, levels: int) -> tuple[bpy.types.Object, Matrix]:
+    """A glass whose last modifier is Subdivision, and its place on the bench."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    thing = glasses.GLASSES[name]()
+    # as `made` places it, whatever the level
+    place = glasses.place_of(name, thing)
+    thing.modifiers[-1].levels = levels
+    return thing, place
+
+
+def as_drawn(name: str, levels: int) -> Mesh:
+    """The mesh that Blender makes of it."""
+    return glasses.evaluated(*subdivided(name, levels))
+
+
+def as_meant(name: str, levels: int) -> Mesh:
+    """The limit of its cage, with its own normals."""
+    thing, place = subdivided(name, 0)
+    thing.modifiers[-1].show_viewport = False
+    bpy.context.view_layer.update()
+    result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    cage = cage_of(result.to_mesh())
+    result.to_mesh_clear()
+    matrix = np.array(place)
+    return limit_mesh(
+        replace(cage, vertices=cage.vertices @ matrix[:3, :3].T + matrix[:3, 3]), levels
+    )
+
+
+def cage_of(data: bpy.types.Mesh) -> Cage:
+    """The faces of a mesh of Blender's."""
+    vertices = np.empty((len(data.vertices), 3))
+    sizes = np.empty(len(data.polygons), int)
+    start = np.empty(len(data.loops), int)
+    data.vertices.foreach_get("co", vertices.ravel())
+    data.polygons.foreach_get("loop_total", sizes)
+    data.loops.foreach_get("vertex_index", start)
+    return Cage.of(vertices, sizes, start)
+
+
+def vase(points: int, steps: int, own: bool) -> Mesh:
+    """The vase of so many points along its curve, with its own normals or means; sharp rims."""
+    profile = np.array(glasses.VASE)
+    chords = np.linalg.norm(np.diff(profile, axis=0), axis=1)
+    at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
+    curves = [Polynomial.fit(at, x, len(at) - 1) for x in profile.T]
+    t = np.linspace(0, 1, points)
+    outer = np.stack([curve(t) for curve in curves], axis=1)
+    along = np.stack([curve.deriv()(t) for curve in curves], axis=1)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    away = along[:, ::-1] * [1, -1]
+    places = np.concatenate([outer, (outer - WALL * away)[::-1]])
+    places[:, 1] -= profile[:, 1].mean()
+
+    # strips between sharp edges: rows of the places, and their normals
+    rows = np.arange(len(places))
+    up = along[[-1, -1]]
+    down = -along[[0, 0]]
+    strips = [
+        (rows[:points], away),
+        (rows[points - 1 : points + 1], up),
+        (rows[points:], -away[::-1]),
+        (rows[[-1, 0]], down),
+    ]
+    a = 2 * np.pi * np.arange(steps) / steps
+
+    def turned(of_profile: Floats) -> Floats:
+        radius, height = of_profile.T[..., None]
+        return np.stack(np.broadcast_arrays(radius * np.cos(a), radius * np.sin(a), height), -1)
+
+    vertices = turned(places).reshape(-1, 3)
+    triangles, normals = [], []
+    for row, normal in strips:
+        index = row[:, None] * steps + np.arange(steps)
+        faces = split_quads(np.concatenate([index, index[:, :1]], axis=1))[:, ::-1]
+        of_vertex = np.zeros_like(vertices)
+        of_vertex[index.ravel()] = turned(normal).reshape(-1, 3)
+        strip = Mesh(vertices, faces, of_vertex[faces], np.ones(len(faces), bool))
+        triangles.append(faces)
+        normals.append((strip if own else mean_normals(strip)).corner_normals)
+
+    faces = np.concatenate(triangles)
+    mesh = Mesh(vertices, faces, np.concatenate(normals), np.ones(len(faces), bool))
+    return mesh if own else replace(mesh, has_mean_normals=True)
+
+
+@dataclass(frozen=True)
+class Meant:
+    """A glass: the kinds of its mesh; the mesh of a kind; and its judge, from coarse to fine."""
+
+    kinds: tuple[int, ...]
+    mesh: Callable[[int], Mesh]
+    judge: Callable[[int], Mesh]
+
+
+MEANT = {
+    name: Meant(
+        (1, 2),
+        lambda levels, name=name: as_drawn(name, levels),
+        lambda k, name=name: as_meant(name, 2 + k),
+    )
+    for name in ("wine glass", "bottle")
+} | {
+    "vase": Meant(
+        (5, 9, 17, 33),
+        lambda points: vase(points, STEPS, own=False),
+        lambda k: vase(64 * 2**k + 1, 2 * STEPS * 2**k, own=True),
+    )
+}
+
+
+def planned(mesh: Mesh, choice: str) -> Plan:
+    """The bench with a mesh, by one choice of surface."""
+    return make_plan(glass_rig(replace(mesh, surface=choice)), Settings())
+
+
+def landings(plan: Plan, xy: Floats) -> Floats:
+    """Where light lands on the display (n, 2), px, by places (n, 2) in the viewer; NaN if not."""
+    found = trace_all(plan, *plan.rig.viewer.rays(xy))
+    inside, _ = found.pixels(plan.rig.display.width, plan.rig.display.height)
+    landed = np.full((len(xy), 2), np.nan)
+    landed[found.sample[inside]] = found.xy[inside]
+    return landed
+
+
+def is_smooth_map(plan: Plan, xy: Floats, landed: Floats) -> NDArray[np.bool_]:
+    """Whether the map is smooth at places (n, 2) in the viewer that land (n, 2)."""
+    is_smooth = np.ones(len(xy), bool)
+    for step in np.eye(2):
+        back, on = (landings(plan, xy + way * step) for way in (-1, 1))
+        is_smooth &= apart(on, back) < 2 * STRETCH  # not where one is NaN
+        is_smooth &= apart(on + back, 2 * landed) < 2 * BENT
+    return is_smooth
+
+
+def apart(a: Floats, b: Floats) -> Floats:
+    """Distances (n,), NaN where either is unknown."""
+    return np.linalg.norm(a - b, axis=1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--glass", nargs="+", metavar="NAME", choices=MEANT, default=[*MEANT], help="only these"
+    )
+    arguments = parser.parse_args()
+    rows = []
+    for name in arguments.glass:
+        rows += told(name)
+    print("", *rows, sep="\n")
+
+
+def told(name: str) -> list[str]:
+    """The lines of a glass."""
+    meant = MEANT[name]
+    xy = np.random.default_rng(3).uniform(1, 511, (RAYS, 2))
+    judge = planned(meant.judge(1), "smooth")
+    exact = landings(judge, xy)
+    n_landed = np.isfinite(exact[:, 0]).sum()
+    is_judged = is_smooth_map(judge, xy, exact)
+    xy, exact = xy[is_judged], exact[is_judged]
+    coarser, plainly = (
+        "{:.2g} and {:.2g}".format(*np.nanquantile(apart(exact, found), (0.5, 0.99)))
+        for found in (
+            landings(planned(meant.judge(0), "smooth"), xy),
+            landings(planned(meant.judge(2), "facets"), xy),
+        )
+    )
+    rows = [
+        f"{name}: {len(xy)} rays of {n_landed} that land; judge {coarser}, by facets {plainly} px",
+        f"{'':>5}{'triangles':>10}" + "".join(f"{choice:>31}" for choice in CHOICES),
+        f"{'':>15}"
+        + f"{'median':>9}{'rms':>8}{'99 %':>8}{'lost':>6}" * 3
+        + f"{'curved':>8}{'worse':>8}",
+    ]
+    for kind in meant.kinds:
+        mesh = meant.mesh(kind)
+        row, rms = f"{kind:>5}{len(mesh.triangles):10d}", []
+        for choice in CHOICES:
+            plan = planned(mesh, choice)
+            px = apart(exact, landings(plan, xy))
+            known = px[np.isfinite(px)]
+            rms.append(float(np.sqrt((known**2).mean())))
+            row += f"{np.median(known):9.3g}{rms[-1]:8.3g}{np.quantile(known, 0.99):8.3g}"
+            row += f"{len(px) - len(known):6d}"
+        share = sum(plan.counts.n_curved) / len(mesh.triangles)
+        rows.append(row + f"{share:8.2f}{rms[2] - min(rms[:2]):8.3f}")
+
+    return [*rows, ""]
+
+
+if __name__ == "__main__":
+    main()
