@@ -244,7 +244,8 @@ def evaluated(thing: bpy.types.Object, place: Matrix) -> Mesh:
     return mesh
 
 
-PARTS = "vertices", "triangles", "corner_normals", "is_smooth"  # of a mesh, as they are written
+# of a mesh, as they are written
+PARTS = "vertices", "triangles", "corner_normals", "is_smooth", "has_mean_normals", "rounding"
 
 
 def main() -> None:

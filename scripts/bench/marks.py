@@ -51,8 +51,8 @@ def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
 
 def _loaded(path: Path) -> tuple[Mesh, float]:
     with np.load(path) as found:
-        parts = {name: found[name] for name in found.files}
-    index = float(parts.pop("index"))
+        parts = {name: found[name][()] for name in found.files}  # single numbers, not arrays of one
+    index = parts.pop("index")
     return Mesh(**parts), index
 
 

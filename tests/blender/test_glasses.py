@@ -2,7 +2,7 @@
 divided finely.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from kiriko.core import kernel
 from kiriko.core.kinds import Kind
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.mesh import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.solve.remarks import _on_doubted
 from known.both_ways import find_parted
@@ -66,6 +67,11 @@ def test_all_glasses_can_be_made(name):
     assert 0.01 < np.ptp(mesh.bounds, axis=0).max() < 0.25
     plan = make_plan(glass_rig(mesh), Settings())
     assert plan.parts.is_closed[plan.parts.kind == Kind.GLASS].all() == (name != "Suzanne")
+
+
+def test_all_that_leads_light_is_written():
+    """`dev.py marks` reads the very glass: the surface is chosen there, and nothing is painted."""
+    assert set(glasses.PARTS) == {field.name for field in fields(Mesh)} - {"uv", "surface"}
 
 
 def test_a_gem_has_its_facets():
