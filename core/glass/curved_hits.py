@@ -69,7 +69,8 @@ def pass_by(spheres: tuple[Floats, Floats], lines: Lines) -> tuple[Ints, Ints]:
     origins, directions = lines
     centre, radius = spheres
     middle = centre[0]  # from near here the squares lose nothing that matters
-    o = origins - dot(origins - middle, directions)[:, None] * directions - middle
+    o = origins - middle
+    o -= dot(o, directions)[:, None] * directions
     away = centre - middle
     columns = np.ascontiguousarray(away.T)
 

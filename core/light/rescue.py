@@ -122,11 +122,15 @@ def _ask_beside(
 
 def ask_all_triangles(layer: "Layer", question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
     """Test rays (n,) against every triangle, as far as the budget goes."""
+    if not len(rays):
+        return
+
     budget = max(1, RESCUE.most_tests // layer.n_triangles)
     per_chunk = max(1, RESCUE.pairs_at_once // layer.n_triangles)
     nearest = _Nearest(layer, question, rays[:budget])
     lines = question.lines.at(nearest.rays)
     spheres = spheres_of(layer.corners) if layer.curved is None else layer.curved.spheres
+    yield 0
     near: list[tuple[Ints, Ints]] = []
 
     for first in range(0, len(nearest.rays), per_chunk):

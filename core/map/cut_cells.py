@@ -37,6 +37,7 @@ def cut_cells(
         np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
     ])  # fmt: skip
     key, inverse = np.unique(key_of(*sides.T), return_inverse=True)
+    yield 0
     new = key[~known.find(key)[0]]
     near, far = new >> 32, new & 0xFFFFFFFF
     yield 0
@@ -44,7 +45,8 @@ def cut_cells(
     strips, of_strips = yield from find_strips(plan, points, near, far, ends)
     number = n + np.arange(len(new))
     strips = np.where(strips > 0, strips + n + len(new), 0)
-    known = known.and_more(Borders(new, ends, number, strips))
+    known = known.and_more(Borders(new, number, strips))
+    yield 0
     points = points.and_more(border).and_more(of_strips)
     yield 0
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Ints
 from .strips import MOST_STRIPS
 
 
@@ -15,14 +15,12 @@ class Borders(NamedTuple):
     """Borders on edges from a lit point to another.
 
     key (e,) : by `key_of` its near and its far point, sorted
-    ends (e,) : 0..1 of the way, where the near point's branch has ended
-    number (e,) : the last point on that branch
+    number (e,) : the last point on the near one's branch
     strips (e, 2 MOST_STRIPS) : the first and the last point of each strip
         beyond, from near to far: 1 + its number, 0 for none
     """
 
     key: Ints
-    ends: Floats
     number: Ints
     strips: Ints
 
@@ -30,7 +28,7 @@ class Borders(NamedTuple):
     def none(cls) -> "Borders":
         """No border is known."""
         no_keys = np.empty(0, np.int64)
-        return cls(no_keys, np.empty(0), no_keys, np.empty((0, 2 * MOST_STRIPS), np.int64))
+        return cls(no_keys, no_keys, np.empty((0, 2 * MOST_STRIPS), np.int64))
 
     def at(self, which: Bools | Ints) -> "Borders":
         """Some of the borders."""
@@ -39,7 +37,7 @@ class Borders(NamedTuple):
     def and_more(self, others: "Borders") -> "Borders":
         """These borders and others, of other edges."""
         joined = Borders(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
-        return joined.at(np.argsort(joined.key))
+        return joined.at(np.argsort(joined.key, kind="stable"))  # which merges the two
 
     def find(self, key: Ints) -> tuple[Bools, Ints]:
         """Which edges (n,) have a border that is known, and its place (n,) among these."""

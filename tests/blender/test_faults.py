@@ -820,7 +820,7 @@ ADD_RIG_STAGES = (
     "core.light.kept.making_solids",
     "core.bench.light.tracing",
     "core.blender.rig_objects.encoded_image",
-    "core.blender.image.encode",
+    "core.blender.image.quantised",
     "core.blender.shaders.show_picture",
     "core.blender.new_rig.make_viewer",
 )
