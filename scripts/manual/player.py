@@ -31,7 +31,7 @@ PAGE = 8  # turns of the wheel by which a sidebar is scrolled when a button is n
 PAGES = 10  # a third of them down, and then up, beyond the place where the search began
 EDGE = 16  # px at a region's lower end, where a click would size it
 HEADER = 28  # px from one closed panel to the next
-ROW = 21  # px from one row of a panel to the next
+ROW = 25  # px from a row of a panel to the one above, with the space between two groups
 OPENED = 10_000  # pixels of a window that a menu changes; a button under the mouse has fewer
 PATIENCE = 60  # breaths in which a busy Blender opens something
 
