@@ -87,23 +87,6 @@ def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
     return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
 
 
-def corners_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
-    """Where the corners of a flat picture are seen, going round, as if there were no glass.
-
-    Returns
-    -------
-    (4, 2) viewer px, also beyond the frame. None where the outline is no rectangle, is that of the
-    viewer's image, or is partly not before the viewer.
-    """
-    way = None if place.mesh is None else way_to_mesh(place.mesh, viewer)
-    if way is None:
-        return None
-
-    uv = way.low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (way.high - way.low)
-    xyw = np.linalg.solve(way.matrix, np.column_stack([uv, np.ones(4)]).T)
-    return None if (xyw[2] <= 0).any() else (xyw[:2] / xyw[2]).T
-
-
 def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     """The way from viewer pixels to the UV of a flat rectangle.
 

@@ -5,11 +5,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..image.flat_picture import corners_in_view
+from ..image.flat_picture import outline_in_view
 from ..image.picture import cover_in_view
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
+from ..map.points import areas
 from ..map.view_map import MapError
 from ..messages import Length, Message, joined
 from ..numbers import number
@@ -97,14 +98,17 @@ def _on_frame(rig: Rig, viewer: Viewer) -> Iterator[Remark]:
     """On the part of the picture that lies beyond the viewer's image, of which nothing else tells:
     the share that is covered is one of what the viewer looks at.
     """
-    corners = corners_in_view(rig.picture_place, viewer)
-    frame = np.array([viewer.width, viewer.height])
-    if corners is None or ((corners >= 0) & (corners <= frame)).all():
+    place = rig.picture_place
+    if outline_in_view(place, viewer) is None:
         return
 
-    x, y = corners.T
-    whole = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-    cut = 1 - cover_in_view(rig.picture_place, viewer).sum() / whole
+    frame = np.array([viewer.width, viewer.height])
+    corners = viewer.project(place.mesh.corners.reshape(-1, 3))  # NaN behind the viewer
+    if np.isnan(corners).any() or ((corners >= 0) & (corners <= frame)).all():
+        return
+
+    whole = areas(corners, np.arange(len(corners)).reshape(-1, 3)).sum()
+    cut = 1 - cover_in_view(place, viewer).sum() / whole
     if cut > LEAST_CUT:
         yield warning(
             "The frame of the viewer '{viewer}' cuts off {share} of the picture: turn it to the"
