@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import Ints
 from ..light.plan import Plan
 from .bisection import both_ways
-from .known_borders import Borders, key_of
+from .known_borders import Borders, key_of, points_of
 from .points import Points, trace_points
 from .strips import find_strips
 
@@ -39,7 +39,7 @@ def cut_cells(
     key, inverse = np.unique(key_of(*sides.T), return_inverse=True)
     yield 0
     new = key[~known.find(key)[0]]
-    near, far = new >> 32, new & 0xFFFFFFFF
+    near, far = points_of(new)
     yield 0
     ends, border = yield from both_ways(plan, points, near, far)
     strips, of_strips = yield from find_strips(plan, points, near, far, ends)

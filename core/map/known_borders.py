@@ -30,14 +30,11 @@ class Borders(NamedTuple):
         no_keys = np.empty(0, np.int64)
         return cls(no_keys, no_keys, np.empty((0, 2 * MOST_STRIPS), np.int64))
 
-    def at(self, which: Bools | Ints) -> "Borders":
-        """Some of the borders."""
-        return Borders(*(values[which] for values in self))
-
     def and_more(self, others: "Borders") -> "Borders":
         """These borders and others, of other edges."""
         joined = Borders(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
-        return joined.at(np.argsort(joined.key, kind="stable"))  # which merges the two
+        order = np.argsort(joined.key, kind="stable")  # which merges the two
+        return Borders(*(values[order] for values in joined))
 
     def find(self, key: Ints) -> tuple[Bools, Ints]:
         """Which edges (n,) have a border that is known, and its place (n,) among these."""
@@ -61,3 +58,8 @@ class Borders(NamedTuple):
 def key_of(near: Ints, far: Ints) -> Ints:
     """A number for an edge between points, by their numbers."""
     return near.astype(np.int64) << 32 | far
+
+
+def points_of(key: Ints) -> tuple[Ints, Ints]:
+    """The near and the far point of edges with such numbers."""
+    return key >> 32, key & 0xFFFFFFFF
