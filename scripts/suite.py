@@ -290,6 +290,7 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
             [interpreter, *step.arguments, *counted],
             cwd=ROOT,
             env=clean_environment(
+                PYTHONDONTWRITEBYTECODE="",  # two dozen steps compile the same files
                 **ONE_THREAD,  # steps that run side by side want no second thread each
                 **({"KIRIKO_KERNEL": "off"} if step.without_kernel else {}),
             ),

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..encoding import quantised
 from ..errors import ImageError
+from ..png import encoded
 from .reports import said_by
 
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
@@ -83,14 +84,15 @@ def encoded_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
     """New packed 8-bit sRGB image of linear pixels (h, w, 3),
     row 0 at the top: small in the file, for pictures.
     """
-    height, width, _ = pixels.shape
-    rgba = np.ones((height, width, 4), np.float32)
-    np.divide(quantised(pixels, "uint8")[::-1], np.float32(255), out=rgba[..., :3])
-    image = bpy.data.images.new(name, width, height, alpha=False)
+    return packed_image(name, encoded(quantised(pixels, "uint8")))
+
+
+def packed_image(name: str, png: bytes) -> bpy.types.Image:
+    """New image of a PNG file in memory. Blender reads its pixels, and its size, when asked."""
+    image = bpy.data.images.new(name, 1, 1, alpha=False)
     with or_none(image):
-        image.pixels.foreach_set(rgba.ravel())
-        image.update()
-        image.pack()
+        image.pack(data=png, data_len=len(png))
+        image.source = "FILE"
 
     return image
 

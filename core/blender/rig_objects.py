@@ -3,13 +3,17 @@
 Frames (4, 4) and lengths are in Blender units, where nothing else is said.
 """
 
+from functools import cache
+
 import bpy
 
 from ..arrays import Floats
 from ..bench.placement import lattice
+from ..encoding import quantised
+from ..png import encoded
 from . import shaders
 from .eyes import EYES
-from .image import encoded_image
+from .image import packed_image
 from .objects import Workbench
 from .own_words import data_name
 from .rigs import RIG_MARK, active_rig, mark_of
@@ -39,7 +43,7 @@ def make_picture(made: Workbench, frame: Floats, side: float) -> bpy.types.Objec
     """A square picture, of the lattice."""
     picture = made.rectangle("Kiriko Picture", frame, side, side)
     picture.kiriko.role, picture.show_in_front, picture.show_name = "PICTURE", True, True
-    image = made.keep(encoded_image("Kiriko Lattice", lattice()))
+    image = made.keep(packed_image("Kiriko Lattice", lattice_file()))
     picture.data.materials.append(
         made.material("Kiriko Picture", lambda m: shaders.show_picture(m, image))
     )
@@ -48,6 +52,12 @@ def make_picture(made: Workbench, frame: Floats, side: float) -> bpy.types.Objec
         # a guide: in the artist's own renders the light itself is there
         setattr(picture, f"visible_{kind}", False)
     return picture
+
+
+@cache
+def lattice_file() -> bytes:
+    """The default picture as a PNG file: the same for all rigs, so made once."""
+    return encoded(quantised(lattice(), "uint8"))
 
 
 def make_display(

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
@@ -11,6 +12,9 @@ import bpy
 import pytest
 
 from panel_layout import Layout
+
+# Blender has Python keep nothing of what it compiles, so that each run would compile all anew.
+sys.dont_write_bytecode = bool(os.environ.get("PYTHONDONTWRITEBYTECODE"))
 
 EXTENSION = "bl_ext.user_default.kiriko"
 ROOT = Path(__file__).resolve().parent.parent.parent

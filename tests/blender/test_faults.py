@@ -819,8 +819,8 @@ ADD_RIG_STAGES = (
     "core.blender.role_glass.read_glass",
     "core.light.kept.making_solids",
     "core.bench.light.tracing",
-    "core.blender.rig_objects.encoded_image",
-    "core.blender.image.quantised",
+    "core.blender.rig_objects.lattice_file",
+    "core.blender.rig_objects.packed_image",
     "core.blender.shaders.show_picture",
     "core.blender.new_rig.make_viewer",
 )
