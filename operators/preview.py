@@ -52,8 +52,7 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
     )
     reflections: bpy.props.BoolProperty(
         name="Reflections",
-        description="Glass reflects a part of the light; without, there is no noise, and total"
-        " reflection is black",
+        description="Glass reflects a part of the light; without, there is no noise",
         default=True,
     )
     surroundings: bpy.props.BoolProperty(

@@ -177,8 +177,7 @@ def render_map(scene: bpy.types.Scene, reading: Reading, **options: Any) -> np.n
     Returns
     -------
     (h, w, 3) float32: u and v of the display (origin bottom left), and 1 where the path arrived,
-    else 0; row 0 at the top. Good to about 0.002 display pixels of 512. Paths with total reflection
-    do not arrive.
+    else 0; row 0 at the top. Good to about 0.002 display pixels of 512.
     """
     with Preview(
         scene, reading, None, **options, samples=1, fresnel=False, filter_width=0.01

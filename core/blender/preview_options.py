@@ -13,8 +13,8 @@ class Options:
     percentage : of that size
     border : left, right, bottom, top of the part to render, 0..1 of the frame; None: all of it
     samples : per pixel
-    fresnel : glass splits light as real glass does (noise); else
-        it refracts all of it, black at total reflection
+    fresnel : glass splits light as real glass does (noise); else it
+        refracts all of it, or mirrors all where that is total reflection
     surroundings : objects without a role and the world are there too
     filter_width : None: each pixel is the mean over its
         square; else pixels, of a Blackman-Harris filter

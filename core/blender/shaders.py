@@ -160,24 +160,72 @@ def tint_in_eevee(
 
 
 def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
-    """Smooth clear glass; without Fresnel it refracts everything,
-    has no noise, and is black at total reflection.
+    """Smooth clear glass. Without Fresnel light is refracted, or
+    mirrored by total reflection: never parted, so that there is no noise.
     """
     tree, output = cleared(material)
-    glass = tree.nodes.new("ShaderNodeBsdfGlass" if fresnel else "ShaderNodeBsdfRefraction")
-    glass.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    glass.inputs["Roughness"].default_value = 0.0
-    glass.inputs["IOR"].default_value = ior
-    tree.links.new(glass.outputs[0], output.inputs["Surface"])
-    glass.location = (-220, 0)
+    if fresnel:
+        glass = _clear(tree, "ShaderNodeBsdfGlass", ior)
+        tree.links.new(glass.outputs[0], output.inputs["Surface"])
+        glass.location = (-220, 0)
+        return
+
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(_is_totally_reflected(tree, ior), mix.inputs[0])
+    for k, (name, index) in enumerate(
+        (("ShaderNodeBsdfRefraction", ior), ("ShaderNodeBsdfAnisotropic", None))
+    ):
+        shader = _clear(tree, name, index)
+        tree.links.new(shader.outputs[0], mix.inputs[k + 1])
+        shader.location = (-220, -200 * k - 100)
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    output.location = (220, 0)
+
+
+def _clear(tree: Any, name: str, ior: float | None) -> Any:
+    """A shader without roughness that absorbs nothing."""
+    node = tree.nodes.new(name)
+    node.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    node.inputs["Roughness"].default_value = 0.0
+    if ior is not None:
+        node.inputs["IOR"].default_value = ior
+    return node
+
+
+def _is_totally_reflected(tree: Any, ior: float) -> Any:
+    """A socket that is 1 where light is totally reflected at an interface, else 0: where the square
+    of the sine of its angle is above that of the critical angle, seen from the side it comes from.
+    """
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    cosine = tree.nodes.new("ShaderNodeVectorMath")
+    square, sine, limit, found = (tree.nodes.new("ShaderNodeMath") for _ in range(4))
+    cosine.operation = "DOT_PRODUCT"
+    square.operation, sine.operation = "MULTIPLY", "SUBTRACT"
+    limit.operation, found.operation = "MULTIPLY_ADD", "GREATER_THAN"
+
+    tree.links.new(geometry.outputs["Incoming"], cosine.inputs[0])
+    tree.links.new(geometry.outputs["Normal"], cosine.inputs[1])
+    for k in range(2):
+        tree.links.new(cosine.outputs["Value"], square.inputs[k])
+    sine.inputs[0].default_value = 1.0
+    tree.links.new(square.outputs[0], sine.inputs[1])
+
+    tree.links.new(geometry.outputs["Backfacing"], limit.inputs[0])
+    limit.inputs[1].default_value = ior**-2 - ior**2
+    limit.inputs[2].default_value = ior**2
+    tree.links.new(sine.outputs[0], found.inputs[0])
+    tree.links.new(limit.outputs[0], found.inputs[1])
+
+    row = (geometry, cosine, square, sine, limit, found)
+    for column, node in enumerate(row):
+        node.location = (220 * (column - len(row)) - 220, 0)
+    return found.outputs[0]
 
 
 def be_mirror(material: bpy.types.Material) -> None:
     """A mirror without loss."""
     tree, output = cleared(material)
-    glossy = tree.nodes.new("ShaderNodeBsdfAnisotropic")
-    glossy.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    glossy.inputs["Roughness"].default_value = 0.0
+    glossy = _clear(tree, "ShaderNodeBsdfAnisotropic", None)
     tree.links.new(glossy.outputs[0], output.inputs["Surface"])
 
 

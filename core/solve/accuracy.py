@@ -5,21 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import FLOAT32, Floats
+from ..arrays import FLOAT32, Floats, Ints
 from ..glass.meshes import areas_of
 from ..image.picture import of_square, picture_from_view
 from ..light.display import display_pixel
 from ..light.landings import Reason
 from ..light.plan import Plan
-from ..light.trace import tracing
-from ..rig import PicturePlace
+from ..light.trace import Step, tracing
 from ..steps import Pauses, at, within
-from ..viewer import Viewer
+from .contradicted import find_contradicted
 from .progress import STAGES
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
 # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
 LEAK_SAMPLES = 96
+ODD_SAMPLES = 48  # the same for light at normals that contradict faces: known to half a hundredth
 CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
 FURTHER = 4  # times as far
 
@@ -33,12 +33,15 @@ class Accuracy:
     leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
     caught : share, 0..1, of the light cut off by Max Events that
         FURTHER times as many surfaces do not set free
+    contradicted : for each glass, then each mirror, the share, 0..1, of the picture's light that
+        it bends by normals which contradict its faces
     """
 
     tessellation: Tessellation
     rounding: float
     leaks: tuple[float, ...]
     caught: float
+    contradicted: tuple[float, ...]
 
 
 def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accuracy]:
@@ -47,10 +50,11 @@ def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accur
     """
     found = yield from within(tessellation(plan), 0.0, STAGES.mesh_measured)
     open_light = yield from at(STAGES.mesh_measured, leaks(plan))
+    odd_light = yield from at(STAGES.leaks_measured, contradicted(plan))
     caught_light = 0.0
     if is_cut_off:
         caught_light = yield from at(STAGES.leaks_measured, caught(plan))
-    return Accuracy(found, rounding_error(plan), open_light, caught_light)
+    return Accuracy(found, rounding_error(plan), open_light, caught_light, odd_light)
 
 
 def rounding_error(plan: Plan) -> float:
@@ -96,14 +100,27 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     if not plan.open_parts:
         return (0.0,) * n_glasses
 
-    rays, cover = _picture_rays(plan.rig.picture_place, plan.viewer)
+    rays, cover = _picture_rays(plan)
     landings = yield from tracing(plan, *rays)
     leaked = landings.leak >= 0
-    weights = np.bincount(
-        plan.parts.owner[landings.leak[leaked]], cover[landings.sample[leaked]], n_glasses
-    )
+    owner = plan.parts.owner[landings.leak[leaked]]
+    return _shares(owner, cover[landings.sample[leaked]], n_glasses, cover.sum())
 
-    return tuple(float(weight) for weight in weights / max(cover.sum(), 1e-300))
+
+def contradicted(plan: Plan) -> Pauses[tuple[float, ...]]:
+    """For each glass, then each mirror, of a plan the share, 0..1, of the light that
+    carries the picture and is bent there by normals which contradict the faces.
+    """
+    n_parts = len(plan.rig.curved_parts())
+    if not plan.triangles.is_bent.any():
+        return (0.0,) * n_parts
+
+    rays, cover = _picture_rays(plan, ODD_SAMPLES)
+    steps: list[Step] = []
+    yield from tracing(plan, *rays, steps=steps)
+    part = find_contradicted(plan, rays[0], steps)
+    odd = part >= 0
+    return _shares(part[odd], cover[odd], n_parts, cover.sum())
 
 
 def caught(plan: Plan) -> Pauses[float]:
@@ -113,7 +130,7 @@ def caught(plan: Plan) -> Pauses[float]:
     Light comes into a whole solid as it goes out: light that never
     does so is held by faces that contradict each other.
     """
-    (origins, directions), _ = _picture_rays(plan.rig.picture_place, plan.viewer)
+    (origins, directions), _ = _picture_rays(plan)
     landings = yield from tracing(plan, origins, directions)
     cut_off = np.unique(landings.sample[landings.reason == Reason.CUT_OFF])
     if not len(cut_off):
@@ -127,14 +144,20 @@ def caught(plan: Plan) -> Pauses[float]:
     return len(np.unique(further.sample[further.reason == Reason.CUT_OFF])) / len(some)
 
 
-def _picture_rays(picture: PicturePlace, viewer: Viewer) -> tuple[tuple[Floats, Floats], Floats]:
-    """Origins and directions (n, 3) of rays on which a viewer sees the picture.
+def _shares(part: Ints, cover: Floats, n_parts: int, whole: float) -> tuple[float, ...]:
+    """The share of the whole light that each part has of rays (n,) with a cover (n,)."""
+    weights = np.bincount(part, cover, n_parts)
+    return tuple(float(weight) for weight in weights / max(whole, 1e-300))
 
-    How much each sees of it, 0..1.
+
+def _picture_rays(plan: Plan, side: int = LEAK_SAMPLES) -> tuple[tuple[Floats, Floats], Floats]:
+    """Origins and directions (n, 3) of rays on which a viewer sees the picture,
+    at most `side` each way, and how much each sees of it, 0..1.
     """
-    side = np.arange(LEAK_SAMPLES) + 0.5
-    xy = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    xy *= np.array([viewer.width, viewer.height]) / LEAK_SAMPLES
-    cover = picture_from_view(picture, viewer, xy, of_square(1.0)).cover
+    viewer = plan.viewer
+    along = np.arange(side) + 0.5
+    xy = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    xy *= np.array([viewer.width, viewer.height]) / side
+    cover = picture_from_view(plan.rig.picture_place, viewer, xy, of_square(1.0)).cover
     seen = cover > 0
     return viewer.rays(xy[seen]), cover[seen]

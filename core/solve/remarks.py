@@ -32,6 +32,9 @@ LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is
 # outline of a picture of few pixels show is known to half of that
 LEAST_CUT = 0.01
 BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
+# of the picture's light: where normals contradict faces for more of it it is worth a remark; balls
+# have that along their outline
+LEAST_CONTRADICTED = 0.01
 UNDECIDED = 0.01  # share of the light whose way may be another one
 # of the light that is cut off: where more never comes free, to raise the limit does not help
 MOST_CAUGHT = 0.9
@@ -82,7 +85,7 @@ def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark
 
     yield from _on_frame(rig, plan.viewer)
     yield from _on_gaps(rig, plan, accuracy.leaks)
-    yield from _on_normals(rig, plan)
+    yield from _on_normals(rig, plan, accuracy.contradicted)
     yield from _on_doubted(rig, plan)
     yield from _on_cut_off(plan, channel.misses, accuracy.caught)
     yield from _on_chaos(rig, plan, error)
@@ -130,9 +133,18 @@ def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]
             )
 
 
-def _on_normals(rig: Rig, plan: Plan) -> Iterator[Remark]:
-    for part, n in zip((*rig.glasses, *rig.mirrors), plan.counts.n_contradicted, strict=True):
-        if n:
+def _on_normals(rig: Rig, plan: Plan, contradicted: tuple[float, ...]) -> Iterator[Remark]:
+    parts = rig.curved_parts()
+    for part, share, n in zip(parts, contradicted, plan.counts.n_contradicted, strict=True):
+        if share > LEAST_CONTRADICTED:
+            yield note(
+                "{share} of the picture's light meets normals of '{part}' that contradict its"
+                " faces, and lands elsewhere in renderers such as Cycles: mark edges there sharp"
+                " (Shade Smooth by Angle), or subdivide.",
+                share=percent(share),
+                part=part.name,
+            )
+        elif n:
             yield note(
                 "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or"
                 " are missing, so that light follows the flat facets there. Mark edges"

@@ -1,13 +1,13 @@
 """Where the light of each viewer pixel lands, beside Cycles, through glass as artists bring it.
 
 `python3 scripts/dev.py cycles [--glass NAME ...] [--surface CHOICE ...] [--pixels N]`. Add Rig sets
-each glass up, and Cycles traces the middle of each viewer pixel; in single precision, and without
-total reflection. Differences in display px, of 512. `apart` is the share of rays that arrive in
-Cycles and land more than a pixel elsewhere or nowhere in Kiriko: pixels on a border between two
-ways. `compared` is the share of Kiriko's light that arrives in Cycles, too. `gaps` is the share of
-Kiriko's light that goes in or out by a gap in open glass, as the result tells it; then 95 % and
-`apart` without it. Light beside the glass does not count. Where faces are curved, Cycles sees them
-cut into as many triangles as memory allows.
+each glass up, and Cycles traces the middle of each viewer pixel, in single precision. Differences
+in display px, of 512. `apart` is the share of rays that arrive in Cycles and land more than a pixel
+elsewhere or nowhere in Kiriko: pixels on a border between two ways. `compared` is the share of
+Kiriko's light that arrives in Cycles, too. `gaps` and `normals` are the shares of Kiriko's light
+that goes in or out by a gap in open glass, and that is bent by normals which contradict their
+faces, as the result tells them; then 95 % and `apart` without both. Light beside the glass does not
+count. Where faces are curved, Cycles sees them cut into as many triangles as memory allows.
 """
 
 from __future__ import annotations
@@ -47,23 +47,26 @@ def main() -> None:
 
     rows = [
         f"{'glass':<16}{'surface':>10}{'median px':>11}{'95 % px':>9}"
-        f"{'apart %':>9}{'compared %':>12}{'gaps %':>9}{'95 % px':>9}{'apart %':>9}"
+        f"{'apart %':>9}{'compared %':>12}{'gaps %':>9}{'normals %':>11}"
+        f"{'95 % px':>9}{'apart %':>9}"
     ]
     for name in arguments.glass:
         for choice in arguments.surface:
             scene = set_up(name, choice, arguments.pixels)
             found = compared(scene, read(bpy.context.evaluated_depsgraph_get(), scene))
-            is_glass, by_gap = found.is_glass, found.by_gap
+            is_glass = found.is_glass
+            is_told = found.by_gap | found.by_odd_normal
             of_all, of_rest = (
                 defaultdict(
                     lambda: np.nan,
                     how_far(found.is_ours & some, found.is_theirs & some, found.off) or {},
                 )
-                for some in (is_glass, is_glass & ~by_gap)
+                for some in (is_glass, is_glass & ~is_told)
             )
-            gaps = 100 * by_gap[found.is_ours & is_glass].mean()
+            is_ours = found.is_ours & is_glass
+            gaps, odd = (100 * some[is_ours].mean() for some in (found.by_gap, found.by_odd_normal))
             told = f"{of_all['median']:11.4f}{of_all['most']:9.4f}{100 * of_all['apart']:9.2f}"
-            told += f"{100 * of_all['both']:12.1f}{gaps:9.2f}"
+            told += f"{100 * of_all['both']:12.1f}{gaps:9.2f}{odd:11.2f}"
             told += f"{of_rest['most']:9.4f}{100 * of_rest['apart']:9.2f}"
             rows.append(f"{name:<16}{choice:>10}{told}")
 

@@ -20,7 +20,7 @@ import sys
 import tempfile
 import warnings
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -36,9 +36,10 @@ from kiriko.core.blender.image import pixels_from_image
 from kiriko.core.blender.nested_glass import interfaces
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
-from kiriko.core.light.trace import trace_all
+from kiriko.core.light.trace import Step, trace_all, tracing
 from kiriko.core.rig import Rig
 from kiriko.core.settings import Settings
+from kiriko.core.solve.contradicted import find_contradicted
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.both_ways import find_parted
@@ -365,9 +366,9 @@ def is_comparable(reading: blender_scene.Reading, dice: Dice) -> bool:
 class Compared:
     """Landings of the middles of the viewer's pixels (n,), row by row, in core and in Cycles.
 
-    is_ours, is_theirs : those that arrive in core, and in Cycles, without total reflection, which
-        Cycles' map has not; off : display px apart, NaN where they do not arrive in both; is_glass,
-        by_gap : of core's, those that meet glass, and go in or out by a gap in it
+    is_ours, is_theirs : those that arrive in core, and in Cycles; off : display px apart, NaN where
+        they do not arrive in both; is_glass, by_gap, by_odd_normal : of core's, those that meet
+        glass, go in or out by a gap in it, and are bent by a normal that contradicts its face
     """
 
     is_ours: np.ndarray
@@ -375,6 +376,7 @@ class Compared:
     off: np.ndarray
     is_glass: np.ndarray
     by_gap: np.ndarray
+    by_odd_normal: np.ndarray
 
 
 def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared:
@@ -382,22 +384,25 @@ def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared
     rig = reading.rig
     x, y = np.meshgrid(np.arange(rig.viewer.width) + 0.5, np.arange(rig.viewer.height) + 0.5)
     rays = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
-    every, through = (
-        trace_all(make_plan(rig, Settings(max_events=scene.kiriko.max_events, **options)), *rays)
-        for options in ({"only_through_glass": False}, {"only_through_glass": True})
-    )
+    settings = Settings(max_events=scene.kiriko.max_events, only_through_glass=False)
+    plan = make_plan(rig, settings)
+    every = trace_all(plan, *rays)
+    through = trace_all(make_plan(rig, replace(settings, only_through_glass=True)), *rays)
     xy = np.full((x.size, 2), np.nan)
     inside, _ = every.pixels(rig.display.width, rig.display.height)
     xy[every.sample[inside]] = every.xy[inside]
     is_glass, by_gap = np.zeros((2, x.size), bool)
     is_glass[through.sample[through.reason != Reason.MISSED_GLASS]] = True
     by_gap[every.sample[every.leak >= 0]] = True
+    steps: list[Step] = []
+    finish(tracing(plan, *rays, steps=steps))
+    by_odd_normal = find_contradicted(plan, rays[0], steps) >= 0
 
     carried = blender_preview.render_map(scene, reading).reshape(-1, 3)
     is_theirs = carried[:, 2] > 0.5
     theirs = (carried[:, :2] * [1, -1] + [0, 1]) * [rig.display.width, rig.display.height]
     off = np.where(is_theirs, np.linalg.norm(xy - theirs, axis=1), np.nan)
-    return Compared(np.isfinite(xy[:, 0]), is_theirs, off, is_glass, by_gap)
+    return Compared(np.isfinite(xy[:, 0]), is_theirs, off, is_glass, by_gap, by_odd_normal)
 
 
 def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:

@@ -549,6 +549,14 @@ RESULT = Section(
             "サブディビジョンサーフェスで面を増やすと、小さくなります。",
         ),
         Advice(
+            "{share} of the picture's light meets normals of '{part}' that contradict its faces,"
+            " and lands elsewhere in renderers such as Cycles: mark edges there sharp (Shade Smooth"
+            " by Angle), or subdivide.",
+            "Text that was shaded smooth around its corners is the usual case: real glass has sharp"
+            " edges there.",
+            "角までスムーズシェードにしたテキストがよくある例です。実物のガラスでは、そこに稜線があります。",
+        ),
+        Advice(
             "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or are missing,"
             " so that light follows the flat facets there. Mark edges there sharp (Shade Smooth by"
             " Angle), or subdivide.",

@@ -80,11 +80,11 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     """Landings of the viewer's pixels agree with Cycles, which
     knows nothing of vertices that faces share.
 
-    To single precision, in which Cycles works. It turns normals that look away from the light, as
-    those of a text's sides do, which are shaded smooth around corners: so a little of a text's
-    light goes another way there.
+    To single precision, in which Cycles works. It turns normals that contradict their face, as
+    those of a text's sides do, which are shaded smooth around corners: light that meets such is
+    told, and goes another way there.
     """
-    from fuzz.run import judge
+    from fuzz.run import compared, how_far
     from kiriko.core.solve.session import Session
     from kiriko.core.steps import finish
 
@@ -95,10 +95,14 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     assert bpy.ops.kiriko.add_rig(**sizes) == {"FINISHED"}
 
     reading = read(scene)
-    found = judge(scene, reading)
+    light = compared(scene, reading)
+    agrees = ~light.by_odd_normal
+    found = how_far(light.is_ours & agrees, light.is_theirs & agrees, light.off)
     assert found["median"] < 5e-3
     assert found["most"] < 0.02
-    assert found["only_theirs"] < (0.03 if "text" in name else 2e-3)
+    assert found["only_theirs"] < 2e-3
+    assert found["apart"] < 5e-3
+    assert found["both"] > 0.98
 
     solution = finish(Session().solve(reading.rig))
     assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1, abs=1e-9)

@@ -327,10 +327,22 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
         (0.0, share, 0.89, "and is cut off: raise Max Events"),
         (0.0, share, 0.91, "is caught in the glass"),
     ):
-        accuracy = Accuracy(Tessellation(), 0.0, (leaked,), caught)
+        accuracy = Accuracy(Tessellation(), 0.0, (leaked,), caught, (0.0,))
         misses = {"cut off by Max Events": cut_off}
         found = remarks_of(plan, accuracy, NO_ERROR, misses)
         assert [words in remark.text and remark.is_warning for remark in found] == [True] * is_told
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.0099, False), (0.0101, True)])
+def test_light_at_contradicting_normals_is_told_from_a_hundredth_on(share, is_told):
+    """In place of the number of such triangles, which says nothing of the light."""
+    plan = make_plan(ball_rig(1, pixels=8), Settings())
+    plan = replace(plan, counts=replace(plan.counts, n_contradicted=(3,)))
+    accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0, (share,))
+    (remark,) = remarks_of(plan, accuracy, NO_ERROR)
+    assert not remark.is_warning
+    assert ("picture's light meets normals of 'glass'" in remark.text) == is_told
+    assert ("of 3 smooth triangles of 'glass'" in remark.text) != is_told
 
 
 @pytest.mark.parametrize(
@@ -348,7 +360,7 @@ def test_the_remedy_is_for_the_largest_cause(bends, unresolved, cut_off, noise, 
     Noise is no cause.
     """
     plan = make_plan(ball_rig(3, pixels=8), Settings())
-    accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0)
+    accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0, (0.0,))
     error = replace(
         NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off, noise=noise
     )
