@@ -406,9 +406,12 @@ def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared
 
 
 def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, float] | None:
-    """Differences of landings in core and in Cycles, display px, and shares, 0..1."""
+    """Differences of landings in core and in Cycles, display px, and shares, 0..1; without
+    light at normals that contradict their face, which Cycles turns.
+    """
     found = compared(scene, reading)
-    return how_far(found.is_ours, found.is_theirs, found.off)
+    agrees = ~found.by_odd_normal
+    return how_far(found.is_ours & agrees, found.is_theirs & agrees, found.off)
 
 
 def how_far(is_ours: np.ndarray, is_theirs: np.ndarray, off: np.ndarray) -> dict[str, float] | None:
