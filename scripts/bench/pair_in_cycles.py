@@ -63,7 +63,9 @@ class Pair:
         return px.size > 0 and bool((px.mean(axis=1) < MOST_MEAN).all() and px.max() < MOST_SINGLE)
 
 
-def pairs(scene: bpy.types.Scene, ways: tuple[str, ...] = WAYS) -> Iterator[Pair]:
+def pairs(
+    scene: bpy.types.Scene, ways: tuple[str, ...] = WAYS, samples: int = lattice.SAMPLES
+) -> Iterator[Pair]:
     """What the scene's two viewers that are on see, the left one before the right."""
     settings = Settings(disagreement="sharp")
     session = Session()
@@ -85,7 +87,7 @@ def pairs(scene: bpy.types.Scene, ways: tuple[str, ...] = WAYS) -> Iterator[Pair
             reading = _reading(scene, number)
             solution = finish(session.solve(reading.rig, settings))
             ideal, seen = solution.ideal(), solution.seen(source)
-            dots = lattice.dots_in_cycles(scene, reading, source, ideal, seen)
+            dots = lattice.dots_in_cycles(scene, reading, source, ideal, seen, samples)
             camera = scene.kiriko.viewers[number].camera
             sights.append(line_of_sight(camera, dots.size, dots.shown.reshape(-1, 2)))
         depth, vertical = _judged(scene, sights)

@@ -14,7 +14,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 from panel_layout import Layout
-from small_rigs import inventory, pixels, show_scene, small_rig
+from small_rigs import inventory, pixels, short_reports, show_scene, small_rig
 
 LEFT, RIGHT = "Kiriko Left Eye", "Kiriko Right Eye"
 
@@ -519,6 +519,7 @@ def test_two_that_are_no_pair_are_told_why_in_words(
     rig: dict,
     tmp_path: Path,
     capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """In the panel and in the terminal, once, the sentence of core, while two are on; of one above
     the other, also where the picture is in their own pixels.
@@ -539,6 +540,7 @@ def test_two_that_are_no_pair_are_told_why_in_words(
     assert "two_eyes" not in details()
     assert why in " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
 
+    short_reports(kiriko, monkeypatch)
     file = str(tmp_path / "rig.blend")
     bpy.ops.wm.save_as_mainfile(filepath=file)
     for verb, more in (("solve", ()), ("eyes", ()), ("report", ("--seconds", 0))):

@@ -59,7 +59,8 @@ def test_worker_solves_with_nothing_installed(installed: str, job: Path) -> None
     the temporary folder.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.kiriko.add_rig(viewer_resolution=64)
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    bpy.context.scene.kiriko.tolerance = 1.0
     file = job / "rig 一.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=True)
 

@@ -12,9 +12,10 @@ import pytest
 
 @pytest.fixture
 def rig(installed: str, tmp_path: Path) -> Path:
-    """A saved file with the rig that one button makes, seen with few pixels."""
+    """A saved file with the rig that one button makes, seen with few pixels, and roughly."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.ops.kiriko.add_rig(viewer_resolution=96)
+    bpy.ops.kiriko.add_rig(viewer_resolution=96, display_resolution=(96, 96))
+    bpy.context.scene.kiriko.tolerance = 1.0
     path = tmp_path / "rig.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     return path
