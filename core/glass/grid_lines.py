@@ -33,11 +33,14 @@ class LineKnobs:
     ends : so many of the smoothest lines that start at a vertex are smooth: two lines cross there,
         with four ends. The diagonals of quads need not be smooth, and one line alone is the circle
         of any lathe
+    straight : rad, to the next edge: lines that bend by less are straight, and so not coarse. What
+        they bend by is rounding: of float32, up to 1e-5 in edges of a hundredth of the size
     """
 
     bent: float = np.sqrt(0.7)
     vertices: int = 7
     ends: int = 3
+    straight: float = 1e-3
 
 
 LINES = LineKnobs()
@@ -62,7 +65,8 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     The scatter is the highest difference along the line (rms 1 for vertices that are off by 1 at
     random). What is counted is off in any direction: sideways a remeshed mesh is off most. The
     phase is the fourth difference over the second, in the middle: on an ellipse or a wave of n
-    vertices both are of one direction, and (2 sin(pi / n))^2 apart whatever its axes.
+    vertices both are of one direction, and (2 sin(pi / n))^2 apart whatever its axes. That of a
+    straight line is 0, but for rounding.
     """
     across = _find_across(v)
     yield 0
@@ -88,7 +92,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
         yield 0
 
     off, bends, bend = (length_of(difference) for difference in differences)
-    phase = bends / np.maximum(bend, np.finfo(float).tiny)
+    phase = bends / np.maximum(bend, LINES.straight * taken(size, v.start))
 
     # near a rim a line has no room one way, and counts for both
     has_room = is_line | (across < 0)

@@ -227,15 +227,19 @@ def _are_trusted(
     trial = yield from on_trial(at, faces.coefficients, taken(v.normal, vertex), agreed)
     yield 0
     is_near = trial.trusted(vertex)
-    if trial.is_coarse.any() and not is_near.all():
+    if not is_near.all():
         yield 0
         lines = yield from look_along_lines(v, size)
-        is_fine = trial.on_lines(lines.scatter[vertex], lines.phase[vertex]).trusted(vertex)
+        scatter = lines.scatter[vertex]
+        is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
 
-        # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
-        along = np.concatenate([vertex[:, :2], vertex[:, 1:]]).T
-        piece = components(len(v.at), *along)[vertex[:, 0]]
-        is_near |= ~np.isin(piece, piece[~is_fine])
+        if trial.is_coarse.any() and not is_near.all():
+            is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
+
+            # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
+            along = np.concatenate([vertex[:, :2], vertex[:, 1:]]).T
+            piece = components(len(v.at), *along)[vertex[:, 0]]
+            is_near |= ~np.isin(piece, piece[~is_fine])
 
     is_trusted = ~faces.is_swollen & is_near
     if is_trusted.all():

@@ -13,8 +13,12 @@ from kiriko.core.glass.meshes import find_edges, find_joined
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import tangent_planes
 from kiriko.core.glass.vertices import find_vertices
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from known.reference_rigs import mean_normals, torus, uv_ellipsoid
+from known.catmull_clark import Cage, limit_mesh
+from known.reference_rigs import mean_normals, rig, smooth_mesh, split_quads, torus, uv_ellipsoid
 
 MAJOR, MINOR = 0.020, 0.005  # m
 RADII = (0.025, 0.020, 0.015)
@@ -53,6 +57,28 @@ def curved_share(mesh):
     return make_surface(replace(mesh, surface="automatic")).n_curved / len(mesh.triangles)
 
 
+def ring_cage(profile, n):
+    """A profile of (radius, height) (m, 2), turned in n steps to a ring around the y axis."""
+    a = 2 * np.pi * np.arange(n)[:, None] / n
+    radius, height = profile.T
+    grid = np.stack([radius * np.cos(a), height + 0 * a, -radius * np.sin(a)], axis=-1)
+    index = np.arange(grid[..., 0].size).reshape(n, -1)
+    on, up = np.roll(index, -1, axis=0), np.roll(index, -1, axis=1)
+    quads = np.stack([index, on, np.roll(on, -1, axis=1), up], axis=-1)
+    return Cage.of(grid.reshape(-1, 3), np.full(index.size, 4), quads.ravel())
+
+
+def landings(mesh, surface, n=1500):
+    """Where random rays through the viewer land (n, 2), display px, by a choice of surface."""
+    a_rig = rig(replace(mesh, surface=surface), display=0.2, display_pixels=512)
+    size = [a_rig.viewer.width, a_rig.viewer.height]
+    rays = a_rig.viewer.rays(np.random.default_rng(3).uniform(0, size, (n, 2)))
+    found = trace_all(make_plan(a_rig, Settings()), *rays)
+    xy = np.full((n, 2), np.nan)
+    xy[found.sample] = found.xy
+    return xy
+
+
 @pytest.mark.parametrize(("segments", "rings"), [(48, 12), (32, 8), (64, 16)])
 def test_vertices_of_a_torus_are_off_by_the_difference_of_a_circle(segments, rings):
     """The closed form of the sixth difference on a circle, around
@@ -69,6 +95,45 @@ def test_lines_of_an_ellipsoid_are_as_coarse_as_those_of_a_ball(radii, segments,
     by_circle = max((2 * np.sin(np.pi / n)) ** 2 for n in (segments, 2 * rings))
     _, phase = looked_at(uv_ellipsoid(radii, segments, rings))
     assert phase[segments : -segments - 2] == pytest.approx(by_circle, rel=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("segments", [12, 32])
+def test_straight_lines_of_an_oval_tube_are_not_coarse(segments, dtype):
+    """It is as coarse as the ellipse around it: of lines that do not bend rounding alone is left,
+    in Blender's coordinates as well.
+    """
+    a = 2 * np.pi * np.arange(segments) / segments
+    z = np.broadcast_to(np.linspace(-0.03, 0.03, 17)[:, None], (17, segments))
+    places = np.stack([0.025 * np.cos(a) + 0 * z, 0.015 * np.sin(a) + 0 * z, z], axis=-1)
+    out = np.stack([np.cos(a) / 0.025 + 0 * z, np.sin(a) / 0.015 + 0 * z, 0 * z], axis=-1)
+    index = np.pad(np.arange(z.size).reshape(z.shape), ((0, 0), (0, 1)), mode="wrap")
+    tube = smooth_mesh(
+        places.reshape(-1, 3).astype(dtype).astype(float),
+        split_quads(index)[:, ::-1],
+        out.reshape(-1, 3),
+    )
+    _, phase = looked_at(tube)
+    assert phase == pytest.approx((2 * np.sin(np.pi / segments)) ** 2, rel=1e-3)
+
+
+def test_subdivided_glass_is_curved_where_its_patches_meet():
+    """A ring by three levels of Subdivision, against the limit of its cage. Normals jump by up to
+    two fifths of the gain at the edges between the patches of the spline that it is.
+    """
+    profile = [(12, -4), (20, -4), (28, -3), (28, 3), (20, 4), (12, 4)]
+    cage = ring_cage(1e-3 * np.array(profile), 24)
+    mesh = mean_normals(limit_mesh(cage, 3))
+    assert curved_share(mesh) == 1
+
+    exact = landings(limit_mesh(cage, 4), "smooth")
+    drawn, automatic = (
+        np.linalg.norm(landings(mesh, choice) - exact, axis=1) for choice in ("facets", "automatic")
+    )
+    known = np.isfinite(drawn + automatic)
+    assert known.sum() > 500
+    for share in (0.5, 0.9, 0.99):
+        assert 50 * np.quantile(automatic[known], share) < np.quantile(drawn[known], share)
 
 
 def test_vertices_off_their_place_are_off_by_about_as_much():
