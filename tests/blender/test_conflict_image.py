@@ -13,6 +13,8 @@ import pytest
 from panel_layout import Layout
 from small_rigs import pixels, small_rig
 
+pytestmark = pytest.mark.usefixtures("no_remedies")
+
 
 @pytest.fixture
 def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:

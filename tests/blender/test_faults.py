@@ -318,7 +318,11 @@ class Window:
 
 @pytest.fixture
 def rig(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: bpy.types.Scene,
+    kiriko: ModuleType,
+    no_remedies: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> dict:
     """A small rig with a result that is out of date, since the glass was turned.
 
@@ -351,7 +355,9 @@ def rig(
 
 
 @pytest.fixture
-def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Window:
+def window(
+    scene: bpy.types.Scene, kiriko: ModuleType, no_remedies: None, monkeypatch: pytest.MonkeyPatch
+) -> Window:
     """An interface, each of whose turns does one step."""
     window = Window()
     app = SimpleNamespace(
@@ -364,7 +370,6 @@ def window(scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.Monke
     monkeypatch.setattr(part("operators.work"), "bpy", shown)
     monkeypatch.setattr(part("operators.long_work"), "bpy", shown)
     monkeypatch.setattr(part("operators.long_work"), "TURN", 0.0)
-    monkeypatch.setattr(part("operators.remedies"), "SECONDS", inf)  # as many steps at any pace
     return window
 
 
@@ -443,11 +448,14 @@ def full_disk(size: int = 100) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("name", marked(LONG))
-def test_esc_at_every_step_changes_nothing(rig: dict, window: Window, name: str) -> None:
+def test_esc_at_every_step_changes_nothing(
+    rig: dict, window: Window, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     """Wherever it is stopped all is as before.
 
     A result made afterwards is, to the bit, that of a fresh session.
     """
+    monkeypatch.setattr(part("operators.remedies"), "SECONDS", inf)  # as many steps at any pace
     operator = pressed(name, window)
     n_steps = 0
     while operator.modal(window, TIMER) == {"PASS_THROUGH"}:

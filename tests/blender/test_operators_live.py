@@ -1,5 +1,6 @@
 import importlib
 from collections.abc import Iterator
+from math import inf
 from types import ModuleType
 
 import bpy
@@ -13,7 +14,7 @@ MANY = 2000  # turns of which none of these rigs needs a tenth
 
 
 @pytest.fixture
-def live(scene: bpy.types.Scene, kiriko: ModuleType) -> Iterator[ModuleType]:
+def live(scene: bpy.types.Scene, kiriko: ModuleType, no_remedies: None) -> Iterator[ModuleType]:
     """Module operators.live on an empty scene; nothing is followed before and after."""
     yield kiriko.operators.live
     kiriko.operators.live.stop()
@@ -112,12 +113,10 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
 @pytest.mark.newest_only(
     reason="drivers and scripts are followed by what other tests of Live follow"
 )
-def test_a_head_is_followed_along_a_path(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_head_is_followed_along_a_path(live: ModuleType) -> None:
     """A viewer that a driver and a script move, as a head tracker's add-on does: each of 100
     positions has an image of its own, and the last of each ten is that of a plain solve.
     """
-    remedies = importlib.import_module(f"{EXTENSION}.operators.remedies")
-    monkeypatch.setattr(remedies, "SECONDS", 0.0)
     follow(live, viewer_resolution=32, display_resolution=(32, 32), picture_size=0.015)
     scene = bpy.context.scene
     camera = scene.camera
@@ -145,8 +144,9 @@ def test_a_head_is_followed_along_a_path(live: ModuleType, monkeypatch: pytest.M
         before = after
 
 
-def test_remedies_follow_the_final_image(live: ModuleType) -> None:
+def test_remedies_follow_the_final_image(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """As after Solve, where light is lost: a plate of 3 cm is too small."""
+    monkeypatch.setattr(importlib.import_module(f"{EXTENSION}.operators.remedies"), "SECONDS", inf)
     rig = follow(live)
     result = bpy.context.scene.kiriko.result
     kept = importlib.import_module(f"{EXTENSION}.core.blender.kept")

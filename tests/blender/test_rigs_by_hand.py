@@ -15,6 +15,8 @@ from small_rigs import cube, pixels
 from test_remove_rig import differences, snapshot
 from test_rigs import add, choose, gem, two
 
+pytestmark = pytest.mark.usefixtures("no_remedies")
+
 
 def roles(kiriko: ModuleType) -> dict[str, list[str]]:
     """Names of the active rig's parts, by their roles."""

@@ -16,6 +16,8 @@ from mathutils import Vector
 from panel_layout import Layout
 from small_rigs import inventory, pixels, short_reports, show_scene, small_rig
 
+pytestmark = pytest.mark.usefixtures("no_remedies")
+
 LEFT, RIGHT = "Kiriko Left Eye", "Kiriko Right Eye"
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from small_rigs import new_object, primitive, small_rig
 
+pytestmark = pytest.mark.usefixtures("no_remedies")
+
 CHANGED = "The scene has changed since: solve again"
 
 
