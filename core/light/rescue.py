@@ -63,12 +63,19 @@ class _Nearest:
         self._accept = question.accept
 
     def keep(self, i: Ints, found: Hits, is_met: Bools | None = None) -> None:
-        """Keep hits found for rays of numbers i (n,) among these where they are nearer."""
-        is_nearer = (found.distance > self._least) & (found.distance < self.hits.distance[i])
+        """Keep hits found for rays of numbers i (n,) among these where they are nearer.
+
+        Of faces at the same distance the first by number counts, whichever is found first.
+        """
+        mine = self.hits.distance[i]
+        is_nearer = (found.distance > self._least) & (
+            (found.distance < mine)
+            | (found.distance == mine) & (found.triangle < self.hits.triangle[i])
+        )
         good = np.flatnonzero(is_nearer if is_met is None else is_met & is_nearer)
         good = good[self._accept(self.rays[i[good]], found.at(good))[0]]
         # nearest last, so that it is the one that stays
-        good = good[np.argsort(-found.distance[good], kind="stable")]
+        good = good[np.lexsort((-found.triangle[good], -found.distance[good]))]
         self.hits.put(i[good], found.at(good))
 
     def put_into(self, hits: Hits) -> Ints:

@@ -3,8 +3,10 @@ short steps, however many faces they may meet.
 """
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.surfaces import make_surface
@@ -43,3 +45,30 @@ def test_lost_rays_are_looked_for_in_pieces():
     assert peak < 60e6
     assert steps > 50
     assert (hits.triangle >= 0).mean() > 0.9
+
+
+@pytest.mark.parametrize("pairs_at_once", [1, 50, 1 << 13])
+def test_of_faces_in_one_place_the_first_by_number_is_met(monkeypatch, pairs_at_once):
+    """However many pairs are tested together, and whichever rays are asked with a ray."""
+    monkeypatch.setattr(rescue, "RESCUE", replace(rescue.RESCUE, near_at_once=pairs_at_once))
+    random = np.random.default_rng(0)
+    some = random.normal(size=(40, 3, 3))
+    layer = Layer(np.concatenate([some, some[::-1]]))
+    towards = some.mean(axis=1)
+    origins = random.normal(size=(40, 3))
+    away = (towards - origins) / np.linalg.norm(towards - origins, axis=1, keepdims=True)
+
+    def accept(i, found):
+        return np.ones(len(i), bool), np.zeros(len(i), bool)
+
+    def met(rays):
+        hits = Hits.none(40, None)
+        question = Question(Lines(origins, away), accept)
+        for _ in rescue.ask_all_triangles(layer, question, rays, hits):
+            pass
+        return hits.triangle[rays]
+
+    together = met(np.arange(40))
+    assert (together >= 0).all()
+    assert (together < 40).all()
+    assert [met(np.array([ray]))[0] for ray in range(40)] == together.tolist()
