@@ -107,42 +107,117 @@ class Roots(NamedTuple):
 
 def follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
     """Roots of whichever side, each followed over so many faces."""
-    found = _newton(faces, spots._replace(triangle=spots.triangle.copy()), lines)
-    is_done = found.is_met.copy()
-    todo = np.arange(len(is_done))
+    n = max(len(spots.triangle), 1)
+    some = [slice(first, first + FACES_AT_ONCE) for first in range(0, n, FACES_AT_ONCE)]
+    parts = [_follow(faces, spots.at(part), lines.at(part), walks) for part in some]
+    if len(parts) == 1:
+        return parts[0]
+    return Roots(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    for walk in range(walks):
-        if walk:
-            others = _newton(faces, found.spots.at(todo), lines.at(todo))
-            found.put(todo, others)
-            is_done = others.is_met
+
+def _follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
+    # near a turning point the matrix is singular: such
+    # rays do not converge, and count as no hit
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        way = _Way(faces, spots, lines)
+        live = np.arange(len(way.k))
+        while True:
+            goes_on = _goes_on(way.u[live], way.v[live], way.size[live], way.n_steps[live])
+            through = live[~goes_on]
+            live = live[goes_on]
+            if len(through):
+                live = np.concatenate([live, way.step_over(through, walks)])
+            if not len(live):
+                return way.roots()
+            way.step(live)
+
+
+class _Way:
+    """Newton's method on the part of point(u, v) - origin across rays, face by face.
+
+    Rays step together, though one may be on its third face while another is on its first: a step
+    of few takes nearly as long as one of many. Steps and range are limited.
+    """
+
+    def __init__(self, faces: CurvedFaces, spots: Spots, lines: Lines) -> None:
+        self.faces, self.lines = faces, lines
+        self.k = k = spots.triangle.copy()
+        self.c, self.away = _seen_from(faces, k, lines)
+        self.d = lines.directions.T.copy()
+        self.is_met = np.zeros(len(k), bool)
+        self.n_steps = np.full(len(k), 2)
+        self.n_faces = np.ones(len(k), np.int64)
+
+        # two steps of all rays: hardly any is done sooner
+        u, v, _ = _step(self.c, self.away, self.d, spots.u, spots.v)
+        self.u, self.v, self.size = _step(self.c, self.away, self.d, u, v)
+
+    def step(self, some: Ints) -> None:
+        """Take a step of some rays."""
+        self.u[some], self.v[some], self.size[some] = _step(
+            self.c.take(some, axis=2),
+            self.away.take(some, axis=1),
+            self.d.take(some, axis=1),
+            self.u[some],
+            self.v[some],
+        )
+        self.n_steps[some] += 1
+
+    def step_over(self, some: Ints, walks: int) -> Ints:
+        """Take note of roots of some rays that are through with their faces; those rays that go
+        on on the next face, of so many in all.
+        """
+        u, v = self.u[some], self.v[some]
+        row = self.faces.row[self.k[some]]
 
         # distances from the edges
-        u = found.u[todo]
-        v = found.v[todo]
         outside = np.stack([v, 1 - u - v, u])
         least = np.minimum(np.minimum(outside[0], outside[1]), outside[2])
-        row = faces.row[found.triangle[todo]]
-        is_within = least >= -faces.slack(row)
-        found.is_met[todo] = is_done & is_within
+        is_done = self.size[some] < ROOTS.converged
+        is_within = least >= -self.faces.slack(row)
+        self.is_met[some] = is_done & is_within
 
         # a root beyond an edge, or one that is looked for
         # far beyond it, may lie on the next face
-        left = np.flatnonzero(~is_within & (is_done | (least <= -ROOTS.aside)))
+        is_beyond = ~is_within & (is_done | (least <= -ROOTS.aside))
+        left = np.flatnonzero(is_beyond & (self.n_faces[some] < walks))
         edge = outside[:, left].argmin(axis=0)
-        row = row[left]
-        following = faces.neighbour[row, edge]
-        goes_on = following >= 0
-        if not goes_on.any():
-            break
+        following = self.faces.neighbour[row[left], edge]
+        has_next = following >= 0
+        left, edge, following = left[has_next], edge[has_next], following[has_next]
 
-        todo = todo[left[goes_on]]
-        found.triangle[todo] = following[goes_on]
-        found.u[todo], found.v[todo] = _step_over(
-            faces, row[goes_on], edge[goes_on], found.u[todo], found.v[todo]
+        on = some[left]
+        if len(on):
+            self.k[on] = following
+            at = _step_over(self.faces, row[left], edge, u[left], v[left])
+            self.u[on], self.v[on] = at
+            self.c[..., on], self.away[:, on] = _seen_from(self.faces, following, self.lines.at(on))
+            self.n_steps[on] = 0
+            self.n_faces[on] += 1
+        return on
+
+    def roots(self) -> Roots:
+        """What the rays have come to."""
+        at, by_u, by_v = value_and_slopes(self.c, self.u, self.v)
+        at += self.away
+        facing = cross(by_u, by_v)
+        return Roots(
+            triangle=self.k,
+            u=self.u,
+            v=self.v,
+            distance=product(self.d, at),
+            enters=product(self.d, facing) < 0,
+            facing=facing.T,
+            normal=self.faces.refracting(facing.T, self.k, self.u, self.v),
+            is_met=self.is_met,
         )
 
-    return found
+
+def _seen_from(faces: CurvedFaces, k: Ints, lines: Lines) -> tuple[Floats, Floats]:
+    """Coefficients (14, 3, n) of the faces of triangles k (n,), and where
+    (3, n) their first corners are as seen from the rays' origins.
+    """
+    return faces.terms(k), (np.take(faces.corners, k, axis=0)[:, 0] - lines.origins).T.copy()
 
 
 def _step_over(
@@ -159,66 +234,6 @@ def _step_over(
     weights[n, theirs] = along
     weights[n, (theirs + 1) % 3] = 1 - along
     return weights[:, 1], weights[:, 2]
-
-
-def _newton(faces: CurvedFaces, spots: Spots, lines: Lines) -> Roots:
-    """Newton's method on the part of point(u, v) - origin across the ray.
-
-    Steps and range are limited. `is_met` tells which rays have converged, on the face or beyond.
-    """
-    k = spots.triangle
-    c = faces.terms(k)
-    away = (np.take(faces.corners, k, axis=0)[:, 0] - lines.origins).T.copy()
-    d = lines.directions.T.copy()
-    u = spots.u.copy()
-    v = spots.v.copy()
-    size = np.empty(len(k))
-    distance = np.empty(len(k))
-    facing = np.empty((3, len(k)))
-
-    def finish(rays: Ints | slice, terms: Floats) -> None:
-        at, by_u, by_v = value_and_slopes(terms, u[rays], v[rays])
-        at += away[:, rays]
-        distance[rays] = product(d[:, rays], at)
-        facing[:, rays] = cross(by_u, by_v)
-
-    # near a turning point the matrix is singular: such
-    # rays do not converge, and count as no hit
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        # two steps of all rays: hardly any is done sooner
-        for first in range(0, len(k), FACES_AT_ONCE):
-            some = slice(first, first + FACES_AT_ONCE)
-            terms = c[..., some]
-            rest = away[:, some]
-            along = d[:, some]
-            x, y, _ = _step(terms, rest, along, u[some], v[some])
-            u[some], v[some], size[some] = _step(terms, rest, along, x, y)
-            finish(some, terms)
-
-        # then of the others, until they have converged or are given up
-        late = live = np.flatnonzero(_goes_on(u, v, size))
-        for turn in range(2, ROOTS.iterations):
-            if not len(live):
-                break
-            x, y, size[live] = _step(c[..., live], away[:, live], d[:, live], u[live], v[live])
-            u[live] = x
-            v[live] = y
-            is_hopeful = turn < ROOTS.patience or size[live] < ROOTS.hopeless
-            live = live[_goes_on(x, y, size[live]) & is_hopeful]
-
-        if len(late):
-            finish(late, c[..., late])
-
-    return Roots(
-        triangle=k,
-        u=u,
-        v=v,
-        distance=distance,
-        enters=product(d, facing) < 0,
-        facing=facing.T,
-        normal=faces.refracting(facing.T, k, u, v),
-        is_met=size < ROOTS.converged,
-    )
 
 
 def _step(
@@ -245,7 +260,11 @@ def _step(
     )
 
 
-def _goes_on(u: Floats, v: Floats, size: Floats) -> Bools:
-    """Are roots (n,) to be followed further, after a step of some size to u, v?"""
+def _goes_on(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
+    """Are roots (n,) to be followed further on their faces, after
+    so many steps there, the last of them of some size, to u, v?
+    """
     is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.aside
-    return ~(size < ROOTS.converged) & is_near
+    is_hopeful = (n_steps <= ROOTS.patience) | (size < ROOTS.hopeless)
+    is_open = ~(size < ROOTS.converged) & is_near & is_hopeful & (n_steps < ROOTS.iterations)
+    return is_open | (n_steps < 2)

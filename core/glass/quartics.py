@@ -113,19 +113,23 @@ def tangents(normal: Floats) -> tuple[Floats, Floats]:
 
 def value(c: Floats, u: Floats, v: Floats) -> Floats:
     """Value of the polynomial with coefficients (14, ...) at u, v."""
+    shape = c.shape[1:]
+    c, u, v = _in_one_row(c, u, v)
     u1, v1, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4 = c
     in_v = (
         v1
         + u * (uv + u * (u2v + u * u3v))
         + v * (v2 + u * (uv2 + u * u2v2) + v * (v3 + u * uv3 + v * v4))
     )
-    return u * (u1 + u * (u2 + u * (u3 + u * u4))) + v * in_v
+    return (u * (u1 + u * (u2 + u * (u3 + u * u4))) + v * in_v).reshape(shape)
 
 
 def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
     """Value of the polynomial with coefficients (14, ...) at u, v, and its derivatives
     by u and v.
     """
+    shape = c.shape[1:]
+    c, u, v = _in_one_row(c, u, v)
     u1, v1, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4 = c
     # by Horner's scheme, whose steps are those of the slopes, too
     p3 = u3 + u * u4
@@ -149,7 +153,17 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
     by_v = q1 + v * (q2 + v * (q3 + v * v4))
     by_u += v * (b1 + v * (b2 + v * uv3))
 
-    return u * p1 + v * q1, by_u, by_v
+    return (u * p1 + v * q1).reshape(shape), by_u.reshape(shape), by_v.reshape(shape)
+
+
+def _in_one_row(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+    """Coefficients (14, 3 n) of vectors (14, 3, n), and u, v as often: numbers in
+    one row are twice as fast as rows that each are multiplied by one of theirs.
+    """
+    if c.ndim < 3:
+        return c, u, v
+    n = c.shape[1]
+    return c.reshape(N_TERMS, -1), np.concatenate([u] * n), np.concatenate([v] * n)
 
 
 def product(a: Floats, b: Floats) -> Floats:

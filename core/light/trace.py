@@ -18,7 +18,8 @@ from .laws import ENDS, LAWS
 from .plan import Plan
 from .rays import PlateLight, Rays, ReachedError
 
-TRACED_AT_ONCE = 1 << 16  # rays: their arrays stay in the cache
+TRACED_AT_ONCE = 1 << 16  # rays
+LIVE_AT_ONCE = 1 << 14  # of them, event by event: their arrays stay in the cache
 
 
 def trace_all(
@@ -144,8 +145,17 @@ def _steps_of(plan: Plan, rays: Rays, ways: kernel.Ways) -> Iterator[Step]:
 
 
 def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
-    """Follow rays, all of them from one event to the next."""
-    for _ in range(plan.settings.max_events):
+    """Follow rays from one event to the next.
+
+    Others begin where rays have ended, so that few events are those of a few rays: these cost
+    nearly as much as those of many. Where steps are asked for all rays go through them together.
+    """
+    waiting = rays.live
+    rays.live = waiting[:0]
+    while True:
+        room = (len(waiting) if steps is not None else LIVE_AT_ONCE) - len(rays.live)
+        rays.live = np.concatenate([rays.live, waiting[: max(room, 0)]])
+        waiting = waiting[max(room, 0) :]
         if not len(rays.live):
             break
 
@@ -184,7 +194,8 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
 
         if plan.display.is_by_glass:
             land(plan, rays, hits, by_layer, before)
-        rays.live = rays.live[~ENDS[kind] & ~rays.has_ended[rays.live]]
+        is_over = rays.n_events[rays.live] >= plan.settings.max_events
+        rays.live = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
         yield 0
 
 

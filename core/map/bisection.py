@@ -6,8 +6,8 @@ round takes the fewest rays, and more time where few borders are left: a batch o
 as hundreds of its rays. A ray is given up as soon as it leaves the course of its branch.
 """
 
-from collections.abc import Generator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from .. import kernel
 from ..arrays import Floats, Ints, taken
 from ..light.landings import Words
 from ..light.plan import Plan
-from .points import Points, trace_points
+from .points import Points
+from .searches import Search, ask, side_by_side
 
 
 @dataclass(frozen=True)
@@ -27,80 +28,66 @@ class Bisection:
     most_digits : that are found in one step
     batch_rays, kernel_batch_rays : that numpy traces in not much more time than a few; and
         the kernel
+    lengths : of courses, events: up to these they are looked for together by numpy
     """
 
     least_digits: int = 9
     of_tolerance: float = 0.1
-    most_digits: int = 4
-    batch_rays: int = 8192
+    most_digits: int = 5
+    batch_rays: int = 4096
     kernel_batch_rays: int = 512
+    lengths: tuple[int, ...] = (8, 16)
 
 
 BISECTION = Bisection()
 
 
-def with_courses(plan: Plan, view: Floats) -> Generator[int, None, tuple[Points, Words]]:
-    """Trace viewer points (n, 2): with their courses (n, m).
+class Edges(NamedTuple):
+    """Edges (n,) between points, by number, from the near one, whose ray takes a course (n, m).
 
-    Yields the number of rays after each chunk of them.
+    end (n,) : a border is looked for up to here, 0..1 of the way
     """
-    parts: list[Words] = [np.empty((0, 1), np.uint64)]
-    points = yield from trace_points(plan, view, courses=parts)
-    width = max(part.shape[1] for part in parts)
-    return points, np.concatenate(
-        [np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]
-    )
+
+    near: Ints
+    far: Ints
+    course: Words
+    end: Floats
+
+    def at(self, which: Ints) -> "Edges":
+        """Some of the edges."""
+        return Edges(*(column[which] for column in self))
 
 
-def both_ways(
-    plan: Plan, points: Points, near: Ints, far: Ints
-) -> Generator[int, None, tuple[Floats, Points]]:
-    """Last points (n,) on the branch of points `near` (n,) towards points `far`, sorted by near,
-    then far; before them where (n,) it has ended, 0..1 of the way.
+def last_on_branch(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, Points]]:
+    """Last points (n,) on the branch of the near points of edges (n,), by bisection in several
+    parts.
 
-    Where both have a landing the other's branch most often begins
-    where the one's ends: it is looked for there first.
+    They are looked for up to `end`, where the point itself is tried first unless it is the far one.
+    Returned before the points is where (n,) the branch has ended.
     """
-    # the other side of each border, where it is looked for, too
-    n = len(points)
-    key, back = near * n + far, far * n + near
-    at = np.minimum(np.searchsorted(key, back), len(key) - 1)
-    is_second = (key[at] == back) & (near > far)
-    first = np.flatnonzero(~is_second)
-    second = np.flatnonzero(is_second)
-    # several borders begin at one point
-    once, at_near = np.unique(near, return_inverse=True)
-    _, course = yield from with_courses(plan, taken(points.view, once))
-    course = course[at_near]
-    place, found = yield from last_on_branch(
-        plan, points, near[first], far[first], np.ones(len(first)), course[first]
-    )
-    ends = np.empty(len(key))
-    ends[first] = place
-    if not len(second):
-        return ends, found
-
-    # the second side, where the first has told about where it ends
-    rank = np.empty(len(key), np.int64)
-    rank[first] = np.arange(len(first))
-    end = np.minimum(1 - place[rank[at[second]]], 1.0)
-    ends[second], others = yield from last_on_branch(
-        plan, points, near[second], far[second], end, course[second]
-    )
-    order = np.argsort(np.concatenate([first, second]))
-
-    return ends, found.and_more(others).at(order)
+    groups = _by_length(plan, edges.course)
+    found = yield from side_by_side([_bisected(plan, points, edges.at(some)) for some in groups])
+    order = np.argsort(np.concatenate(groups))
+    ends, landed = zip(*found, strict=True)
+    return np.concatenate(ends)[order], Points.joined(landed).at(order)
 
 
-def last_on_branch(
-    plan: Plan, points: Points, near: Ints, far: Ints, end: Floats, course: Words
-) -> Generator[int, None, tuple[Floats, Points]]:
-    """Last points (n,) on the branch of points `near`, on courses (n,
-    m), towards points `far`, by bisection in several parts.
+def _by_length(plan: Plan, course: Words) -> list[Ints]:
+    """Edges (n,) in groups, by the length of their courses (n, m).
 
-    They are looked for up to `end` (n,), 0..1 of the way, where the point itself is tried first
-    unless it is `far`. Returned before the points is where (n,) the branch has ended.
+    A batch takes as long as its longest way, so that long ones are
+    looked for in more places at once; the kernel follows each by itself.
     """
+    if not kernel.left_out(plan.layers):
+        return [np.arange(len(course))]
+    length = (course != 0).sum(axis=1)
+    group = np.searchsorted(BISECTION.lengths, length)
+    return [np.flatnonzero(group == k) for k in range(len(BISECTION.lengths) + 1)]
+
+
+def _bisected(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, Points]]:
+    """As `last_on_branch`, all edges together."""
+    near, far, course, end = edges
     # as if there were nothing beyond the points themselves
     xy = taken(points.xy, near)
     throughput = points.throughput[near]
@@ -127,7 +114,7 @@ def last_on_branch(
         view = (a[todo] + at[..., None] * (b - a)[todo]).reshape(-1, 2)
 
         if parts > 1 or (end < 1).any():
-            found = yield from trace_points(plan, view, np.tile(course[todo], (len(steps), 1)))
+            found, _ = yield from ask(view, np.tile(course[todo], (len(steps), 1)))
             holds = found.branch.reshape(at.shape) == points.branch[near[todo]]
             n_held = np.logical_and.accumulate(holds).sum(axis=0)
             held = np.flatnonzero(n_held)
@@ -141,11 +128,11 @@ def last_on_branch(
             if parts == 1:
                 width[todo[held]] = 0.0
 
+        # as many digits in each step that is left
         todo = todo[width[todo] > 2.0**-digits]
-        left = digits + np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))
-        parts = 2 ** int(
-            np.clip(np.log2(batch / max(len(todo), 1)), 1, max(1, min(left, BISECTION.most_digits)))
-        )
+        left = max(1, digits + int(np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))))
+        most = int(np.clip(np.log2(batch / max(len(todo), 1)), 1, BISECTION.most_digits))
+        parts = 2 ** -(-left // -(-left // most))
 
     landed = Points(
         a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput

@@ -97,7 +97,11 @@ class _Cutting:
 
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
         """Cut pixels (m, 4) in squares (m,), by number; the quarters that are looked into."""
-        cells = yield from self._with_middles(corners, np.ones(len(corners), bool))
+        found = yield from trace_points(self.plan, mean_at(self.points.view, corners))
+        number = len(self.points) + np.arange(len(corners))
+        self.points = self.points.and_more(found)
+        yield 0
+        cells = _Parts(corners, number, np.ones(len(corners), bool))
         branch = self.points.branch[corners]
         is_one = (branch == branch[:, :1]).all(axis=1)
 
@@ -121,12 +125,12 @@ class _Cutting:
 
     def quarters(self, some: _Parts, depth: int) -> Generator[int, None, _Parts]:
         """Cut the quarters of cells, quartered so often; their quarters that are looked into."""
-        self.points, corners = yield from _quartered(
+        self.points, corners, middle = yield from _quartered(
             self.plan, self.points, some.corners, some.middle
         )
         if depth == CUT.quarterings:  # none of these are quartered again
-            self._expect(corners, len(corners))
-        cells = yield from self._with_middles(corners, np.tile(some.is_calm, 4))
+            self._expect(corners)
+        cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
         self.chaotic.append(corners[is_given_up])
@@ -150,14 +154,6 @@ class _Cutting:
             np.concatenate(self.chaotic),
         )
 
-    def _with_middles(self, corners: Ints, is_calm: Bools) -> Generator[int, None, _Parts]:
-        """Trace the middles of cells with corners (m, 4)."""
-        middle = yield from trace_points(self.plan, mean_at(self.points.view, corners))
-        number = len(self.points) + np.arange(len(corners))
-        self.points = self.points.and_more(middle)
-        yield 0
-        return _Parts(corners, number, is_calm)
-
     def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
         """Cut cells on several branches, and compare all with their middles."""
         plan = self.plan
@@ -178,7 +174,7 @@ class _Cutting:
 
         # on several
         self.points, self.known, pieces, owner = yield from cut_cells(
-            plan, self.points, cells.corners[mixed], self.known
+            plan, self.points, cells.corners[mixed], self.known, cells.middle[mixed]
         )
         yield 0
         off[mixed] = missed_by_pieces(
@@ -263,10 +259,12 @@ def _around(cells: Ints, middle: Ints) -> Ints:
 
 def _quartered(
     plan: Plan, points: Points, cells: Ints, middle: Ints
-) -> Generator[int, None, tuple[Points, Ints]]:
-    """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all points."""
+) -> Generator[int, None, tuple[Points, Ints, Ints]]:
+    """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all
+    points, among them the middles (4 m,) of the quarters.
+    """
     if not len(cells):
-        return points, cells
+        return points, cells, middle
 
     # points between the corners, each once
     view = taken(points.view, cells)
@@ -276,14 +274,17 @@ def _quartered(
     column, row = np.moveaxis(2**CUT.quarterings * halfway, 2, 0).astype(np.int64)
     _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
     yield 0
-    found = yield from trace_points(plan, taken(halfway.reshape(-1, 2), first))
-
+    halfway = taken(halfway.reshape(-1, 2), first)
     number = len(points) + number.reshape(cells.shape)
     quarters = [
         np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)
     ]
 
     # each begins at its corner of the whole: turned back, so that all begin at the upper left
-    return points.and_more(found), np.concatenate(
-        [np.roll(q, k, axis=1) for k, q in enumerate(quarters)]
-    )
+    quarters = np.concatenate([np.roll(q, k, axis=1) for k, q in enumerate(quarters)])
+
+    # with their middles, in one go
+    middles = mean_at(np.concatenate([points.view, halfway]), quarters)
+    found = yield from trace_points(plan, np.concatenate([halfway, middles]))
+    of_middle = len(points) + len(halfway) + np.arange(len(quarters))
+    return points.and_more(found), quarters, of_middle

@@ -6,16 +6,17 @@ import numpy as np
 
 from ..arrays import Ints
 from ..light.plan import Plan
-from .bisection import both_ways
+from .edges import find_borders
 from .known_borders import Borders, key_of, points_of
-from .points import Points, trace_points
-from .strips import find_strips
+from .points import Points
+from .searches import traced
 
 
 def cut_cells(
-    plan: Plan, points: Points, cells: Ints, known: Borders
+    plan: Plan, points: Points, cells: Ints, known: Borders, middle: Ints | None = None
 ) -> Generator[int, None, tuple[Points, Borders, Ints, Ints]]:
-    """Cut cells (m, k) with k corners; returns all points and borders
+    """Cut cells (m, k) with k corners, four of which have
+    middles (m,) that were traced; returns all points and borders
     known, triangles (t, 3) and the cells (t,) they are pieces of.
 
     A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
@@ -41,8 +42,7 @@ def cut_cells(
     new = key[~known.find(key)[0]]
     near, far = points_of(new)
     yield 0
-    ends, border = yield from both_ways(plan, points, near, far)
-    strips, of_strips = yield from find_strips(plan, points, near, far, ends)
+    border, strips, of_strips = yield from traced(plan, find_borders(plan, points, near, far))
     number = n + np.arange(len(new))
     strips = np.where(strips > 0, strips + n + len(new), 0)
     known = known.and_more(Borders(new, number, strips))
@@ -59,7 +59,7 @@ def cut_cells(
     places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
 
     yield 0
-    group = yield from _groups(plan, points, cells)
+    group = _groups(points, cells, middle)
     yield 0
     of_place = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2)
     on_edges = known.strips_on(cells, following)
@@ -137,16 +137,16 @@ def _fans(places: Ints, is_member: np.ndarray) -> tuple[Ints, Ints]:
     return np.concatenate(fans), np.concatenate(rows)
 
 
-def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Ints]:
+def _groups(points: Points, cells: Ints, middle: Ints | None) -> Ints:
     """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
 
     Opposite corners on one branch between two that are not
-    belong together only when the middle is on it too.
+    belong together only when the middle (m,) is on it too.
     """
     branch = points.branch[cells]
     same = branch[:, :, None] == branch[:, None, :]
     k = cells.shape[1]
-    if k == 4:
+    if middle is not None:
         corner = np.arange(k)
         opposite = np.abs(corner[:, None] - corner) == 2
         beside = same & ~opposite & ~np.eye(k, dtype=bool)
@@ -154,10 +154,8 @@ def _groups(plan: Plan, points: Points, cells: Ints) -> Generator[int, None, Int
         # where both corners of the other branch stand alone the middle decides
         alone = ~beside.any(axis=2)
         saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
-        if saddle.any():
-            middle = yield from trace_points(plan, points.view[cells[saddle]].mean(axis=1))
-            holds = middle.branch[:, None] == branch[saddle]
-            split = alone[saddle] & ~holds
-            same[saddle] &= ~(opposite[None] & split[:, :, None])
+        holds = points.branch[middle[saddle]][:, None] == branch[saddle]
+        split = alone[saddle] & ~holds
+        same[saddle] &= ~(opposite[None] & split[:, :, None])
 
     return np.where(branch != 0, same.argmax(axis=2), -1)

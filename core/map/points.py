@@ -1,6 +1,6 @@
 """Places of the viewer's image that have been traced, and the paths of their rays."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -8,11 +8,10 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
-from ..light.trace import Step, recording, tracing
+from ..light.trace import TRACED_AT_ONCE, Step, recording, tracing
 from ..vectors import cross_2d
 
-# rays traced together: numpy takes about 0.1 s for so many, and no less for each of a larger number
-RAYS_AT_ONCE = 1 << 14
+RAYS_AT_ONCE = 1 << 14  # traced together where their paths or courses are asked for
 TRIANGLE_SLACK = 1e-9  # of a triangle: slack, so that its corners are in it
 BYTES_OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
 EVENTS_KEPT = 12  # of a path that are kept
@@ -46,12 +45,12 @@ class Points:
 
     def and_more(self, others: "Points") -> "Points":
         """These points, followed by others."""
-        return Points(
-            *(
-                np.concatenate([getattr(self, f.name), getattr(others, f.name)])
-                for f in fields(Points)
-            )
-        )
+        return self.joined([self, others])
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Points]") -> "Points":
+        """Points of several sets, one after the other."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 class Paths:
@@ -122,8 +121,9 @@ def trace_points(
         view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n)
     )
 
-    for first in range(0, n, RAYS_AT_ONCE):
-        some = slice(first, first + RAYS_AT_ONCE)
+    at_once = TRACED_AT_ONCE if paths is None and courses is None else RAYS_AT_ONCE
+    for first in range(0, n, at_once):
+        some = slice(first, first + at_once)
         origins, directions = plan.viewer.rays(view[some])
         steps = None if paths is None else []
         if courses is None:

@@ -7,14 +7,13 @@ and so on to the dark. Strips between two lit branches are left to the middles o
 (docs/design.md, decision 5).
 """
 
-from collections.abc import Generator
-
 import numpy as np
 
 from ..arrays import Floats, Ints
 from ..light.plan import Plan
-from .bisection import last_on_branch, with_courses
+from .bisection import Edges, last_on_branch
 from .points import Points
+from .searches import Search, ask
 
 MOST_STRIPS = (
     3  # on an edge: of a bauble the third still takes 2 % of the error, the fourth nothing
@@ -23,7 +22,7 @@ MOST_STRIPS = (
 
 def find_strips(
     plan: Plan, points: Points, near: Ints, far: Ints, ends: Floats
-) -> Generator[int, None, tuple[Ints, Points]]:
+) -> Search[tuple[Ints, Points]]:
     """Strips on edges (b,) between two points, on which the near one's branch ends (b,), 0..1
     of the way, before far ones that are dark.
 
@@ -40,7 +39,7 @@ def find_strips(
 
     asked = np.flatnonzero((points.branch[far] == 0) & (ends < 1))
     for k in range(MOST_STRIPS):
-        first, course = yield from with_courses(plan, start[asked])
+        first, course = yield from ask(start[asked])
         # one that comes again is no strip
         is_new = (first.branch != 0) & (first.branch != np.stack(seen)[:, asked]).all(axis=0)
         asked = asked[is_new]
@@ -49,14 +48,8 @@ def find_strips(
         first = first.at(is_new)
 
         # to where it ends, on the same way
-        end, last = yield from last_on_branch(
-            plan,
-            points.and_more(first),
-            n + np.arange(len(asked)),
-            far[asked],
-            np.ones(len(asked)),
-            course[is_new],
-        )
+        edges = Edges(n + np.arange(len(asked)), far[asked], course[is_new], np.ones(len(asked)))
+        end, last = yield from last_on_branch(plan, points.and_more(first), edges)
         number = 1 + len(found) + np.arange(len(asked))
         found_ends[asked, 2 * k] = number
         found_ends[asked, 2 * k + 1] = number + len(asked)

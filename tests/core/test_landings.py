@@ -169,7 +169,7 @@ def test_an_expected_branch_comes_first():
 
 def test_points_have_the_landing_of_their_own_ray(monkeypatch):
     """Points in several chunks, whose landings are strange, are as with one landing each."""
-    monkeypatch.setattr(points, "RAYS_AT_ONCE", 128)
+    monkeypatch.setattr(points, "TRACED_AT_ONCE", 128)
     a_rig = ball_rig(2)
     plan = make_plan(a_rig, Settings())
     view = np.random.default_rng(0).random((500, 2)) * a_rig.viewer.width
