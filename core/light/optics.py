@@ -66,4 +66,5 @@ def transmittance(c1: Floats, c2: Floats, eta: Floats | float) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         s = (eta * c1 - c2) / (eta * c1 + c2)
         p = (c1 - eta * c2) / (c1 + eta * c2)
-    return 1.0 - 0.5 * (np.nan_to_num(s, nan=1.0) ** 2 + np.nan_to_num(p, nan=1.0) ** 2)
+    s, p = (np.where(np.isnan(x), 1.0, x) for x in (s, p))
+    return 1.0 - 0.5 * (s**2 + p**2)
