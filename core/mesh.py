@@ -9,6 +9,8 @@ import numpy as np
 from .arrays import Bools, Floats, Ints
 from .errors import MeshError
 
+# radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
+SAME_NORMAL = 1e-5
 SurfaceChoice = Literal["automatic", "smooth", "facets"]
 
 FLAT_THICKNESS = (
@@ -79,6 +81,17 @@ class Mesh:
         thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)
 
         return bool(thick <= FLAT_THICKNESS * wide + 4 * self.rounding)
+
+    @cached_property
+    def n_curved(self) -> int:
+        """How many triangles stand for a curved surface; a flat
+        face that is shaded smooth does not.
+        """
+        if self.is_smooth is None or self.corner_normals is None or self.surface == "facets":
+            return 0
+        first, *others = self.corner_normals[self.is_smooth].swapaxes(0, 1)
+        is_bent = [(np.abs(normal - first) > SAME_NORMAL).any(axis=1) for normal in others]
+        return int(np.logical_or(*is_bent).sum())
 
     def check(self, owner: str) -> None:
         """Raise MeshError when there is nothing to trace or a coordinate is not finite."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.blender.conflict import write_conflict
 from ..core.blender.on_display import MATERIAL_MARK, is_on_display
@@ -74,6 +75,7 @@ class Live:
         self.is_unpacked = False
         # from a change to the first and to the last picture of it
         self.seconds: tuple[float, float] | None = None
+        self._shown_at: list[float] = []  # when, the pictures of the update under way
         self.longest: dict[str, float] = {}  # s by phrase of the step
         self.kept = Kept()
         self.ours: set[int] = set()  # session uids of the datablocks that we write to
@@ -233,7 +235,7 @@ class Live:
     ) -> Generator[Step, None, None]:
         """Solve and write, coarse and then finer; yields each single step before it is done."""
         started = perf_counter()
-        first = None
+        self._shown_at = []
         rig = self._reading.rig
         meshes = [part.mesh for part in (*rig.glasses, *rig.mirrors)]
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
@@ -248,33 +250,27 @@ class Live:
             check_memory(rig, settings)
         for n, (a_rig, how) in enumerate(rungs):
             is_last = n == len(rungs) - 1
-            began = perf_counter()
+            began, n_before = perf_counter(), self.n_pictures
             try:
                 found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
             except KirikoError:
                 if is_last:
                     raise
                 continue  # a coarse viewer may miss light that the rig's own sees
-            if is_last and not is_traced:
-                self._whole_lasted[kind] = perf_counter() - began
-            yield Step(WRITING, (rig.display.width, rig.display.height))
-            scene = scene_by_uid(scene_uid)
-            if is_last:
-                update_solution(scene, self._reading, found)
-            else:
-                pixels = enlarged(found, rig.display.width, rig.display.height)
-                self._reading = update_coarse(scene, self._reading, pixels)
-            self.n_pictures += 1
-            self.is_unpacked = self._has_picture = True
-            self._note_ours(scene)
-            first = perf_counter() - started if first is None else first
-            redraw()
+            if not is_last:
+                yield from self._show(found)
+        yield Step(WRITING, (rig.display.width, rig.display.height))
+        update_solution(scene_by_uid(scene_uid), self._reading, found)
+        if self.n_pictures == n_before:  # it was not shown before its numbers
+            self._note_shown()
+        if not is_traced:
+            self._whole_lasted[kind] = self._shown_at[-1] - began
         if compared.is_shown(scene_by_uid(scene_uid)):
             scene = scene_by_uid(scene_uid)
             comparing = compared.comparing(scene, self._reading.rig, found, settings)
             yield from self._stepped(COMPARING, comparing)
             redraw()
-        self.seconds = (first, perf_counter() - started)
+        self.seconds = (self._shown_at[0] - started, self._shown_at[-1] - started)
         self._show_problem("")
         reports = yield from self._stepped(VIEWERS, reports_of(found, settings))
         scene = scene_by_uid(scene_uid)
@@ -295,7 +291,12 @@ class Live:
         sizes = (*_sizes(rig), is_built)
         session = work.session()
         n = 0
-        steps = (session.solve if is_last else session.glance)(rig, settings)
+        painted: list[NDArray[np.float32]] = []  # the final picture, whose numbers follow
+        steps = (
+            session.solve(rig, settings, painted.append)
+            if is_last
+            else session.glance(rig, settings)
+        )
         phrase = Message("solving") if is_built else Message("solving for changed glass")
         # solved with these sizes before, it may take a step
         # more than then, which is no reason to speak
@@ -307,6 +308,24 @@ class Live:
             except StopIteration as end:
                 return end.value
             n += 1
+            if painted:
+                yield from self._show(painted.pop())
+
+    def _show(self, pixels: NDArray[np.float32]) -> Generator[Step, None, None]:
+        """Show a source image without numbers, coarse or not: these follow once nothing changes."""
+        display = self._reading.rig.display
+        yield Step(WRITING, (display.width, display.height))
+        pixels = enlarged(pixels, display.width, display.height)
+        self._reading = update_coarse(scene_by_uid(self.uid), self._reading, pixels)
+        self._note_shown()
+
+    def _note_shown(self) -> None:
+        """A picture is there: a newer change may end the work that follows."""
+        self.n_pictures += 1
+        self._shown_at.append(perf_counter())
+        self.is_unpacked = self._has_picture = True
+        self._note_ours(scene_by_uid(self.uid))
+        redraw()
 
     def _stepped(
         self, phrase: str, steps: Generator[float, None, Any]

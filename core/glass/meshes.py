@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..mesh import SAME_NORMAL
 from ..vectors import dot, normalise
-
-# radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
-SAME_NORMAL = 1e-5
 
 
 def components(n: int, a: Ints, b: Ints) -> Ints:

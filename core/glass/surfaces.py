@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..mesh import SAME_NORMAL
 from ..rig import Mesh
 from ..steps import Pauses, finish
 from ..vectors import normalise
 from .curved import CurvedFaces
 from .meshes import (
-    SAME_NORMAL,
     box_of,
     components,
     find_edges,

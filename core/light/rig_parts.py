@@ -146,6 +146,13 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
     ])  # fmt: skip
 
 
+def _moved(key: str, made: list[Surface], motion: Motion, kept: Kept) -> list[Surface]:
+    """Solids elsewhere, the same as long as they stay there: a viewer alone may move."""
+    return kept.get(
+        f"{key} moved by {fingerprint(motion)}", lambda: [one.moved(motion) for one in made]
+    )
+
+
 def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[Solid]]:
     """All solids of a rig but those of glasses with these numbers."""
     solids = []
@@ -154,7 +161,7 @@ def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[Sol
             continue
 
         key, made, motion = yield from kept.get_solids(glass.mesh)
-        here = made if motion is None else [surface.moved(motion) for surface in made]
+        here = made if motion is None else _moved(key, made, motion, kept)
         for surface in here:
             for viewer in rig.viewers:
                 check_viewer_outside(viewer, glass, surface)

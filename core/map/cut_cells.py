@@ -47,7 +47,7 @@ def cut_cells(
     strips = np.where(strips > 0, strips + n + len(new), 0)
     known = known.and_more(Borders(new, number, strips))
     yield 0
-    points = points.and_more(border).and_more(of_strips)
+    points = points.and_more(border.and_more(of_strips))
     yield 0
 
     # places: 0 where there is none, else 1 + index of the point

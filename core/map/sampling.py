@@ -87,9 +87,12 @@ class Sampling:
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
         self.n_done, self.expected, self.begun = 0, np.inf, 0.0
 
-    def sample(self) -> Generator[float, None, ViewMap]:
-        """Make the view map; yields progress 0..1."""
-        work = self._run()
+    def sample(self, is_measured: bool = True) -> Generator[float, None, ViewMap]:
+        """Make the view map; yields progress 0..1.
+
+        is_measured : and measure its errors
+        """
+        work = self._run(is_measured)
         told = 0.0
 
         while True:
@@ -101,7 +104,7 @@ class Sampling:
             told = max(told, self.begun, share_of_rays(self.n_done, self.expected))
             yield told
 
-    def _run(self) -> Generator[int, None, ViewMap]:
+    def _run(self, is_measured: bool) -> Generator[int, None, ViewMap]:
         none = self.first.at(slice(0))
         todo = self.first
         checking = none
@@ -146,7 +149,10 @@ class Sampling:
             else:
                 self.begun = begun(self.first_size, int(todo.size.max()))
 
-        return (yield from self._finished(smooth, finest))
+        view_map, pixels = yield from self._finished(smooth, finest)
+        if not is_measured:
+            return view_map
+        return replace(view_map, error=(yield from measure(self.plan, view_map, pixels)))
 
     def _expect_of_squares(self, todo: Squares, checking: Squares, finest: Squares) -> None:
         """Guess the number of rays, by squares to be traced, to be checked, and to be cut."""
@@ -232,8 +238,12 @@ class Sampling:
 
         return missed
 
-    def _finished(self, smooth: Squares, finest: Squares) -> Generator[int, None, ViewMap]:
-        """Cells of the pixels of the squares that were refused to the last, and the whole map."""
+    def _finished(
+        self, smooth: Squares, finest: Squares
+    ) -> Generator[int, None, tuple[ViewMap, Ints]]:
+        """The whole map, with cells of the pixels of the squares that were
+        refused to the last; and these pixels' corners (n, 4).
+        """
         # the pixels' corners, going round
         column, row = finest.nodes()
         at = np.flatnonzero((COLUMN < PARTS) & (ROW < PARTS))
@@ -280,7 +290,7 @@ class Sampling:
             error=NO_ERROR,
             n_rays=0,
         )
-        return replace(view_map, error=(yield from measure(self.plan, view_map, cells)))
+        return view_map, cells
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..image.ghosts import paths_of
-from ..image.glare import Glare, LightBeside, looking_beside
+from ..image.glare import Glare, looking_beside
 from ..image.ideal_image import ideal_image
 from ..image.seen_image import seen_image
 from ..image.simulation import PlateView
@@ -26,26 +26,24 @@ from ..map.view_map import MapError, ViewMap
 from ..steps import finish
 from ..viewer import Viewer
 from .accuracy import Accuracy
+from .measured import Measured
 from .memory import check_memory
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Traced:
     """The part of a channel that does not depend on the picture.
 
     plan : the rig as it is traced for this viewer, at this wavelength
-    plate : brightness and blur by a plate's mirrors, None where it is ideal
-    beside : a sample of light beside the glass; None where that carries the picture, too
     weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over the shares of
         light beside the glass, where it counts
+    measured : None until a picture was painted of it
     """
 
     plan: Plan
     view_map: ViewMap
-    accuracy: Accuracy
-    plate: PlateView | None
-    beside: LightBeside | None
     weight_beside: Floats | None
+    measured: Measured | None = None
 
 
 @dataclass(frozen=True, eq=False)

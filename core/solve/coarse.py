@@ -38,7 +38,7 @@ class Coarse:
 
     viewer_px: int = 64
     display_px: int = 512
-    tolerance_px: float = 1.0
+    tolerance_px: float = 2.0
     finer: int = 4
     tracing_s: float = 0.2
     painting_s: float = 0.4

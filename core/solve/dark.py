@@ -1,5 +1,7 @@
 """The display stays dark: which fault keeps all light from it, and what helps."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..errors import RigError
@@ -32,9 +34,11 @@ STRAIGHT = {
 }
 
 
-def why_dark(traced: Traced) -> RigError:
-    """The reason why no ray of a viewer arrives: nobody means a black source image."""
-    leaks = traced.accuracy.leaks
+def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
+    """The reason why no ray of a viewer arrives: nobody means a black source image.
+
+    leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
+    """
     leaked = max(leaks)
     if leaked > MOST_LEAKED:
         glass = traced.plan.rig.glasses[leaks.index(leaked)]

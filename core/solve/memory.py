@@ -7,16 +7,13 @@ factor of 2 from 100 MB on, with the compiled kernel and without it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ..free_memory import check_free
-from ..glass.meshes import SAME_NORMAL
 from ..kernel import library
 from ..map.points import BYTES_OF_POINT
 from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
 from ..messages import Message
-from ..rig import Display, Mesh, Rig
+from ..rig import Display, Rig
 from ..settings import Settings
 from ..viewer import Viewer
 
@@ -84,7 +81,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     sizes = [_n_pixels(viewer) for viewer in rig.viewers]
     viewer = sum(sizes)
     meshes = [part.mesh for part in rig.curved_parts()]
-    n_curved = sum(_n_curved(mesh) for mesh in meshes)
+    n_curved = sum(mesh.n_curved for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
 
     # quads, cells and rays that the tolerance asks for
@@ -127,15 +124,6 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
 def _n_pixels(part: Viewer | Display) -> float:
     """Of the image of a viewer or a display."""
     return float(part.width) * part.height
-
-
-def _n_curved(mesh: Mesh) -> int:
-    """How many triangles stand for a curved surface; a flat face that is shaded smooth does not."""
-    if mesh.is_smooth is None or mesh.corner_normals is None or mesh.surface == "facets":
-        return 0
-    first, *others = mesh.corner_normals[mesh.is_smooth].swapaxes(0, 1)
-    is_bent = [(np.abs(normal - first) > SAME_NORMAL).any(axis=1) for normal in others]
-    return int(np.logical_or(*is_bent).sum())
 
 
 def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -> None:

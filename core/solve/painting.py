@@ -23,6 +23,7 @@ from ..settings import Settings
 from ..steps import Pauses, at, within
 from ..viewer import Viewer
 from .channel import shares_of
+from .picture_coverage import of_the_picture
 from .progress import seconds_to_paint
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
@@ -85,6 +86,17 @@ class Placed:
         if self.step is None:
             return shares
         return moved_in_view(shares, self.picture, self.viewer, self.step)
+
+    def cover(self, view_map: ViewMap) -> None:
+        """Find how much of the picture the display can show, unless that is known.
+
+        Raises
+        ------
+        RigError : the picture is out of sight
+        """
+        if self.covered is None:
+            self.view_coverage = self.view_coverage_in(view_map)
+            self.covered = of_the_picture(self.picture, self.viewer, view_map, self.view_coverage)
 
     def view_coverage_in(self, view_map: ViewMap) -> Floats:
         """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""

@@ -5,7 +5,8 @@ Nothing but the bar that is watched depends on these numbers.
 
 import timeit
 from dataclasses import dataclass
-from time import thread_time
+from functools import lru_cache
+from time import perf_counter, thread_time
 
 import numpy as np
 
@@ -20,13 +21,13 @@ class Stages:
     Read off `Solution.seconds` of the balls and cubes of `dev.py bench`, and rounded: the ball's
     coverage takes 3 % of a solve.
 
-    painted : of a solve; its coverage comes after
+    measured : of a solve; its remarks come after
     mesh_measured, leaks_measured : of the measuring; then light that was cut off is looked at
     settled : of the painting for several viewers; the places that they ask for come before
     glance_traced : of a coarse picture; then it is painted
     """
 
-    painted: float = 0.97
+    measured: float = 0.97
     mesh_measured: float = 0.8
     leaks_measured: float = 0.9
     settled: float = 0.5
@@ -42,7 +43,7 @@ class Pace:
     longest where a mesh is irregular, so that rays are followed as drawn, too.
 
     after_curved, after_flat : of the work after tracing, a viewer pixel and a ray
-    measured_curved, measured_flat : of it, to measure errors; then it is painted
+    measured_curved, measured_flat : of it, to measure errors
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
     """
 
@@ -59,11 +60,19 @@ STAGES = Stages()
 PACE = Pace()
 
 PROBE = np.ones((1 << 14, 3))
+STAYS = 10.0
 PROBE_SECONDS = 370e-6  # that the norms of its rows take on the machine of PACE
 
 
 def times_slower() -> float:
-    """How many times slower this machine is than the one of PACE, whatever else it does."""
+    """How many times slower this machine is than the one of PACE, whatever else it does: found
+    anew after STAYS seconds.
+    """
+    return _times_slower(int(perf_counter() / STAYS))
+
+
+@lru_cache(maxsize=1)
+def _times_slower(_: int) -> float:
     passes = timeit.repeat(
         lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=3, timer=thread_time
     )
@@ -81,13 +90,6 @@ def seconds_to_paint(view_map: ViewMap) -> float:
     )
 
 
-def when_measured(
-    plan: Plan, view_map: ViewMap, seconds: float, told: float
-) -> tuple[float, float]:
-    """How far a solve is that was traced in some seconds, and how
-    far when its errors are measured, 0..1; no less than was told.
-    """
-    measured = times_slower() * (PACE.measured_flat if plan.is_flat else PACE.measured_curved)
-    whole = seconds + measured + seconds_to_paint(view_map)
-    now = max(told, min(STAGES.painted, seconds / whole))
-    return now, max(now, min(STAGES.painted, (seconds + measured) / whole))
+def seconds_to_measure(plan: Plan) -> float:
+    """About how long it takes to measure the errors of a plan."""
+    return times_slower() * (PACE.measured_flat if plan.is_flat else PACE.measured_curved)

@@ -59,7 +59,12 @@ def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
 
 
 def sample_reached(
-    rig: Rig, viewer: Viewer, settings: Settings, kept: Kept, lap: Callable[[str], None]
+    rig: Rig,
+    viewer: Viewer,
+    settings: Settings,
+    kept: Kept,
+    lap: Callable[[str], None],
+    is_measured: bool = True,
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
     """Plan and view map of a viewer, without the glass that none of its light
     comes near; yields progress of a whole solve, 0..1.
@@ -71,6 +76,7 @@ def sample_reached(
     Parameters
     ----------
     lap : called with the name of the work just done
+    is_measured : measure the errors of the map, too
 
     Raises
     ------
@@ -92,7 +98,7 @@ def sample_reached(
         sampling = Sampling(plan)
         n_pixels = viewer.width * viewer.height
         of_pixel, of_ray = PACE.after_flat if plan.is_flat else PACE.after_curved
-        steps = sampling.sample()
+        steps = sampling.sample(is_measured)
 
         try:
             while True:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from ..glass.meshes import SAME_NORMAL, find_edges, geometric_normals
+from ..glass.meshes import find_edges, geometric_normals
 from ..map.view_map import MapError
+from ..mesh import SAME_NORMAL
 from ..messages import Message
 from ..rig import Mesh, Rig
 from .tessellation import NOTED_ERROR_PX, Tessellation

@@ -5,7 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import replace
 from time import perf_counter
 
@@ -13,28 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RigError
-from ..image.glare import look_beside
 from ..image.pyramid import Pyramid
 from ..image.pyramids import pyramids_of
-from ..image.simulation import plate_view
 from ..image.source_image import Painting
 from ..light.kept import Kept
-from ..light.landings import Reason
 from ..light.plan import Plan
 from ..light.planning import planning
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import at, finish, last_told, within
 from ..viewer import Viewer
-from .accuracy import measure
+from .accuracy import leaks
 from .channel import Channel, Traced
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
 from .known import Optics, Place, keys_of, placed_for
+from .measured import measuring
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
-from .progress import STAGES, when_measured
+from .progress import STAGES, seconds_to_measure
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
@@ -50,8 +48,16 @@ class Session:
         self._pyramids: tuple[Pyramid, ...] = ()  # of each viewer's image
         self.is_tracing = False  # is the view map of a solve under way?
 
-    def solve(self, rig: Rig, settings: Settings | None = None) -> Generator[float, None, Solution]:
+    def solve(
+        self,
+        rig: Rig,
+        settings: Settings | None = None,
+        show: Callable[[NDArray[np.float32]], None] | None = None,
+    ) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
+
+        show : gets the source image as soon as it is painted, where
+            light has to be measured after that
 
         Raises
         ------
@@ -73,35 +79,53 @@ class Session:
 
         yield told
 
-        # how far it is by now is told anew, by the shares that are to be painted
+        # how far it is by now is told anew, by what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
+        unmeasured = [traced for traced in optics.channels if traced.measured is None]
+        to_paint = sum(one.seconds_to_paint for one in placed.channels)
+        to_come = to_paint + sum(seconds_to_measure(traced.plan) for traced in unmeasured)
         if is_new:
             so_far = perf_counter() - started
-            to_come = sum(one.seconds_to_paint for one in placed.channels)
-            told = max(told, min(STAGES.painted, so_far / (so_far + to_come)))
+            told = max(told, min(STAGES.measured, so_far / (so_far + to_come)))
 
         steps = self._paint(placed, rig, settings, clock)
-        placed, painting = yield from within(steps, told, STAGES.painted)
+        painted = told + (STAGES.measured - told) * to_paint / to_come
+        placed, painting = yield from within(steps, told, painted)
 
         # from here on the optics are known to be of use
         if optics is not self._optics:
             if not any(len(one.shares) for one in placed.channels):
-                raise why_dark(optics.channels[0])
+                dark = optics.channels[0]
+                raise why_dark(dark, (yield from at(painted, leaks(dark.plan))))
             self._optics = optics
 
         beside = [traced.weight_beside for traced in optics.channels]
         light = finished(painting, placed.channels, beside, settings)
+        source = rig.display.source_for(light)
         clock.lap("painting")
 
-        yield STAGES.painted
-        channels = _channels(rig, settings, optics, placed, light)
+        yield painted
+        for traced, one in zip(optics.channels, placed.channels, strict=True):
+            one.cover(traced.view_map)
         self._placed = placed
+        clock.lap("coverage")
+
+        if show is not None and unmeasured:
+            show(source)
+            yield painted
+        for n, traced in enumerate(unmeasured):
+            steps = measuring(traced.plan, traced.view_map, clock.lap)
+            of_each = (STAGES.measured - painted) / len(unmeasured)
+            start = painted + n * of_each
+            traced.measured = yield from within(steps, start, start + of_each)
+
+        channels = _channels(rig, settings, optics, placed, light)
         clock.lap("coverage")
 
         yield 1.0
         return Solution(
             rig=rig,
-            source=rig.display.source_for(light),
+            source=source,
             channels=channels,
             seconds=clock.seconds,
             n_rays=n_rays,
@@ -128,7 +152,7 @@ class Session:
         traced = STAGES.glance_traced
 
         for k, viewer in enumerate(rig.viewers):
-            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
+            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap, is_measured=False)
             _, view_map = yield from within(steps, traced * k / n, traced * (k + 1) / n)
             found.append((view_map, place(view_map, rig.place_of(viewer), viewer, settings)))
 
@@ -200,7 +224,7 @@ class Session:
 
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
-            start = max(so_far, k * STAGES.painted / n)
+            start = max(so_far, k * STAGES.measured / n)
             stop = start + 1 / n
             known[key], told = yield from within(steps, start, stop)
             n_rays += known[key].view_map.n_rays
@@ -214,11 +238,10 @@ class Session:
         """Trace the view map of one viewer; yields progress of the
         whole solve as if there were no other, and returns it, too.
         """
-        started = perf_counter()
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
-            sampling = within(steps, 0.0, STAGES.painted)
+            sampling = within(steps, 0.0, STAGES.measured)
             (plan, view_map), told = yield from last_told(sampling)
         finally:
             self.is_tracing = False
@@ -226,28 +249,9 @@ class Session:
         clock.lap("tracing")
 
         check_borders(rig, viewer, settings, view_map)
-        is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
-        told, after = when_measured(plan, view_map, perf_counter() - started, told)
-        accuracy = yield from within(measure(plan, is_cut_off), told, after)
-        clock.lap("tessellation error")
-
-        plate = yield from at(after, plate_view(plan))
-        if plate is not None:
-            clock.lap("brightness and blur")
-
-        beside = (yield from at(after, look_beside(plan))) if settings.only_through_glass else None
-        weight = yield from at(after, weight_beside(view_map, settings))
+        weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
-
-        traced = Traced(
-            plan=plan,
-            view_map=view_map,
-            accuracy=accuracy,
-            plate=plate,
-            beside=beside,
-            weight_beside=weight,
-        )
-        return traced, after
+        return Traced(plan, view_map, weight), told
 
 
 def _channels(
@@ -268,20 +272,15 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
     plan : as traced, of the very rig that is solved
     light : (H, W, 3) that is wanted of the display
     """
-    if placed.covered is None:
-        placed.view_coverage = placed.view_coverage_in(traced.view_map)
-        placed.covered = of_the_picture(
-            plan.rig.picture_place, plan.viewer, traced.view_map, placed.view_coverage
-        )
-
     picture_coverage, misses = placed.covered
+    measured = traced.measured
 
     return Channel(
         plan=plan,
         view_map=traced.view_map,
-        accuracy=traced.accuracy,
-        plate=traced.plate,
-        glare=traced.beside and traced.beside.seen_of(plan.rig.display.nearest(light)),
+        accuracy=measured.accuracy,
+        plate=measured.plate,
+        glare=measured.beside and measured.beside.seen_of(plan.rig.display.nearest(light)),
         shares=placed.shares,
         shown=placed.shown,
         coverage=placed.coverage,

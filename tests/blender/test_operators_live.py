@@ -13,6 +13,10 @@ EXTENSION = "bl_ext.user_default.kiriko"
 MANY = 2000  # turns of which none of these rigs needs a tenth
 
 
+# what is written of a final picture whose light was traced: the picture, then its numbers, too
+FINAL = ["update_coarse", "update_solution"]
+
+
 @pytest.fixture
 def live(scene: bpy.types.Scene, kiriko: ModuleType, no_remedies: None) -> Iterator[ModuleType]:
     """Module operators.live on an empty scene; nothing is followed before and after."""
@@ -185,14 +189,14 @@ def test_a_coarse_picture_comes_first(
     """
     monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
-    assert written == ["update_coarse", "update_solution"]
+    assert written == ["update_coarse", *FINAL]
     written.clear()
     turn(rig["GLASS"])
     until(written, live)
     coarse = shown()
     settle(live)
 
-    assert written == ["update_coarse", "update_solution"]
+    assert written == ["update_coarse", *FINAL]
     assert coarse.shape == shown().shape
     off = np.abs(coarse - shown()).mean()
     moved = np.abs(shown() - np.roll(shown(), 4, axis=1)).mean()
@@ -219,7 +223,7 @@ def test_the_first_coarse_picture_is_on_the_display(
     assert images_on(rig["DISPLAY"]) == [result.source]
 
     settle(live)
-    assert written == ["update_coarse", "update_solution"]
+    assert written == ["update_coarse", *FINAL]
     assert images_on(rig["DISPLAY"]) == [result.source]
     assert result.notes.count("'Own Display' of the display") == 1
 
@@ -238,13 +242,13 @@ def test_what_was_quick_gets_no_coarse_picture(
     """
     monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
     rig = follow(live, viewer_resolution=192)
-    assert written == ["update_coarse", "update_solution"]
+    assert written == ["update_coarse", *FINAL]
     for _ in range(2):  # glass that was turned is ready, the first time it was not
         written.clear()
         turn(rig["GLASS"])
         settle(live)
 
-    assert written == ["update_solution"]
+    assert written == FINAL
     known = dict(live.followed()._whole_lasted)
     bpy.context.scene.kiriko.margin = 3
     settle(live)
@@ -257,7 +261,7 @@ def test_what_was_quick_gets_no_coarse_picture(
         written.clear()
         change()
         settle(live)
-        assert written == ["update_coarse", "update_solution"]
+        assert written == ["update_coarse", *FINAL]
 
 
 def test_a_coarse_picture_is_not_exported(
@@ -422,6 +426,34 @@ def test_frames_are_followed(live: ModuleType) -> None:
     settle(live)
     assert not np.array_equal(shown(), before)
     assert is_rounding(shown() - plain(live))
+
+
+def test_the_final_picture_comes_before_its_numbers(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """These take their time while nothing changes; a newer change ends them, and its picture comes
+    as soon. Until they are there the result is none that could be exported.
+    """
+    monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
+    rig = follow(live)
+    turn(rig["GLASS"])
+    settle(live)
+    result = bpy.context.scene.kiriko.result
+
+    for _ in range(2):
+        written.clear()
+        turn(rig["GLASS"])
+        until(written, live)
+        assert written == FINAL[:1]
+        assert result.is_coarse
+        assert is_rounding(shown() - plain(live))
+
+    final, details = shown(), result.details
+    settle(live)
+    assert written == FINAL
+    assert not result.is_coarse
+    assert result.details != details
+    np.testing.assert_array_equal(shown(), final)
 
 
 def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
