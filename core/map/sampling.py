@@ -55,14 +55,13 @@ class Sampling:
     n_done : rays traced so far
     expected : a guess of the rays in all; infinite until squares are as small as can be
     begun : progress by the size of squares alone, until then
+    is_measured : are the errors of the map, too?
     """
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        viewer = plan.viewer
-        display = plan.rig.display
+    def __init__(self, plan: Plan, is_measured: bool = True) -> None:
+        self.plan, self.is_measured = plan, is_measured
+        viewer, display = plan.viewer, plan.rig.display
 
-        # what is asked for
         self.view_size = (viewer.width, viewer.height)
         self.display_size = (display.width, display.height)
         self.tolerance = plan.settings.tolerance
@@ -87,12 +86,9 @@ class Sampling:
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
         self.n_done, self.expected, self.begun = 0, np.inf, 0.0
 
-    def sample(self, is_measured: bool = True) -> Generator[float, None, ViewMap]:
-        """Make the view map; yields progress 0..1.
-
-        is_measured : and measure its errors
-        """
-        work = self._run(is_measured)
+    def sample(self) -> Generator[float, None, ViewMap]:
+        """Make the view map; yields progress 0..1."""
+        work = self._run()
         told = 0.0
 
         while True:
@@ -104,7 +100,7 @@ class Sampling:
             told = max(told, self.begun, share_of_rays(self.n_done, self.expected))
             yield told
 
-    def _run(self, is_measured: bool) -> Generator[int, None, ViewMap]:
+    def _run(self) -> Generator[int, None, ViewMap]:
         none = self.first.at(slice(0))
         todo = self.first
         checking = none
@@ -149,10 +145,7 @@ class Sampling:
             else:
                 self.begun = begun(self.first_size, int(todo.size.max()))
 
-        view_map, pixels = yield from self._finished(smooth, finest)
-        if not is_measured:
-            return view_map
-        return replace(view_map, error=(yield from measure(self.plan, view_map, pixels)))
+        return (yield from self._finished(smooth, finest))
 
     def _expect_of_squares(self, todo: Squares, checking: Squares, finest: Squares) -> None:
         """Guess the number of rays, by squares to be traced, to be checked, and to be cut."""
@@ -238,12 +231,8 @@ class Sampling:
 
         return missed
 
-    def _finished(
-        self, smooth: Squares, finest: Squares
-    ) -> Generator[int, None, tuple[ViewMap, Ints]]:
-        """The whole map, with cells of the pixels of the squares that were
-        refused to the last; and these pixels' corners (n, 4).
-        """
+    def _finished(self, smooth: Squares, finest: Squares) -> Generator[int, None, ViewMap]:
+        """Cells of the pixels of the squares that were refused to the last, and the whole map."""
         # the pixels' corners, going round
         column, row = finest.nodes()
         at = np.flatnonzero((COLUMN < PARTS) & (ROW < PARTS))
@@ -290,7 +279,8 @@ class Sampling:
             error=NO_ERROR,
             n_rays=0,
         )
-        return view_map, cells
+        error = (yield from measure(self.plan, view_map, cells)) if self.is_measured else NO_ERROR
+        return replace(view_map, error=error)
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's

@@ -95,10 +95,10 @@ def sample_reached(
         lap("plan")
 
         of_plan = perf_counter() - started
-        sampling = Sampling(plan)
+        sampling = Sampling(plan, is_measured)
         n_pixels = viewer.width * viewer.height
         of_pixel, of_ray = PACE.after_flat if plan.is_flat else PACE.after_curved
-        steps = sampling.sample(is_measured)
+        steps = sampling.sample()
 
         try:
             while True:

@@ -44,14 +44,14 @@ STAGES = {
         "core.light.kept.making_solids",
         "core.solve.reach.Sampling",
         "core.map.points.tracing",
-        "core.solve.session.measure",
-        "core.solve.session.plate_view",
-        "core.solve.session.look_beside",
+        "core.solve.measured.measure",
+        "core.solve.measured.plate_view",
+        "core.solve.measured.look_beside",
         "core.solve.painting.cut_along_outline",
         "core.map.share_batches.divided",
         "core.solve.painting.find_strokes",
         "core.solve.painting.Painting.finished",
-        "core.solve.session.of_the_picture",
+        "core.solve.painting.of_the_picture",
         "core.solve.session.remarks_on",
         "core.blender.result_numbers.costs",
         "core.blender.result.image_from_pixels",
@@ -701,7 +701,7 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     assert after == whole("solve")
 
 
-@pytest.mark.parametrize("stage", ["core.solve.session.measure", "core.blender.shaders.show_image"])
+@pytest.mark.parametrize("stage", ["core.solve.measured.measure", "core.blender.shaders.show_image"])
 def test_an_error_after_the_coarse_image_leaves_it(
     rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
