@@ -701,7 +701,9 @@ def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     assert after == whole("solve")
 
 
-@pytest.mark.parametrize("stage", ["core.solve.measured.measure", "core.blender.shaders.show_image"])
+@pytest.mark.parametrize(
+    "stage", ["core.solve.measured.measure", "core.blender.shaders.show_image"]
+)
 def test_an_error_after_the_coarse_image_leaves_it(
     rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
