@@ -5,7 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -113,11 +113,7 @@ class Session:
         if show is not None and unmeasured:
             show(source)
             yield painted
-        for n, traced in enumerate(unmeasured):
-            steps = measuring(traced.plan, traced.view_map, clock.lap)
-            of_each = (STAGES.measured - painted) / len(unmeasured)
-            start = painted + n * of_each
-            traced.measured = yield from within(steps, start, start + of_each)
+        yield from within(_measure(unmeasured, clock), painted, STAGES.measured)
 
         channels = _channels(rig, settings, optics, placed, light)
         clock.lap("coverage")
@@ -252,6 +248,13 @@ class Session:
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight), told
+
+
+def _measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, None]:
+    """Measure what was traced; yields progress 0..1."""
+    for n, traced in enumerate(unmeasured):
+        steps = measuring(traced.plan, traced.view_map, clock.lap)
+        traced.measured = yield from within(steps, n / len(unmeasured), (n + 1) / len(unmeasured))
 
 
 def _channels(
