@@ -21,7 +21,7 @@ from ..light.plan import Plan
 from ..light.planning import planning
 from ..rig import Rig
 from ..settings import Settings
-from ..steps import at, finish, last_told, within
+from ..steps import Pauses, at, finish, last_told, within
 from ..viewer import Viewer
 from .accuracy import leaks
 from .channel import Channel, Traced
@@ -92,13 +92,7 @@ class Session:
         painted = told + (STAGES.measured - told) * to_paint / to_come
         placed, painting = yield from within(steps, told, painted)
 
-        # from here on the optics are known to be of use
-        if optics is not self._optics:
-            if not any(len(one.shares) for one in placed.channels):
-                dark = optics.channels[0]
-                raise why_dark(dark, (yield from at(painted, leaks(dark.plan))))
-            self._optics = optics
-
+        yield from at(painted, self._take_up(optics, placed))
         beside = [traced.weight_beside for traced in optics.channels]
         light = finished(painting, placed.channels, beside, settings)
         source = rig.display.source_for(light)
@@ -114,7 +108,6 @@ class Session:
             show(source)
             yield painted
         yield from within(_measure(unmeasured, clock), painted, STAGES.measured)
-
         channels = _channels(rig, settings, optics, placed, light)
         clock.lap("coverage")
 
@@ -182,6 +175,13 @@ class Session:
     def lend(self, kept: Kept) -> None:
         """Let other plans use the glass that is made ready; the session stays as it is."""
         kept.borrow(self._kept)
+
+    def _take_up(self, optics: Optics, placed: Place) -> Pauses[None]:
+        """From here on optics are known to be of use, unless they turn out dark."""
+        if optics is not self._optics and not any(len(one.shares) for one in placed.channels):
+            dark = optics.channels[0]
+            raise why_dark(dark, (yield from leaks(dark.plan)))
+        self._optics = optics
 
     def _paint(
         self, place: Place, rig: Rig, settings: Settings, clock: Clock
