@@ -4,7 +4,7 @@ Only numbers and session uids are remembered from turn to turn; datablocks are l
 turn, so that undo, deletion and file load leave nothing behind that points nowhere.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
@@ -17,6 +17,7 @@ from ..core.blender.conflict import write_conflict
 from ..core.blender.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result import (
     update_coarse,
+    update_final,
     update_solution,
     write_helps,
     write_viewers,
@@ -258,7 +259,7 @@ class Live:
                     raise
                 continue  # a coarse viewer may miss light that the rig's own sees
             if not is_last:
-                yield from self._show(found)
+                yield from self._show(found, update_coarse)
         yield Step(WRITING, (rig.display.width, rig.display.height))
         update_solution(scene_by_uid(scene_uid), self._reading, found)
         if self.n_pictures == n_before:  # it was not shown before its numbers
@@ -309,14 +310,19 @@ class Live:
                 return end.value
             n += 1
             if painted:
-                yield from self._show(painted.pop())
+                yield from self._show(painted.pop(), update_final)
 
-    def _show(self, pixels: NDArray[np.float32]) -> Generator[Step, None, None]:
-        """Show a source image without numbers, coarse or not: these follow once nothing changes."""
+    def _show(
+        self, pixels: NDArray[np.float32], update: Callable[..., Reading]
+    ) -> Generator[Step, None, None]:
+        """Show a source image without numbers: these follow once nothing changes.
+
+        update : `update_coarse` or `update_final`
+        """
         display = self._reading.rig.display
         yield Step(WRITING, (display.width, display.height))
         pixels = enlarged(pixels, display.width, display.height)
-        self._reading = update_coarse(scene_by_uid(self.uid), self._reading, pixels)
+        self._reading = update(scene_by_uid(self.uid), self._reading, pixels)
         self._note_shown()
 
     def _note_shown(self) -> None:

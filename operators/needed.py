@@ -5,6 +5,7 @@ from time import monotonic
 import bpy
 
 from ..core.blender.parts import LeftOut, hidden_words
+from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import has_lost_plate
 from ..core.blender.rigs import elsewhere
 from ..core.blender.viewer import own_images, viewer_of
@@ -30,6 +31,8 @@ NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave edit mode first")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
 COMING = Message("This is a first, coarse source image: the final one follows.")
+NUMBERLESS = Message("The source image has no numbers yet: solve, or let Live finish")
+MEASURING = Message("The source image is final; its numbers follow.")
 LINKED = Message("The scene is linked from another file: open that file, or make the scene local")
 LONG = 1e-3  # s: a look for a rig that took longer is not repeated at once
 RESTING = 30.0  # times as long as it took
@@ -178,6 +181,8 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
     result = scene.kiriko.result
     if result.source is None:
         return [Message("There is no source image yet: solve first")]
+    if lacks_numbers(result):
+        return [NUMBERLESS]
     return [COARSE] if result.is_coarse else []
 
 

@@ -10,6 +10,7 @@ from ..core import kernel
 from ..core.blender import scene as blender_scene
 from ..core.blender import solved_for as blender_solved_for
 from ..core.blender.newcomers import take_newcomers
+from ..core.blender.result_images import lacks_numbers
 from ..core.blender.shapes import Kept
 from ..core.settings import Settings
 from ..core.solve.session import Session
@@ -45,8 +46,10 @@ def note_written(scene: bpy.types.Scene) -> None:
 def is_written(scene: bpy.types.Scene, solved_for: str) -> bool:
     """Is a scene's result whole, and that of a scene, as nothing has been undone since?"""
     result = scene.kiriko.result
+    is_whole = not result.is_coarse and not lacks_numbers(result)
     is_noted = (scene.session_uid, result.solved_for) in _written
-    return is_noted and result.solved_for == solved_for and result.source is not None
+    is_of_it = is_noted and result.solved_for == solved_for
+    return is_of_it and is_whole and result.source is not None
 
 
 def forget_written() -> None:

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.blender.kept import Numbers, Sentences
-from ..core.blender.result_images import images_of
+from ..core.blender.result_images import images_of, lacks_numbers
 from ..core.messages import Message, as_message, joined
 from ..core.numbers import number
 from ..core.words import percent, pixels, shares_in_words
@@ -26,10 +26,14 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         layout = self.layout
         result = context.scene.kiriko.result
         said = Sentences.read(result.sentences)
-        if result.is_coarse and (work.is_busy() or watch.is_followed(context.scene)):
-            sentence(layout, context, needed.COMING, icon="INFO")
-        elif result.is_coarse:
-            sentence(layout, context, Message("{reason}.", reason=needed.COARSE), icon="ERROR")
+        lacks = lacks_numbers(result)
+        if result.is_coarse or lacks:
+            if work.is_busy() or watch.is_followed(context.scene):
+                text, icon = needed.MEASURING if lacks else needed.COMING, "INFO"
+            else:
+                reason = needed.NUMBERLESS if lacks else needed.COARSE
+                text, icon = Message("{reason}.", reason=reason), "ERROR"
+            sentence(layout, context, text, icon=icon)
         elif not result.summary:
             layout.label(text="Not solved yet.")
             return

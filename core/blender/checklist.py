@@ -153,15 +153,11 @@ def _select_part(thing: Thing) -> Button:
 
 def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Is there one, of the scene as it is, of all of the picture?"""
-    solve = (Button("kiriko.solve", Message("Solve"), (), "LIGHT_SUN"),)
     if look.missing:
         return
-    if look.is_coarse:
+    if look.is_coarse or look.is_stale or look.lacks_numbers:
         if not look.is_followed:
-            yield Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
-        return
-    if look.is_stale:
-        yield Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
+            yield _solve(look)
         return
 
     told = set()
@@ -180,6 +176,16 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
             yield Entry(
                 Message("'{viewer}': {summary}", viewer=name, summary=loss), ADVICE, buttons
             )
+
+
+def _solve(look: Look) -> Entry:
+    """A result that is not whole, or not of the scene as it is."""
+    solve = (Button("kiriko.solve", Message("Solve"), (), "LIGHT_SUN"),)
+    if look.is_coarse:
+        return Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
+    if look.is_stale:
+        return Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
+    return Entry(Message("The source image has no numbers yet."), ADVICE, solve)
 
 
 def _loss(share: float, reason: str, remedy: Message) -> Message:

@@ -17,7 +17,7 @@ from .kept import Numbers
 from .material import refracts
 from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
-from .result_images import images_of
+from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
@@ -59,6 +59,7 @@ def look_at(
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
         is_coarse=result.is_coarse,
+        lacks_numbers=lacks_numbers(result),
         is_stale=is_stale,
         is_solved=result.source is not None,
     )

@@ -160,6 +160,13 @@ def update_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) 
     return _with_notes(reading, put_on_display(display, image))
 
 
+def update_final(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -> Reading:
+    """The same with the final source image, whose numbers follow: those of before go."""
+    reading = update_coarse(scene, reading, pixels)
+    _take_numbers(scene, reading, is_coarse=False)
+    return reading
+
+
 def _with_notes(reading: Reading, notes: list[str]) -> Reading:
     """A reading with further notes, each once."""
     return replace(reading, notes=tuple(dict.fromkeys((*reading.notes, *notes))))
@@ -174,14 +181,18 @@ def write_coarse(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     """
     remarks = _put_in_place(scene, reading, _packed(name_for(scene, SOURCE), pixels))
     reading = _with_notes(reading, remarks)
+    _take_numbers(scene, reading, is_coarse=True)
+    return reading
+
+
+def _take_numbers(scene: bpy.types.Scene, reading: Reading, is_coarse: bool) -> None:
+    """Take away numbers of another source image than the one of this reading that is shown now."""
     result = scene.kiriko.result
-    result.is_coarse, result.coverage = True, 0.0
-    result.summary = result.details = result.seen_summary = ""  # the old ones are of another one
+    result.is_coarse, result.coverage = is_coarse, 0.0
+    result.summary = result.details = result.seen_summary = ""
     result.notes = "\n".join(map(one_line, reading.notes))
     result.sentences = Sentences.of(reading.notes).text()
     result.solved_for = reading.solved_for
-
-    return reading
 
 
 def _put_in_place(scene: bpy.types.Scene, reading: Reading, image: bpy.types.Image) -> list[str]:

@@ -92,6 +92,7 @@ class Look:
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
+    lacks_numbers : is the source image final, without its numbers?
     is_followed : does Live follow the scene, so that the final image comes by itself?
     """
 
@@ -109,6 +110,7 @@ class Look:
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
     is_coarse: bool = False
+    lacks_numbers: bool = False
     is_stale: bool = False
     is_solved: bool = False
     is_followed: bool = False

@@ -555,7 +555,7 @@ def test_a_loss_that_nothing_near_by_mends_asks_to_turn_the_glass(core: ModuleTy
     assert [button.operator for button in glass.buttons] == ["kiriko.turn_back"]
 
 
-@pytest.mark.parametrize("state", ["is_stale", "is_coarse"])
+@pytest.mark.parametrize("state", ["is_stale", "is_coarse", "lacks_numbers"])
 def test_an_old_result_is_solved_again(core: ModuleType, state: str) -> None:
     """Its losses are not those of the scene as it is, and are not told."""
     checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
@@ -565,11 +565,14 @@ def test_an_old_result_is_solved_again(core: ModuleType, state: str) -> None:
     assert [button.operator for button in entry.buttons] == ["kiriko.solve"]
 
 
-def test_nobody_is_to_solve_what_live_is_solving(core: ModuleType) -> None:
-    """A coarse image is no task while Live follows: the final one comes by itself."""
+@pytest.mark.parametrize("state", ["is_coarse", "lacks_numbers"])
+def test_nobody_is_to_solve_what_live_is_solving(core: ModuleType, state: str) -> None:
+    """A coarse image is no task while Live follows: the final one comes by itself, and so do its
+    numbers.
+    """
     checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
     to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
-    look = to_do.Look(misses={"missed the plate": 0.3}, is_coarse=True, is_followed=True)
+    look = to_do.Look(misses={"missed the plate": 0.3}, is_followed=True, **{state: True})
     assert checklist.entries(look, str) == []
 
 

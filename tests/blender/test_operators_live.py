@@ -1,5 +1,5 @@
 import importlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import inf
 from types import ModuleType
 
@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+from panel_layout import Layout
 from small_rigs import new_object, pixels, primitive, show_scene, small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
@@ -14,7 +15,7 @@ MANY = 2000  # turns of which none of these rigs needs a tenth
 
 
 # what is written of a final picture whose light was traced: the picture, then its numbers, too
-FINAL = ["update_coarse", "update_solution"]
+FINAL = ["update_final", "update_solution"]
 
 
 @pytest.fixture
@@ -73,7 +74,7 @@ def traces(live: ModuleType) -> list[str]:
 def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the writes that live does, in order."""
     calls = []
-    for name in ("update_coarse", "update_solution"):
+    for name in ("update_coarse", "update_final", "update_solution"):
         own = getattr(live.live_follower, name)
         monkeypatch.setattr(
             live.live_follower,
@@ -429,31 +430,120 @@ def test_frames_are_followed(live: ModuleType) -> None:
 
 
 def test_the_final_picture_comes_before_its_numbers(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+    live: ModuleType,
+    written: list[str],
+    drawn: Callable[..., Layout],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """These take their time while nothing changes; a newer change ends them, and its picture comes
-    as soon. Until they are there the result is none that could be exported.
+    as soon. Until they are there the result is none that could be exported, and that is said;
+    numbers of the picture before are not told.
     """
     monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
     rig = follow(live)
     turn(rig["GLASS"])
     settle(live)
     result = bpy.context.scene.kiriko.result
+    details, before = result.details, result.solved_for
 
     for _ in range(2):
         written.clear()
         turn(rig["GLASS"])
         until(written, live)
         assert written == FINAL[:1]
-        assert result.is_coarse
         assert is_rounding(shown() - plain(live))
+        assert (result.is_coarse, result.summary, result.details) == (False, "", "")
+        assert result.solved_for != before
+        assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == (
+            "The source image is final; its numbers follow."
+        )
+        assert not bpy.ops.kiriko.export.poll()
 
-    final, details = shown(), result.details
+    final = shown()
     settle(live)
     assert written == FINAL
     assert not result.is_coarse
     assert result.details != details
     np.testing.assert_array_equal(shown(), final)
+
+
+@pytest.mark.parametrize("end", ["stopped", "measuring fails"])
+def test_a_picture_may_stay_without_numbers(
+    live: ModuleType,
+    written: list[str],
+    drawn: Callable[..., Layout],
+    monkeypatch: pytest.MonkeyPatch,
+    end: str,
+) -> None:
+    """Where nothing is at work any more: panel and export say so, it is saved with the file, and a
+    solve has its numbers.
+    """
+    rig = follow(live)
+    result = bpy.context.scene.kiriko.result
+    turn(rig["GLASS"])
+    written.clear()
+    if end == "stopped":
+        until(written, live)
+        live.stop()
+    else:
+        errors, session = (
+            importlib.import_module(f"{EXTENSION}.core.{name}")
+            for name in ("errors", "solve.session")
+        )
+
+        def fail(*_: object) -> Iterator[float]:
+            yield 0.5
+            raise errors.RigError("Too many cats.")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(session, "measuring", fail)
+            settle(live)
+        assert live.status() == ("Too many cats.", True)
+        live.stop()
+
+    assert written == FINAL[:1]
+    final = shown()
+    words = "The source image has no numbers yet"
+    panel = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    assert panel == f"{words}: solve, or let Live finish."
+    assert f"{words}." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.export(filepath="/nowhere.png")
+    assert result.source.packed_file is not None
+    result.source.reload()
+    np.testing.assert_array_equal(shown(), final)
+
+    bpy.ops.kiriko.solve()
+    assert words not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    assert is_rounding(shown() - final)
+    assert result.details
+
+
+def test_what_solve_wrote_is_not_kept_once_live_has_shown_another(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Solved; then Live is stopped after a coarse picture of turned glass, which is turned back:
+    the scene is the one that was solved, but the picture is not.
+    """
+    monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
+    rig = small_rig(viewer_resolution=192)
+    place = rig["GLASS"].matrix_world.copy()
+    bpy.ops.kiriko.solve()
+    before = shown()
+    live.start(bpy.context.scene)
+    settle(live)
+    assert written == []
+    turn(rig["GLASS"], 0.3)
+    until(written, live)
+    live.stop()
+    assert not np.array_equal(shown(), before)
+
+    rig["GLASS"].matrix_world = place
+    bpy.context.view_layer.update()
+    live.start(bpy.context.scene)
+    settle(live)
+    assert is_rounding(shown() - before)
+    assert not bpy.context.scene.kiriko.result.is_coarse
 
 
 def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
