@@ -211,8 +211,10 @@ def _is_totally_reflected(tree: Any, ior: float) -> Any:
     tree.links.new(square.outputs[0], sine.inputs[1])
 
     tree.links.new(geometry.outputs["Backfacing"], limit.inputs[0])
-    limit.inputs[1].default_value = ior**-2 - ior**2
-    limit.inputs[2].default_value = ior**2
+    # no sine is above 1: larger limits would only cost the smaller one its digits
+    front, back = min(ior, 1.0) ** 2, min(1 / ior, 1.0) ** 2
+    limit.inputs[1].default_value = back - front
+    limit.inputs[2].default_value = front
     tree.links.new(sine.outputs[0], found.inputs[0])
     tree.links.new(limit.outputs[0], found.inputs[1])
 

@@ -548,3 +548,50 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
 
     assert one > 0.02
     assert other == pytest.approx(one, rel=0.05)
+
+
+@pytest.mark.parametrize("ior", [0.6, 1.0, 1.49, 100.0])
+@pytest.mark.parametrize("is_behind", [False, True])
+def test_light_is_refracted_or_totally_reflected_as_snell_says(
+    core: ModuleType, scene: bpy.types.Scene, tmp_path: Path, ior: float, is_behind: bool
+) -> None:
+    """At one interface without reflections, seen from either side, for relative indices that nested
+    glass has, too: what is seen is the sky beyond, white, or the ground on this side, black.
+    """
+    index = 1 / ior if is_behind else ior  # of what is beyond, over that of this side
+    wall = new_object(primitive("grid", x_segments=1, y_segments=1, size=50.0))
+    wall.rotation_euler.x = np.pi if is_behind else 0.0
+    material = bpy.data.materials.new("Glass")
+    core.blender.shaders.be_glass(material, ior, False)
+    wall.data.materials.append(material)
+
+    world = scene.world = bpy.data.worlds.new("Sky beyond")
+    world.use_nodes = True
+    nodes, link = world.node_tree.nodes, world.node_tree.links.new
+    place, parts, sign = (
+        nodes.new(f"ShaderNode{name}") for name in ("TexCoord", "SeparateXYZ", "Math")
+    )
+    sign.operation, sign.inputs[1].default_value = "LESS_THAN", 0.0
+    link(place.outputs["Generated"], parts.inputs[0])
+    link(parts.outputs["Z"], sign.inputs[0])
+    link(sign.outputs[0], nodes["Background"].inputs["Color"])
+
+    camera = scene.camera = new_object(bpy.data.cameras.new("Eye"))
+    camera.location = 0.3, 0.1, 1.0  # not over the diagonal, along which the wall is cut
+    half = 2 * index if index < 0.5 else 1.2
+    camera.data.sensor_width, camera.data.lens = 72.0, 36.0 / np.tan(half)
+    settings, n = scene.render, 64
+    settings.engine, settings.resolution_x, settings.resolution_y = "CYCLES", n, n
+    settings.resolution_percentage, settings.filepath = 100, str(tmp_path / "seen.exr")
+    settings.image_settings.file_format = "OPEN_EXR"
+    scene.cycles.samples, scene.cycles.pixel_filter_type = 1, "BLACKMAN_HARRIS"
+    scene.cycles.filter_width, scene.cycles.use_denoising = 0.01, False
+    bpy.ops.render.render(write_still=True)
+
+    seen = pixels(bpy.data.images.load(settings.filepath))[..., 0]
+    across = ((np.arange(n) + 0.5) / n - 0.5) * 2 * np.tan(half)
+    squared = across**2 + across[:, None] ** 2
+    sine = np.sqrt(squared / (1 + squared))
+    is_clear = np.abs(sine - index) > 1e-4 * index
+    np.testing.assert_array_equal((seen > 0.5)[is_clear], (sine < index)[is_clear])
+    assert is_clear.mean() > 0.99
