@@ -92,7 +92,9 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
         yield 0
 
     off, bends, bend = (length_of(difference) for difference in differences)
-    phase = bends / np.maximum(bend, LINES.straight * taken(size, v.start))
+    # a vertex in one place with all its neighbours has no line
+    least = LINES.straight * taken(size, v.start)
+    phase = np.divide(bends, np.maximum(bend, least), out=np.zeros(len(least)), where=least > 0)
 
     # near a rim a line has no room one way, and counts for both
     has_room = is_line | (across < 0)

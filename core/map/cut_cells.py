@@ -15,9 +15,10 @@ from .searches import traced
 def cut_cells(
     plan: Plan, points: Points, cells: Ints, known: Borders, middle: Ints | None = None
 ) -> Generator[int, None, tuple[Points, Borders, Ints, Ints]]:
-    """Cut cells (m, k) with k corners, four of which have
-    middles (m,) that were traced; returns all points and borders
+    """Cut cells (m, k) with k corners; returns all points and borders
     known, triangles (t, 3) and the cells (t,) they are pieces of.
+
+    Cells with four corners have middles (m,), points that were traced.
 
     A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
     on the corner's own branch and the first on the next corner's. Between these two are the ends of

@@ -117,6 +117,22 @@ def test_straight_lines_of_an_oval_tube_are_not_coarse(segments, dtype):
     assert phase == pytest.approx((2 * np.sin(np.pi / segments)) ** 2, rel=1e-3)
 
 
+@pytest.mark.filterwarnings("error")
+def test_vertices_in_one_place_do_not_spoil_other_faces():
+    """A triangle drawn to a point by three vertices, which are not joined, has no lines."""
+    mesh = mean_normals(torus(MAJOR, MINOR, 12, 8))
+    n = len(mesh.vertices)
+    with_point = replace(
+        mesh,
+        vertices=np.concatenate([mesh.vertices, np.full((3, 3), 0.1)]),
+        triangles=np.concatenate([mesh.triangles, [[n, n + 1, n + 2]]]),
+        corner_normals=np.concatenate([mesh.corner_normals, np.tile([0, 0, 1.0], (1, 3, 1))]),
+        is_smooth=np.append(mesh.is_smooth, True),
+    )
+    surface = make_surface(replace(with_point, surface="automatic"))
+    assert surface.n_curved == len(mesh.triangles)
+
+
 def test_subdivided_glass_is_curved_where_its_patches_meet():
     """A ring by three levels of Subdivision, against the limit of its cage. Normals jump by up to
     two fifths of the gain at the edges between the patches of the spline that it is.

@@ -1,0 +1,73 @@
+"""What is found does not depend on what else is looked for at the same time."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from kiriko.core import kernel
+from kiriko.core.light import trace
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.planning import make_plan
+from kiriko.core.map.edges import find_borders
+from kiriko.core.map.points import Points, trace_points
+from kiriko.core.map.searches import traced
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig, box, rig
+
+
+def are_same(a, b):
+    """Are all arrays the same, bit by bit?"""
+    return all(
+        getattr(a, f.name).tobytes() == getattr(b, f.name).tobytes() for f in fields(type(a))
+    )
+
+
+@pytest.mark.parametrize("max_events", [1, 3, 32])
+def test_rays_that_begin_where_others_have_ended_go_the_same_way(monkeypatch, max_events):
+    """Some meet a box alone, some the ball in it, and some are turned back without end."""
+    a_rig = rig(box([0.04] * 3, degrees_about_z=20.0), pixels=16)
+    a_rig = replace(a_rig, glasses=a_rig.glasses + ball_rig(2).glasses)
+    plan = make_plan(a_rig, Settings(max_events=max_events))
+    rays = plan.viewer.rays(16 * np.random.default_rng(0).random((150, 2)))
+    with kernel.off():
+        together, course = finish(trace.recording(plan, *rays))
+        monkeypatch.setattr(trace, "LIVE_AT_ONCE", 11)
+        late, course_of_late = finish(trace.recording(plan, *rays))
+        kept = finish(trace.tracing(plan, *rays, course=course))
+
+    assert together.n_events.max() == max_events
+    assert len(np.unique(together.n_events)) >= min((max_events + 1) // 2, 5)
+    assert (together.reason[together.n_events < max_events] != Reason.CUT_OFF).all()
+    assert are_same(late, together)
+    assert are_same(kept, together)
+    assert np.array_equal(course_of_late, course)
+
+
+def test_borders_of_many_edges_are_those_of_each_alone():
+    """From the middle of a ball to places beyond its rim; and none of no edges."""
+    a_rig = ball_rig(2, pixels=32)
+    plan = make_plan(a_rig, Settings())
+    angle = 2 * np.pi * np.arange(24) / 24
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    view = 16 + np.concatenate([np.zeros((1, 2)), 3 * around, 15 * around])
+    with kernel.off():
+        points = finish(trace_points(plan, view))
+        far = 1 + np.flatnonzero(points.branch[1:] != points.branch[0])
+        near = np.zeros(len(far), np.int64)
+        found, strips, of_strips = finish(traced(plan, find_borders(plan, points, near, far)))
+        alone = [
+            finish(traced(plan, find_borders(plan, points, near[k : k + 1], far[k : k + 1])))
+            for k in range(0, len(far), 5)
+        ]
+        nothing, no_strips, _ = finish(traced(plan, find_borders(plan, points, near[:0], far[:0])))
+
+    assert len(far) >= 10
+    assert (found.branch == points.branch[0]).all()
+    for k, (border, strips_of_it, _) in zip(range(0, len(far), 5), alone, strict=True):
+        assert are_same(border, found.at(np.array([k])))
+        assert np.array_equal(strips_of_it > 0, strips[k : k + 1] > 0)
+    assert len(of_strips) == (strips > 0).sum()
+    assert are_same(nothing, Points.none())
+    assert no_strips.shape == (0, strips.shape[1])
