@@ -1,16 +1,16 @@
 """Display error of glass as artists bring it, by each choice of *Surface*, held to the surface
 that was meant: what Subdivision goes towards, or the lathe of the same profile, finely divided.
 
-`python3 scripts/dev.py meant [--glass NAME ...]`. Wine glass and bottle are Blender's, by so many
-levels of Subdivision; the judge is the limit of the same cage by known/catmull_clark.py. The vase
-is the curve of fourth degree through its profile's points, at so many of it and 32 steps around.
-Normals are means, and the judge's own are exact. Errors in display px, of random rays through the
-bench's viewer where the judge's map is smooth: a viewer pixel aside, each way, light lands on the
-display, too, less than 10 px away and within 1 px of where it goes straight on. `judge` tells by
-how much one of four times fewer triangles differs at 50 and 99 % of those rays, and how much one
-of four times more, in facets with interpolated normals, without a curved face. `curved` is the
-share of the triangles that *Automatic* follows as curved, `worse` by how many px rms it is further
-off than the better of the other two.
+`python3 scripts/dev.py meant [--glass NAME ...] [--levels N]`. Wine glass and bottle are Blender's,
+by so many levels of Subdivision; the judge is the limit of the same cage by known/catmull_clark.py.
+The vase is the curve of fourth degree through its profile's points, at so many of it and 32 steps
+around. Normals are means, and the judge's own are exact. Errors in display px, of random rays
+through the bench's viewer where the judge's map is smooth: a viewer pixel aside, each way, light
+lands on the display, too, less than 10 px away and within 1 px of where it goes straight on.
+`judge` tells by how much one of four times fewer triangles differs at 50 and 99 % of those rays,
+and how much one of four times more, in facets with interpolated normals, without a curved face.
+`curved` is the share of the triangles that *Automatic* follows as curved, `worse` by how many px
+rms it is further off than the better of the other two.
 """
 
 from __future__ import annotations
@@ -140,20 +140,23 @@ class Meant:
     judge: Callable[[int], Mesh]
 
 
-MEANT = {
-    name: Meant(
-        (1, 2),
-        lambda levels, name=name: as_drawn(name, levels),
-        lambda k, name=name: as_meant(name, 2 + k),
-    )
-    for name in ("wine glass", "bottle")
-} | {
-    "vase": Meant(
+def all_meant(levels: int) -> dict[str, Meant]:
+    """The glasses by name, by so many levels of Subdivision at the most."""
+    kinds = tuple(range(1, levels + 1))
+    by_levels = {
+        name: Meant(
+            kinds,
+            lambda k, name=name: as_drawn(name, k),
+            lambda k, name=name: as_meant(name, levels + k),
+        )
+        for name in ("wine glass", "bottle")
+    }
+    by_points = Meant(
         (5, 9, 17, 33),
         lambda points: vase(points, STEPS, own=False),
         lambda k: vase(64 * 2**k + 1, 2 * STEPS * 2**k, own=True),
     )
-}
+    return by_levels | {"vase": by_points}
 
 
 def planned(mesh: Mesh, choice: str) -> Plan:
@@ -189,19 +192,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    names = [*all_meant(1)]
     parser.add_argument(
-        "--glass", nargs="+", metavar="NAME", choices=MEANT, default=[*MEANT], help="only these"
+        "--glass", nargs="+", metavar="NAME", choices=names, default=names, help="only these"
+    )
+    parser.add_argument(
+        "--levels",
+        type=int,
+        default=2,
+        help="of Subdivision, at the most (2); the judge has one more",
     )
     arguments = parser.parse_args()
+    meant = all_meant(arguments.levels)
     rows = []
     for name in arguments.glass:
-        rows += told(name)
+        rows += told(name, meant[name])
     print("", *rows, sep="\n")
 
 
-def told(name: str) -> list[str]:
+def told(name: str, meant: Meant) -> list[str]:
     """The lines of a glass."""
-    meant = MEANT[name]
     xy = np.random.default_rng(3).uniform(1, 511, (RAYS, 2))
     judge = planned(meant.judge(1), "smooth")
     exact = landings(judge, xy)
