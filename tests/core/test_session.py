@@ -48,6 +48,31 @@ def small(**options):
     return ball_rig(3, pixels=48, display_pixels=48, image=lattice_image(64), **options)
 
 
+def test_a_solve_that_ends_after_its_picture_is_gone_on_with(monkeypatch):
+    """The picture is shown once, as it will be; the next solve traces nothing and measures what was
+    left: its numbers are those of a solve at once. Then nothing is left to be measured.
+    """
+    kept, shown = Session(), []
+    a_rig = small()
+    expected = solve(a_rig)
+    steps = kept.solve(a_rig, None, shown.append)
+    while not shown:
+        next(steps)
+    steps.close()
+    assert len(shown) == 1
+    assert np.array_equal(shown[0], expected.source)
+
+    monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
+    found = drain(kept.solve(a_rig, None, shown.append))
+    assert len(shown) == 2
+    assert all(np.array_equal(one, found.source) for one in shown)
+    assert found.first.accuracy == expected.first.accuracy
+    assert found.notes == expected.notes
+    again = drain(kept.solve(a_rig, None, shown.append))
+    assert len(shown) == 2
+    assert again.first.accuracy is found.first.accuracy
+
+
 def test_a_new_picture_alone_traces_nothing(monkeypatch):
     """Same optics, other picture: equal to a solve from
     scratch, with no ray traced and no place looked for.
