@@ -1,4 +1,5 @@
 import importlib
+import time
 from collections.abc import Callable, Iterator
 from math import inf
 from types import ModuleType
@@ -72,15 +73,23 @@ def traces(live: ModuleType) -> list[str]:
 
 @pytest.fixture
 def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the writes that live does, in order."""
+    """Names of the writes that live does, in order. Each of them is the last step of its turn,
+    however fast the steps after it would be.
+    """
     calls = []
+
+    def noting(name: str, own: Callable) -> Callable:
+        def write(*arguments: object) -> object:
+            calls.append(name)
+            found = own(*arguments)
+            time.sleep(live.live_follower.TURN)
+            return found
+
+        return write
+
     for name in ("update_coarse", "update_final", "update_solution"):
         own = getattr(live.live_follower, name)
-        monkeypatch.setattr(
-            live.live_follower,
-            name,
-            lambda *a, own=own, name=name: (calls.append(name), own(*a))[1],
-        )
+        monkeypatch.setattr(live.live_follower, name, noting(name, own))
     return calls
 
 
