@@ -164,25 +164,24 @@ def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
     mirrored by total reflection: never parted, so that there is no noise.
     """
     tree, output = cleared(material)
-    if fresnel:
-        glass = _clear(tree, "ShaderNodeBsdfGlass", ior)
-        tree.links.new(glass.outputs[0], output.inputs["Surface"])
-        glass.location = (-220, 0)
-        return
+    glass = _clear(tree, "ShaderNodeBsdfGlass", ior) if fresnel else _unparted(tree, ior)
+    tree.links.new(glass.outputs[0], output.inputs["Surface"])
+    glass.location = (-220, 0)
 
+
+def _unparted(tree: Any, ior: float) -> Any:
+    """A shader that refracts all light, or mirrors all of it."""
     mix = tree.nodes.new("ShaderNodeMixShader")
+    refracted = _clear(tree, "ShaderNodeBsdfRefraction", ior)
+    mirrored = _clear(tree, "ShaderNodeBsdfAnisotropic")
     tree.links.new(_is_totally_reflected(tree, ior), mix.inputs[0])
-    for k, (name, index) in enumerate(
-        (("ShaderNodeBsdfRefraction", ior), ("ShaderNodeBsdfAnisotropic", None))
-    ):
-        shader = _clear(tree, name, index)
-        tree.links.new(shader.outputs[0], mix.inputs[k + 1])
-        shader.location = (-220, -200 * k - 100)
-    tree.links.new(mix.outputs[0], output.inputs["Surface"])
-    output.location = (220, 0)
+    tree.links.new(refracted.outputs[0], mix.inputs[1])
+    tree.links.new(mirrored.outputs[0], mix.inputs[2])
+    refracted.location, mirrored.location = (-440, -100), (-440, -300)
+    return mix
 
 
-def _clear(tree: Any, name: str, ior: float | None) -> Any:
+def _clear(tree: Any, name: str, ior: float | None = None) -> Any:
     """A shader without roughness that absorbs nothing."""
     node = tree.nodes.new(name)
     node.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
@@ -220,14 +219,14 @@ def _is_totally_reflected(tree: Any, ior: float) -> Any:
 
     row = (geometry, cosine, square, sine, limit, found)
     for column, node in enumerate(row):
-        node.location = (220 * (column - len(row)) - 220, 0)
+        node.location = (220 * (column - len(row)) - 440, 0)
     return found.outputs[0]
 
 
 def be_mirror(material: bpy.types.Material) -> None:
     """A mirror without loss."""
     tree, output = cleared(material)
-    glossy = _clear(tree, "ShaderNodeBsdfAnisotropic", None)
+    glossy = _clear(tree, "ShaderNodeBsdfAnisotropic")
     tree.links.new(glossy.outputs[0], output.inputs["Surface"])
 
 

@@ -81,6 +81,12 @@ class PlannedLayer:
     closed_bits: NDArray[np.uint64]
     solid_bits: NDArray[np.uint64] | None
 
+    def places(self, n_triangles: int) -> Ints:
+        """Places in the layer of all triangles (n_triangles,) of the plan; -1 for others."""
+        places = np.full(n_triangles, -1)
+        places[self.numbers] = np.arange(len(self.numbers))
+        return places
+
 
 @dataclass(frozen=True, eq=False)
 class PlannedDisplay:

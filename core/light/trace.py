@@ -152,10 +152,12 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
     """
     waiting = rays.live
     rays.live = waiting[:0]
+    at_once = LIVE_AT_ONCE if steps is None else len(waiting)
+
     while True:
-        room = (len(waiting) if steps is not None else LIVE_AT_ONCE) - len(rays.live)
-        rays.live = np.concatenate([rays.live, waiting[: max(room, 0)]])
-        waiting = waiting[max(room, 0) :]
+        room = at_once - len(rays.live)
+        rays.live = np.concatenate([rays.live, waiting[:room]])
+        waiting = waiting[room:]
         if not len(rays.live):
             break
 

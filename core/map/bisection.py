@@ -7,6 +7,7 @@ as hundreds of its rays. A ray is given up as soon as it leaves the course of it
 """
 
 from dataclasses import dataclass
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -128,11 +129,12 @@ def _bisected(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, 
             if parts == 1:
                 width[todo[held]] = 0.0
 
-        # as many digits in each step that is left
+        # as many digits in each of the steps that are left, as few as a batch allows
         todo = todo[width[todo] > 2.0**-digits]
-        left = max(1, digits + int(np.ceil(np.log2(width[todo].max(initial=2.0**-digits)))))
+        left = max(1, digits + ceil(np.log2(width[todo].max(initial=2.0**-digits))))
         most = int(np.clip(np.log2(batch / max(len(todo), 1)), 1, BISECTION.most_digits))
-        parts = 2 ** -(-left // -(-left // most))
+        n_steps = ceil(left / most)
+        parts = 2 ** ceil(left / n_steps)
 
     landed = Points(
         a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput

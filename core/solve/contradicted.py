@@ -6,6 +6,7 @@ from ..arrays import Bools, Floats, Ints
 from ..glass.meshes import interpolate
 from ..light.optics import reflect
 from ..light.plan import Plan
+from ..light.ray_engine import Layer
 from ..light.trace import Step
 from ..vectors import dot, length_of, normalise
 
@@ -33,6 +34,7 @@ def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
     if not plan.triangles.is_bent.any():
         return found
 
+    held_places = [(held, held.places(len(plan.triangles))) for held in plan.layers]
     last = origins.copy()
     came = np.zeros_like(origins)
     asked = found.copy()
@@ -52,35 +54,35 @@ def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
         go_on(step.left, step.direction)
 
         owner = plan.parts.owner[plan.triangles.part[triangle]]
-        asked[rays] = np.where(_contradicts(plan, triangle, place, directions), owner, -1)
+        is_bent = plan.triangles.is_bent[triangle]
+        is_odd = np.zeros(len(triangle), bool)
+        for held, places in held_places:
+            some = np.flatnonzero(is_bent & (places[triangle] >= 0))
+            number = triangle[some]
+            is_odd[some] = _contradicts(
+                plan, held.layer, number, places[number], place[some], directions[some]
+            )
+        asked[rays] = np.where(is_odd, owner, -1)
         last[rays], came[rays] = place, directions
 
     return found
 
 
-def _contradicts(plan: Plan, triangle: Ints, place: Floats, directions: Floats) -> Bools:
-    """Are normals at places (n, 3) of triangles (n,) such for light with directions (n, 3)?"""
-    found = np.zeros(len(triangle), bool)
-    is_bent = plan.triangles.is_bent[triangle]
+def _contradicts(
+    plan: Plan, layer: Layer, triangle: Ints, number: Ints, place: Floats, directions: Floats
+) -> Bools:
+    """Are normals at places (n, 3) of bent triangles (n,) such for light with directions (n, 3)?
 
-    for held in plan.layers:
-        row = np.full(len(plan.triangles), -1)
-        row[held.numbers] = np.arange(len(held.numbers))
-        i = np.flatnonzero(is_bent & (row[triangle] >= 0))
-        if not len(i):
-            continue
+    number : (n,) the layer's own, of the triangles
+    """
+    at = place if layer.motion is None else layer.motion.back(place, directions)[0]
+    u, v = layer.frames.barycentric(number, at)
+    shading = normalise(interpolate(plan.triangles.corner_normals[triangle], u, v))
+    geometric = plan.triangles.normals[triangle]
 
-        layer = held.layer
-        at = place[i] if layer.motion is None else layer.motion.back(place[i], directions[i])[0]
-        u, v = layer.frames.barycentric(row[triangle[i]], at)
-        shading = normalise(interpolate(plan.triangles.corner_normals[triangle[i]], u, v))
-        geometric = plan.triangles.normals[triangle[i]]
-
-        came = dot(directions[i], geometric)
-        back = np.where(came < 0, 1.0, -1.0)  # times a normal: the side the light came from
-        leaves = back * dot(reflect(directions[i], shading), geometric)
-        looks_away = back * dot(directions[i], shading) >= 0
-        is_flat = leaves < np.minimum(FLATTEST_OF_COMING * np.abs(came), FLATTEST)
-        found[i] = looks_away | is_flat
-
-    return found
+    came = dot(directions, geometric)
+    back = np.where(came < 0, 1.0, -1.0)  # times a normal: the side the light came from
+    leaves = back * dot(reflect(directions, shading), geometric)
+    looks_away = back * dot(directions, shading) >= 0
+    is_flat = leaves < np.minimum(FLATTEST_OF_COMING * np.abs(came), FLATTEST)
+    return looks_away | is_flat

@@ -263,9 +263,7 @@ def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[floa
         if curved is None:
             continue
 
-        place = np.full(len(plan.triangles), -1)
-        place[held.numbers] = np.arange(len(held.numbers))
-
+        place = held.places(len(plan.triangles))
         for step in steps:
             some = (place[step.triangle] >= 0) & (step.rays < n_rays)
             rays = step.rays[some]
