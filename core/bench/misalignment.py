@@ -20,7 +20,7 @@ from ..rig import Rig
 from ..settings import Settings
 from ..steps import finish
 from ..viewer import Viewer
-from .offset import Parameter, parameters
+from .offset import Parameter, parameters, with_part
 
 FEWEST = 4  # points: eight numbers, as many as a picture in perspective has
 
@@ -71,6 +71,7 @@ class Bench:
         self.view = np.asarray(view, float)
         self.parameters = parameters(rig) if among is None else among
         self._kept = Kept()
+        self._off = np.zeros(len(self.parameters)), rig
         self.display, self._branch = self._land(self.plan(), self.view)
 
     @property
@@ -80,13 +81,29 @@ class Bench:
 
     def plan(self, amounts: Floats | None = None) -> Plan:
         """Of the bench, with amounts (p,) of its parameters."""
-        rig = self.rig
-        for parameter, amount in zip(
-            self.parameters, () if amounts is None else amounts, strict=False
-        ):
-            if amount:
-                rig = parameter.applied(rig, float(amount))
-        return make_plan(rig, self.settings, self._kept)
+        amounts = np.zeros(len(self.parameters)) if amounts is None else np.array(amounts, float)
+        return make_plan(self._rig(amounts), self.settings, self._kept)
+
+    def _rig(self, amounts: Floats) -> Rig:
+        """The rig with amounts (p,) off.
+
+        Parts that are off as they were in the last one are the same objects, of which plans keep
+        what they know: of two that differ in one amount all but one part is made ready already.
+        """
+        before, rig = self._off
+        places = {self.parameters[k].part for k in np.flatnonzero(amounts != before)}
+
+        for place in places:
+            other = self.rig
+            for parameter, amount in zip(self.parameters, amounts, strict=True):
+                if amount and parameter.part == place:
+                    other = parameter.applied(other, float(amount))
+
+            kind, number = place
+            rig = with_part(rig, place, getattr(other, kind)[number])
+
+        self._off = amounts, rig
+        return rig
 
     def shown(self, amounts: Floats) -> Floats:
         """Display px (m, 2) at which the points have to be

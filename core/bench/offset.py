@@ -37,12 +37,14 @@ class Parameter:
 
     name : part and parameter; unit : of amounts; step : amount for derivatives
     applied : the rig with an amount of it
+    part : the only part that it changes: the rig's field, and the number there; None: any
     """
 
     name: str
     unit: str
     step: float
     applied: Callable[[Rig, float], Rig]
+    part: tuple[str, int] | None = None
 
     @property
     def kind(self) -> str:
@@ -64,7 +66,7 @@ def parameters(rig: Rig) -> list[Parameter]:
 
     for role in roles:
         for number, part in enumerate(rig.of(role)):
-            found += OWN.get(role.name, _nothing)(part, number)
+            found += OWN.get(role.name, _nothing)(part, role.field, number)
 
     return found
 
@@ -76,29 +78,26 @@ def _off_roles() -> list[Role]:
     )
 
 
-def _nothing(part: Any, number: int) -> list[Parameter]:
+def _nothing(part: Any, kind: str, number: int) -> list[Parameter]:
     return []
 
 
-def _of_glass(glass: Glass, number: int) -> list[Parameter]:
-    change = _changed("glasses", number, _other_index)
-    return [Parameter(f"{glass.name}: {INDEX}", "", 1e-4, change)]
+def _of_glass(glass: Glass, kind: str, number: int) -> list[Parameter]:
+    return [_parameter(f"{glass.name}: {INDEX}", "", 1e-4, _other_index, kind, number)]
 
 
-def _of_plate(plate: Plate, number: int) -> list[Parameter]:
+def _of_plate(plate: Plate, kind: str, number: int) -> list[Parameter]:
     if plate.array is None:
         return []
-    height = _changed("plates", number, _higher)
-    found = [Parameter(f"{plate.name}: {HEIGHT}", "mm", 1e-3, height)]
+    found = [_parameter(f"{plate.name}: {HEIGHT}", "mm", 1e-3, _higher, kind, number)]
     if plate.array.layout == "crossed":
-        angle = _changed("plates", number, _crossed_wrong)
-        found.insert(0, Parameter(f"{plate.name}: {CROSSING}", "deg", 1e-2, angle))
+        name = f"{plate.name}: {CROSSING}"
+        found.insert(0, _parameter(name, "deg", 1e-2, _crossed_wrong, kind, number))
     return found
 
 
-def _of_viewer(viewer: Viewer, number: int) -> list[Parameter]:
-    change = _changed("viewers", number, _zoomed)
-    return [Parameter(f"{viewer.name}: {FOCAL}", "%", 1e-2, change)]
+def _of_viewer(viewer: Viewer, kind: str, number: int) -> list[Parameter]:
+    return [_parameter(f"{viewer.name}: {FOCAL}", "%", 1e-2, _zoomed, kind, number)]
 
 
 # what may be off about a part besides its place, by its role
@@ -178,20 +177,24 @@ def _poses(part: Any, axes: Floats, kind: str, number: int) -> Iterator[Paramete
     middle = part.position if kind == "viewers" else part.mesh.bounds.mean(axis=0)
 
     for words, axis in zip(SHIFTS, axes, strict=True):
-        shift = _changed(
+        yield _parameter(
+            f"{part.name}: {words}",
+            "mm",
+            1e-2,
+            lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)),
             kind,
             number,
-            lambda part, mm, axis=axis: moved(part, Motion(np.eye(3), 1e-3 * mm * axis)),
         )
-        yield Parameter(f"{part.name}: {words}", "mm", 1e-2, shift)
 
     for words, axis in zip(TURNS, axes, strict=True):
-        turn = _changed(
+        yield _parameter(
+            f"{part.name}: {words}",
+            "deg",
+            1e-2,
+            lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)),
             kind,
             number,
-            lambda part, degrees, axis=axis: moved(part, turned(axis, degrees, middle)),
         )
-        yield Parameter(f"{part.name}: {words}", "deg", 1e-2, turn)
 
 
 def turned(axis: Floats, degrees: float, about: Floats) -> Motion:
@@ -230,15 +233,23 @@ def _moved_mesh(mesh: Mesh, motion: Motion) -> Mesh:
     return replace(mesh, vertices=motion.points(mesh.vertices), corner_normals=normals)
 
 
-def _changed(kind: str, number: int, change: Callable) -> Callable[[Rig, float], Rig]:
-    """Of a rig, with one part changed by an amount."""
+def _parameter(
+    name: str, unit: str, step: float, change: Callable[[Any, float], Any], kind: str, number: int
+) -> Parameter:
+    """One that changes a part by an amount."""
 
     def applied(rig: Rig, amount: float) -> Rig:
-        parts = list(getattr(rig, kind))
-        parts[number] = change(parts[number], amount)
-        return replace(rig, **{kind: tuple(parts)})
+        return with_part(rig, (kind, number), change(getattr(rig, kind)[number], amount))
 
-    return applied
+    return Parameter(name, unit, step, applied, (kind, number))
+
+
+def with_part(rig: Rig, place: tuple[str, int], part: Any) -> Rig:
+    """A rig with another part at a place: a field, and the number there."""
+    kind, number = place
+    parts = list(getattr(rig, kind))
+    parts[number] = part
+    return replace(rig, **{kind: tuple(parts)})
 
 
 def _other_index(glass, amount: float):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 from ..fingerprint import fingerprint
 from ..glass.motion import Motion, find_motion
@@ -26,6 +27,8 @@ class Kept:
         self._is_exact = is_exact
         self._old: dict[str, Any] = {}
         self._now: dict[str, Any] = {}
+        # of meshes themselves, which are not looked at again
+        self._places: WeakKeyDictionary[Mesh, tuple[str, Motion | None]] = WeakKeyDictionary()
 
     def get(self, key: str, make: Callable[[], Thing]) -> Thing:
         """The result made before under this key, else one made now."""
@@ -43,17 +46,24 @@ class Kept:
         """Key and solids of a mesh, or those of an earlier one, and
         the motion that takes them to this one's place.
         """
+        key, motion = self._places.get(mesh, (None, None))
+        if key not in self._old and key not in self._now:
+            key, motion = self._places[mesh] = yield from self._place(mesh)
+
+        _, solids = self._now.setdefault(key, self._old.get(key))
+        return key, solids, motion
+
+    def _place(self, mesh: Mesh) -> Pauses[tuple[str, Motion | None]]:
+        """Key of a mesh's solids, and the motion from there; made where there are none."""
         key = fingerprint(mesh)
         if key not in self._old and key not in self._now:
             for other, made in () if self._is_exact else self._old.items():
                 motion = find_motion(made[0], mesh) if isinstance(made, tuple) else None
                 if motion is not None:
-                    self._now[other] = made
-                    return other, made[1], motion
+                    return other, motion
             self._now[key] = mesh, (yield from making_solids(mesh))
 
-        _, solids = self._now.setdefault(key, self._old.get(key))
-        return key, solids, None
+        return key, None
 
     def borrow(self, other: "Kept") -> None:
         """Take over what another keeps, which stays as it is."""

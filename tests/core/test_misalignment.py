@@ -12,7 +12,9 @@ from kiriko.core.bench.fit import fit
 from kiriko.core.bench.misalignment import Bench, spread
 from kiriko.core.bench.offset import parameters, part_motions, with_amounts
 from kiriko.core.errors import RigError
+from kiriko.core.glass.motion import find_motion
 from kiriko.core.image.flat_picture import view_of_picture
+from kiriko.core.light import kept
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -108,6 +110,38 @@ def test_derivatives_are_what_re_tracing_finds(make):
         largest = np.nanmax(np.linalg.norm(d[k], axis=1))
         if largest > 0.01:  # px for a unit; a cube that is shifted moves nothing
             assert np.nanmax(off) < 0.01 * largest, parameter.name
+
+
+def test_of_a_bench_only_the_part_is_made_ready_again_whose_errors_changed(monkeypatch):
+    """Derivatives where all is off already: each of the glass's seven parameters moves it twice,
+    and it is moved back after its place and after its index. They are those of plans made from
+    nothing, to the bit.
+    """
+    found = bench(ball_rig(2, pixels=PX, display=0.1))
+    random = np.random.default_rng(3)
+    hidden = 0.3 * random.standard_normal(len(found.parameters)) * tolerances_of(found)
+    at = found.seen(hidden)
+    moved = []
+    monkeypatch.setattr(
+        kept, "find_motion", lambda *meshes: moved.append(meshes) or find_motion(*meshes)
+    )
+    d = found.sensitivity(hidden, at)
+    assert np.isfinite(d).any(axis=(1, 2)).all()
+    assert len(moved) == 2 * 7 + 2
+
+    plan = found.plan(hidden)
+    for k, parameter in enumerate(found.parameters):
+        off = hidden.copy()
+        off[k] += parameter.step
+        rig = found.plan(off).rig
+        kind, number = parameter.part
+        for role, part in plan.rig.parts():
+            is_own = part is getattr(plan.rig, kind)[number]
+            assert any(part is other for other in rig.of(role)) != is_own, (parameter.name, role)
+
+        from_nothing = bench(ball_rig(2, pixels=PX, display=0.1))
+        assert np.array_equal(found.shown(off), from_nothing.shown(off), equal_nan=True)
+        plan = found.plan(hidden)
 
 
 def test_all_parts_can_be_off(cube):
