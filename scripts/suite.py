@@ -250,16 +250,16 @@ def run_suite(
     newest = next(name for name, version in BLENDERS.items() if find_python(version))
     build_kernel.provide()
     todo = chosen(steps(tools, newest, everywhere), prefixes)
-    interpreters: dict[str, Path] = {}
+    pythons: dict[str, Path] = {}
     for name in dict.fromkeys(step.environment for step in todo):
         if python := find_python(PYTHONS[name]):
-            interpreters[name] = set_up(name, python)
+            pythons[name] = python
 
     started = time.monotonic()
-    results = run_steps([step for step in todo if step.environment in interpreters], interpreters)
+    results = run_steps([step for step in todo if step.environment in pythons], pythons)
     print_slowest([step.name for step in todo], time.monotonic() - started)
     for step in todo:
-        if step.environment not in interpreters:
+        if step.environment not in pythons:
             remark = f"no Python {PYTHONS[step.environment]} was found"
             results[step.name] = (
                 Result(failed=1, remark=remark) if need_all else Result(skipped=1, remark=remark)
@@ -268,20 +268,32 @@ def run_suite(
     return print_results(results)
 
 
-def run_steps(todo: Sequence[Step], interpreters: dict[str, Path]) -> dict[str, Result]:
-    """Results of steps by name."""
+def run_steps(todo: Sequence[Step], pythons: dict[str, Path]) -> dict[str, Result]:
+    """Results of steps by name.
+
+    Their environments are set up one after another, in the order of the Pythons that they are made
+    with. A step waits for its own alone: the first ones run while the others are installed.
+    """
     LOGS.mkdir(parents=True, exist_ok=True)
+    installer = ThreadPoolExecutor(1)
     pool = ThreadPoolExecutor(AT_ONCE)
     futures: dict[str, Future[Result]] = {}
     try:
+        ready = {name: installer.submit(set_up, name, python) for name, python in pythons.items()}
         for step in todo:
             # The step it comes after was handed in earlier, so waiting for it always ends.
             futures[step.name] = pool.submit(
-                run_step, step, interpreters[step.environment], futures.get(step.after)
+                run_when_ready, step, ready[step.environment], futures.get(step.after)
             )
         return {name: future.result() for name, future in futures.items()}
     finally:
+        installer.shutdown(cancel_futures=True)
         pool.shutdown(cancel_futures=True)
+
+
+def run_when_ready(step: Step, ready: Future[Path], before: Future[Result] | None) -> Result:
+    """Run a step as soon as its environment is there."""
+    return run_step(step, ready.result(), before)
 
 
 def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Result:

@@ -1,11 +1,13 @@
 import sys
 import time
+from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import suite
+from environments import ToolError
 
 TALKS = "import time\nfor k in range(30):\n    print(k, flush=True)\n    time.sleep(0.25)\n"
 HANGS = "import time\nprint('begun', flush=True)\ntime.sleep(600)\n"
@@ -68,6 +70,44 @@ def test_a_test_that_hangs_is_named_by_its_stack(
         suite.Step("step", "any", (*step.arguments[:-1], str(hanging))), Path(sys.executable), None
     )
     assert "in test_that_hangs" in (logs / "step.log").read_text()
+
+
+def test_steps_wait_for_their_own_environment_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment is installed while steps of the one before run: here until one has run."""
+    first_ran: Future[None] = Future()
+    told = []
+
+    def set_up(name: str, python: Path) -> Path:
+        if name == "slow":
+            first_ran.result(timeout=60)
+        told.append(f"{name} is there")
+        return python
+
+    def run_step(step: suite.Step, interpreter: Path, before: Future | None) -> suite.Result:
+        told.append(f"{step.name} by {interpreter}")
+        if step.name == "first":
+            first_ran.set_result(None)
+        return suite.Result(passed=1)
+
+    monkeypatch.setattr(suite, "set_up", set_up)
+    monkeypatch.setattr(suite, "run_step", run_step)
+    steps = [suite.Step("first", "quick", ()), suite.Step("second", "slow", ())]
+    results = suite.run_steps(steps, {"quick": Path("one"), "slow": Path("two")})
+    assert results == dict.fromkeys(("first", "second"), suite.Result(passed=1))
+    assert told == ["quick is there", "first by one", "slow is there", "second by two"]
+
+
+def test_an_environment_that_cannot_be_set_up_ends_the_suite(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With its own sentence, and without the steps that were not begun."""
+
+    def set_up(name: str, python: Path) -> Path:
+        raise ToolError("There is no network.")
+
+    monkeypatch.setattr(suite, "set_up", set_up)
+    with pytest.raises(ToolError, match="no network"):
+        suite.run_steps([suite.Step("step", "any", ())], {"any": Path("one")})
 
 
 def files_of(environment: str, kind: str, everywhere: bool) -> list[str]:
