@@ -125,8 +125,8 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=1, help="runs of each; medians are shown")
     parser.add_argument(
         "--finer",
-        type=int,
-        default=1,
+        type=float,
+        default=1.0,
         metavar="N",
         help="times finer a viewer for Kiriko, each way",
     )

@@ -72,12 +72,11 @@ def as_drawn(rig: Rig) -> Rig:
     )
 
 
-def finer(rig: Rig, times: int) -> Rig:
+def finer(rig: Rig, times: float) -> Rig:
     """The rig seen in more viewer pixels."""
     viewer = rig.viewer
-    return replace(
-        rig, viewers=(replace(viewer, width=times * viewer.width, height=times * viewer.height),)
-    )
+    width, height = round(times * viewer.width), round(times * viewer.height)
+    return replace(rig, viewers=(replace(viewer, width=width, height=height),))
 
 
 # Errors
