@@ -45,7 +45,7 @@ from .windows import all_windows, redraw
 IDLE = 0.1
 PAUSE = 0.01  # s between two turns of work, in which the interface is drawn
 TURN = 0.03  # s after which a turn begins no other step
-QUICK = 0.3  # s: a rig that took less as a whole the last time gets no coarse picture first
+QUICK = 0.4  # s: a rig that took less as a whole the last time gets no coarse picture first
 LONG = 0.1  # s: a step that may take longer is announced
 NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
 
