@@ -18,9 +18,9 @@ from ..vectors import length_of
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
 from .fitted_faces import Faces, fit_faces
-from .grid_lines import look_along_lines
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
+from .trust import Parts, are_trusted, whole_shells
 from .vertex_fields import fit_fields
 from .vertex_normals import contradicted, finding_normals
 from .vertices import Vertices, find_vertices
@@ -112,7 +112,12 @@ def make_curved(
     is_doubted = np.zeros(n_triangles, bool)
 
     if is_automatic:
-        is_trusted = yield from _are_trusted(v, fields.size, faces, flat_face, corners, agreed)
+        at = taken(corners, faces.chosen)
+        trial = yield from on_trial(at, faces.coefficients, at_corners, agreed)
+        yield 0
+        shell = whole_shells(drawn.triangles, asked, faces)
+        yield 0
+        is_trusted = yield from are_trusted(v, fields.size, faces, trial, Parts(flat_face, shell))
         if not is_trusted.all():
             is_doubted[faces.chosen] = ~is_trusted
             faces = faces.at(is_trusted)
@@ -213,40 +218,6 @@ def _in_agreement(
     among = drawn.is_joined & ~is_flat & wanted[first] & wanted[second]
     curved = flat_face[np.concatenate([first[among], second[among]])]
     return wanted & np.isin(flat_face, curved), flat_face
-
-
-def _are_trusted(
-    v: Vertices, size: Floats, faces: Faces, flat_face: Ints, corners: Floats, agreed: Agreed
-) -> Pauses[Bools]:
-    """Which faces (n,) are nearer to the surface meant than their facets.
-
-    All parts of a flat face (t,), or none. size (f,) of the vertices' fields.
-    """
-    vertex = v.of_corner[faces.chosen]
-    at = taken(corners, faces.chosen)
-    trial = yield from on_trial(at, faces.coefficients, taken(v.normal, vertex), agreed)
-    yield 0
-    is_near = trial.trusted(vertex)
-    if not is_near.all():
-        yield 0
-        lines = yield from look_along_lines(v, size)
-        scatter = lines.scatter[vertex]
-        is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
-
-        if trial.is_coarse.any() and not is_near.all():
-            is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
-
-            # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
-            along = np.concatenate([vertex[:, :2], vertex[:, 1:]]).T
-            piece = components(len(v.at), *along)[vertex[:, 0]]
-            is_near |= ~np.isin(piece, piece[~is_fine])
-
-    is_trusted = ~faces.is_swollen & is_near
-    if is_trusted.all():
-        return is_trusted
-
-    of_face = flat_face[faces.chosen]
-    return is_trusted & ~np.isin(of_face, of_face[~is_trusted])
 
 
 def _put_together(

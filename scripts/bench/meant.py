@@ -3,6 +3,7 @@ that was meant: what Subdivision goes towards, or the lathe of the same profile,
 
 `python3 scripts/dev.py meant [--glass NAME ...] [--levels N]`. Wine glass and bottle are Blender's,
 by so many levels of Subdivision; the judge is the limit of the same cage by known/catmull_clark.py.
+So are rings of 24 steps, with so many points around an uneven profile, made without Blender.
 The vase is the curve of fourth degree through its profile's points, at so many of it and 32 steps
 around. Normals are means, and the judge's own are exact. Errors in display px, of random rays
 through the bench's viewer where the judge's map is smooth: a viewer pixel aside, each way, light
@@ -30,7 +31,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from known.catmull_clark import Cage, limit_mesh
+from known.catmull_clark import Cage, limit_mesh, ring_cage, uneven_profile
 from known.reference_rigs import glass_rig, mean_normals, split_quads
 
 from . import brought_glass as glasses
@@ -43,6 +44,7 @@ STRETCH = 10.0  # display px a viewer pixel, at the most
 BENT = 1.0  # display px, from where light a pixel aside on both sides lets it be expected
 WALL = 0.002  # m, of the vase
 STEPS = 32
+RINGS = {4: 0, 5: 2, 6: 1, 8: 1}  # seeds of profiles of so many points
 
 
 def subdivided(name: str, levels: int) -> tuple[bpy.types.Object, Matrix]:
@@ -151,12 +153,21 @@ def all_meant(levels: int) -> dict[str, Meant]:
         )
         for name in ("wine glass", "bottle")
     }
+    rings = {
+        f"ring of {points}": Meant(
+            kinds,
+            lambda k, cage=cage: mean_normals(limit_mesh(cage, k)),
+            lambda k, cage=cage: limit_mesh(cage, levels + k),
+        )
+        for points, seed in RINGS.items()
+        for cage in [ring_cage(uneven_profile(seed, points), 24)]
+    }
     by_points = Meant(
         (5, 9, 17, 33),
         lambda points: vase(points, STEPS, own=False),
         lambda k: vase(64 * 2**k + 1, 2 * STEPS * 2**k, own=True),
     )
-    return by_levels | {"vase": by_points}
+    return by_levels | rings | {"vase": by_points}
 
 
 def planned(mesh: Mesh, choice: str) -> Plan:

@@ -116,6 +116,27 @@ def limit_mesh(cage, levels):
     return Mesh(places, triangles, normals[triangles], np.ones(len(triangles), bool))
 
 
+def ring_cage(profile, n):
+    """A profile of (radius, height) (m, 2), turned in n steps to a ring around the y axis."""
+    a = 2 * np.pi * np.arange(n)[:, None] / n
+    radius, height = profile.T
+    grid = np.stack([radius * np.cos(a), height + 0 * a, -radius * np.sin(a)], axis=-1)
+    index = np.arange(grid[..., 0].size).reshape(n, -1)
+    on, up = np.roll(index, -1, axis=0), np.roll(index, -1, axis=1)
+    quads = np.stack([index, on, np.roll(on, -1, axis=1), up], axis=-1)
+    return Cage.of(grid.reshape(-1, 3), np.full(index.size, 4), quads.ravel())
+
+
+def uneven_profile(seed, points):
+    """A profile of so many points around a place 20 mm beside the axis, uneven at random."""
+    random = np.random.default_rng(seed)
+    a = 2 * np.pi * (np.arange(points) + random.uniform(-0.25, 0.25, points)) / points
+    a += random.uniform(0, 2 * np.pi)
+    far = random.uniform(0.7, 1.2, points)
+    wide, high = random.uniform(4, 10), random.uniform(3, 8)
+    return 1e-3 * np.stack([20 + wide * far * np.cos(a), high * far * np.sin(a)], axis=1)
+
+
 def _face_of(after):
     """The face (l,) of each loop; loops of a face follow each other."""
     begins = np.ones(len(after), bool)

@@ -1,0 +1,73 @@
+"""Which curved faces Automatic trusts: face by face, or a mesh in one piece as a whole."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..steps import Pauses
+from .agreement import Trial
+from .fitted_faces import Faces
+from .grid_lines import look_along_lines
+from .meshes import components
+from .vertices import Vertices
+
+
+class Parts(NamedTuple):
+    """The flat face (t,) that each triangle is a part of, and the whole shell (n,) of each curved
+    face, -1 where there is none.
+    """
+
+    flat_face: Ints
+    shell: Ints
+
+
+def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
+    """The shell (n,) of each face, -1 in those in which triangles (t, 3) that were asked for (t,)
+    have no face, or one that stands out.
+    """
+    shell = _pieces(triangles)
+    is_missing = asked.copy()
+    is_missing[faces.chosen[~faces.is_swollen]] = False
+    of_face = shell[faces.chosen]
+    return np.where(np.isin(of_face, shell[is_missing]), -1, of_face)
+
+
+def are_trusted(
+    v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: Parts
+) -> Pauses[Bools]:
+    """Which faces (n,) are nearer to the surface meant than their facets.
+
+    All parts of a flat face, or none. size (f,) of the vertices' fields.
+    """
+    vertex = v.of_corner[faces.chosen]
+    is_near = trial.trusted(vertex)
+    if not is_near.all():
+        yield 0
+        lines = yield from look_along_lines(v, size)
+        scatter = lines.scatter[vertex]
+        is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
+
+        whole = np.flatnonzero(parts.shell >= 0)
+        off = lines.off_splines[vertex[whole]]
+        is_near[whole] |= trial.at(whole).are_splines(off, parts.shell[whole])
+
+        if trial.is_coarse.any() and not is_near.all():
+            is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
+
+            # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
+            piece = _pieces(vertex)
+            is_near |= ~np.isin(piece, piece[~is_fine])
+
+    is_trusted = ~faces.is_swollen & is_near
+    if is_trusted.all():
+        return is_trusted
+
+    of_face = parts.flat_face[faces.chosen]
+    return is_trusted & ~np.isin(of_face, of_face[~is_trusted])
+
+
+def _pieces(triangles: Ints) -> Ints:
+    """The piece (t,) of each triangle (t, 3), joined to others by its vertices."""
+    along = np.concatenate([triangles[:, :2], triangles[:, 1:]]).T
+    return components(triangles.max(initial=-1) + 1, *along)[triangles[:, 0]]
