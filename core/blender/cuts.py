@@ -10,7 +10,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ..arrays import Bools, Floats, Ints
-from ..glass.meshes import find_edges, geometric_normals
+from ..glass.meshes import geometric_normals
 from ..glass.solids import split_shells
 from ..mesh import Mesh
 from ..vectors import dot
@@ -66,13 +66,30 @@ def cutting(mesh: Mesh) -> Ints:
     if not len(pairs):
         return pairs
 
+    shells = [chosen for chosen, _ in split_shells(mesh)]
+    drawn = np.concatenate(shells)
+    number = np.repeat(np.arange(len(shells)), [len(chosen) for chosen in shells])
     shell = np.zeros(len(corners), np.int64)
-    is_open = []
-    for number, (chosen, _) in enumerate(split_shells(mesh)):
-        shell[chosen] = number
-        is_open.append(find_edges(mesh.triangles[chosen]).n_open > 0)
+    shell[drawn] = number
     of = shell[pairs]
-    return pairs[(of[:, 0] == of[:, 1]) | np.array(is_open)[of].any(axis=1)]
+    is_open = open_shells(mesh.triangles[drawn], number)
+    return pairs[(of[:, 0] == of[:, 1]) | is_open[of].any(axis=1)]
+
+
+def open_shells(triangles: Ints, shell: Ints) -> Bools:
+    """Which shells (s,) have edges of one triangle or of more than two? Triangles (t, 3) of shells
+    numbered (t,) from 0.
+
+    All at once: a tangle may have as many shells as triangles.
+    """
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    edges = np.stack([np.maximum(start, end), np.minimum(start, end), np.repeat(shell, 3)])
+    edges = edges[:, np.lexsort(edges)]
+    begins = np.flatnonzero(np.r_[True, (edges[:, 1:] != edges[:, :-1]).any(axis=0)])
+    counts = np.diff(np.r_[begins, edges.shape[1]])
+    is_open = np.zeros(shell.max() + 1, bool)
+    is_open[edges[2, begins[counts != 2]]] = True
+    return is_open
 
 
 def _near(vertices: Floats, triangles: Ints) -> Ints:

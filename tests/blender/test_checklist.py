@@ -285,6 +285,35 @@ def test_of_a_tangle_few_pairs_are_asked(core: ModuleType, monkeypatch: pytest.M
     assert n <= n_asked <= cuts.SEARCH.asked[0] * corners // 3
 
 
+def test_open_shells_are_those_whose_own_edges_do_not_match(core: ModuleType) -> None:
+    """As of each shell by itself: closed and open ones, two that share an edge, a triangle drawn
+    twice, and random ones.
+    """
+    cuts, meshes, solids, mesh_file = (
+        importlib.import_module(f"{core.__name__}.{name}")
+        for name in ("blender.cuts", "glass.meshes", "glass.solids", "mesh")
+    )
+    closed = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    beside = np.array([[0, 1, 4], [1, 0, 5], [0, 4, 5], [4, 1, 5]])  # closed, on the same edge
+    random = np.random.default_rng(0).integers(0, 40, (60, 3))
+    random = random[(np.diff(np.sort(random, axis=1), axis=1) > 0).all(axis=1)]
+    found = []
+    for triangles in (
+        closed,
+        np.concatenate([closed, closed[1:] + 4]),
+        np.concatenate([closed, beside, closed[:1]]),
+        np.concatenate([closed, closed + 10, random + 20]),
+    ):
+        mesh = mesh_file.Mesh(np.zeros((60, 3)), triangles)
+        shells = [chosen for chosen, _ in solids.split_shells(mesh)]
+        alone = [meshes.find_edges(triangles[chosen]).n_open > 0 for chosen in shells]
+        number = np.repeat(np.arange(len(shells)), [len(chosen) for chosen in shells])
+        got = cuts.open_shells(triangles[np.concatenate(shells)], number).tolist()
+        assert got == alone
+        found += got
+    assert set(found) == {True, False}
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.3, 1.1])
 def test_triangles_cut_as_told(core: ModuleType, turn: float) -> None:
     """One through another's middle; one that ends before it, touches it, or passes beside it."""
