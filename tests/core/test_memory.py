@@ -14,6 +14,7 @@ from environments import link_package
 from kiriko.core import free_memory
 from kiriko.core.errors import RigError
 from kiriko.core.kernel import library
+from kiriko.core.kernel.loading import SWITCH
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
@@ -56,6 +57,11 @@ TRACE = (
 )
 
 
+LONG = pytest.mark.newest_only(
+    reason="by numpy alone these take longest, and of all solves it takes the same amount more"
+)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
 @pytest.mark.parametrize(
     ("rig", "tolerance", "work"),
@@ -69,15 +75,23 @@ TRACE = (
         ),  # triangles
         ("ball_rig(3, pixels=64, display_pixels=64, image=picture(3000))", 0.1, SOLVE),
         ("ball_rig(3, pixels=64, display_pixels=64, image=picture(2999))", 0.1, SOLVE),
-        ("ball_rig(3, pixels=256, display_pixels=512)", 1e-3, SOLVE),  # quads
-        ("seen_by(9, ball_rig(3, pixels=64, display_pixels=768))", 0.1, SOLVE),
-        ("seen_by(9, ball_rig(3, pixels=512, display_pixels=128))", 0.1, SOLVE),
+        pytest.param(
+            "ball_rig(3, pixels=256, display_pixels=512)", 1e-3, SOLVE, marks=LONG
+        ),  # quads
+        pytest.param(
+            "seen_by(9, ball_rig(3, pixels=64, display_pixels=768))", 0.1, SOLVE, marks=LONG
+        ),
+        pytest.param(
+            "seen_by(9, ball_rig(3, pixels=512, display_pixels=128))", 0.1, SOLVE, marks=LONG
+        ),
         ("ball_rig(4, pixels=64, display_pixels=64)", 1e-6, SOLVE),  # as many as there may be
         ("ball_rig(4, pixels=512, display_pixels=64)", 1e-6, TRACE),  # rays of pixels
-        ("ball_rig(5, pixels=768, display_pixels=512)", 1e-6, TRACE),  # of cells
-        ("rig(lathe(), pixels=128)", 0.1, SOLVE),  # borders
-        ("rig(lathe('facets'), pixels=384)", 0.1, SOLVE),
-        ("rig(bottle(), pixels=192)", 0.1, SOLVE),
+        pytest.param(
+            "ball_rig(5, pixels=768, display_pixels=512)", 1e-6, TRACE, marks=LONG
+        ),  # of cells
+        pytest.param("rig(lathe(), pixels=128)", 0.1, SOLVE, marks=LONG),  # borders
+        pytest.param("rig(lathe('facets'), pixels=384)", 0.1, SOLVE, marks=LONG),
+        pytest.param("rig(bottle(), pixels=192)", 0.1, SOLVE, marks=LONG),
         ("rig(icosphere(0.025, 3, smooth=False), pixels=192)", 0.1, SOLVE),
         (
             "rig(box([0.3, 0.03, 0.3]), pixels=256, display_pixels=512)",
@@ -90,9 +104,10 @@ def test_the_estimate_is_what_is_taken(rig, tolerance, work):
     """Within a factor of 2, in a process of its own, where each term is most of it."""
     code = MEASURE.format(rig=rig, tolerance=tolerance, work=work)
     path = os.pathsep.join(map(str, (link_package(), Path(__file__).parents[1])))
+    as_here = {SWITCH: os.environ[SWITCH]} if SWITCH in os.environ else {}
     process = subprocess.run(
         [sys.executable, "-c", code],
-        env={"PYTHONPATH": path},
+        env={"PYTHONPATH": path, **as_here},
         check=True,
         stdout=subprocess.PIPE,
         text=True,
