@@ -50,6 +50,7 @@ NUMPY_ALONE = tuple(
         "own_images",
         "picture",
         "properties",
+        "ray_guess",
         "session",
         "shares",
         "source_image",

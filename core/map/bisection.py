@@ -59,6 +59,42 @@ class Edges(NamedTuple):
         return Edges(*(column[which] for column in self))
 
 
+def rays_of_border(plan: Plan, n_borders: float) -> int:
+    """Rays that each of so many borders takes that are looked for together: the fewer there are,
+    the more digits are found in a round.
+    """
+    left = _digits(plan)
+    batch = _batch(plan)
+    rays = 0
+    while left:
+        at_once = _digits_at_once(n_borders, left, batch)
+        rays += 2**at_once - 1
+        left -= at_once
+    return rays
+
+
+def _digits(plan: Plan) -> int:
+    """Binary digits that a border is known by."""
+    of_tolerance = BISECTION.of_tolerance * plan.settings.tolerance
+    return max(BISECTION.least_digits, int(np.ceil(-np.log2(of_tolerance))))
+
+
+def _batch(plan: Plan) -> int:
+    """Rays that take not much more time than a few.
+
+    Where several borders cross one way the kernel and numpy may thus find different ones.
+    """
+    return BISECTION.batch_rays if kernel.left_out(plan.layers) else BISECTION.kernel_batch_rays
+
+
+def _digits_at_once(n_borders: float, left: int, batch: int) -> int:
+    """Of the digits that are left, those found in a round: as many in each of the rounds that are
+    to come, which are as few as a batch allows.
+    """
+    most = int(np.clip(np.log2(batch / max(n_borders, 1)), 1, BISECTION.most_digits))
+    return ceil(left / ceil(left / most))
+
+
 def last_on_branch(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, Points]]:
     """Last points (n,) on the branch of the near points of edges (n,), by bisection in several
     parts.
@@ -97,14 +133,8 @@ def _bisected(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, 
     low = np.zeros(len(near))
     width = end.copy()
 
-    digits = max(
-        BISECTION.least_digits,
-        int(np.ceil(-np.log2(BISECTION.of_tolerance * plan.settings.tolerance))),
-    )
-
-    # where several borders cross one way the kernel and numpy may thus find different ones
-    batch = BISECTION.batch_rays if kernel.left_out(plan.layers) else BISECTION.kernel_batch_rays
-
+    digits = _digits(plan)
+    batch = _batch(plan)
     parts = 1
     todo = np.arange(len(near))
     while len(todo):
@@ -129,12 +159,9 @@ def _bisected(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, 
             if parts == 1:
                 width[todo[held]] = 0.0
 
-        # as many digits in each of the steps that are left, as few as a batch allows
         todo = todo[width[todo] > 2.0**-digits]
         left = max(1, digits + ceil(np.log2(width[todo].max(initial=2.0**-digits))))
-        most = int(np.clip(np.log2(batch / max(len(todo), 1)), 1, BISECTION.most_digits))
-        n_steps = ceil(left / most)
-        parts = 2 ** ceil(left / n_steps)
+        parts = 2 ** _digits_at_once(len(todo), left, batch)
 
     landed = Points(
         a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput

@@ -125,11 +125,14 @@ class _Cutting:
 
     def quarters(self, some: _Parts, depth: int) -> Generator[int, None, _Parts]:
         """Cut the quarters of cells, quartered so often; their quarters that are looked into."""
+        yield 0
         self.points, corners, middle = yield from _quartered(
             self.plan, self.points, some.corners, some.middle
         )
+        yield 0
         if depth == CUT.quarterings:  # none of these are quartered again
             self._expect(corners)
+            yield 0
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
@@ -143,7 +146,9 @@ class _Cutting:
 
     def finished(self) -> Generator[int, None, Pieces]:
         """Cut what is not looked into any further."""
+        yield 0
         last = np.concatenate(self.last)
+        yield 0
         self._expect(np.empty((0, 4), np.int64))
         yield 0
         self.points, of_last = yield from _cut_last(self.plan, self.points, self.known, last)
@@ -169,6 +174,7 @@ class _Cutting:
             plan, self.points, cells.corners[one], self.points.at(cells.middle[one])
         )
         n_bent = int((off[one] > tolerance).sum())
+        yield 0
         self._expect(cells.corners, RAYS.of_bent[depth] * n_bent)
         yield 0
 
@@ -231,9 +237,7 @@ class _Cutting:
         to cut those that were left for the end, and to sample; and more rays besides.
         """
         last = np.concatenate([np.empty((0, 3), np.int64), *self.last])
-        n_rays = rays_of_cut(
-            self.points, cells, last, self.chaotic, self.plan.is_flat, self.plan.settings.effort
-        )
+        n_rays = rays_of_cut(self.plan, self.points, cells, last, self.chaotic)
         self.expect(n_more + n_rays)
 
 
@@ -287,4 +291,5 @@ def _quartered(
     middles = mean_at(np.concatenate([points.view, halfway]), quarters)
     found = yield from trace_points(plan, np.concatenate([halfway, middles]))
     of_middle = len(points) + len(halfway) + np.arange(len(quarters))
+    yield 0
     return points.and_more(found), quarters, of_middle

@@ -7,7 +7,9 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 from ..light.landings import Words
+from ..light.plan import Plan
 from . import interpolation
+from .bisection import BISECTION, rays_of_border
 from .doubts import CUT
 from .interpolation import NODES_ALONG, PARTS
 from .points import Points
@@ -18,12 +20,14 @@ class RayGuess:
     """Numbers of rays, fitted to the glasses of `dev.py glasses`, whose column
     *to come x* tells by how much the rays to come are guessed wrong with them.
 
-    of_edge : a pixel's edge with a border on it takes so many, with all that comes of it
+    of_edge : a pixel's edge with a border on it takes so many, with all that comes of it, where
+        borders are so many that a digit is found in a round
     of_lit_edge : and so many, in curved glass, where both its ends have a landing
     of_last_edge, of_last_lit_edge : of triangles, which are cut at the end, when the borders on
         many of their edges are known
     of_bent : a pixel on one branch whose middle is missed, and a quarter of one
     n_bent : pixels of the smallest squares beside borders that are bent, too
+    of_quarters : share of their rays that look for the borders of quarters
     of_square : at the nodes that it does not share with those before
     missed : share of the smallest squares that look bent and do not pass their checks
     """
@@ -34,6 +38,7 @@ class RayGuess:
     of_last_lit_edge: float = 15
     of_bent: tuple[float, ...] = (16, 4, 0)
     n_bent: float = 2
+    of_quarters: float = 0.5
     of_square: float = 16
     missed: float = 0.7
 
@@ -53,10 +58,11 @@ def share_of_rays(n_done: int, expected: float) -> float:
     return n_done / max(expected, MORE * n_done, 1)
 
 
-def rays_of_finest(branch: Words, xy: Floats, tolerance: float, is_flat: bool) -> float:
+def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> float:
     """To cut the pixels of the smallest squares, with nodes
     on branches (n, 25) at places (n, 25, 2), display px.
     """
+    tolerance = plan.settings.tolerance
     grid = branch.reshape(-1, NODES_ALONG, NODES_ALONG)
     along, across = _borders(grid, 1), _borders(grid, 2)
     n_edges, n_lit = (
@@ -66,10 +72,12 @@ def rays_of_finest(branch: Words, xy: Floats, tolerance: float, is_flat: bool) -
 
     # of their five lines of nodes, squares side by side share one
     shared = PARTS / NODES_ALONG
-    rays = shared * _of_edges(n_edges.sum(), n_lit.sum(), RAYS.of_edge, RAYS.of_lit_edge, is_flat)
+    n_edges, n_lit = shared * n_edges.sum(), shared * n_lit.sum()
+    rays = _of_edges(plan, n_edges, n_lit, RAYS.of_edge, RAYS.of_lit_edge)
 
     # all middles are traced beside a border
-    n_bent = 0.0 if is_flat else RAYS.n_bent
+    n_bent = 0.0 if plan.is_flat else RAYS.n_bent
+    n_bent *= 1 + RAYS.of_quarters * (_times_more(plan, n_edges) - 1)
     rays += is_mixed.sum() * (PARTS**2 + n_bent * RAYS.of_bent[0])
 
     # on one branch all pixels are bent, or none
@@ -81,7 +89,7 @@ def rays_of_finest(branch: Words, xy: Floats, tolerance: float, is_flat: bool) -
 
 
 def rays_of_cut(
-    points: Points, cells: Ints, last: Ints, chaotic: Sequence[Ints], is_flat: bool, effort: int
+    plan: Plan, points: Points, cells: Ints, last: Ints, chaotic: Sequence[Ints]
 ) -> float:
     """To find the borders in cells (m, 4), and in triangles (t, 3) that
     are cut at the end, and to sample chaotic cells (c, 4).
@@ -96,10 +104,10 @@ def rays_of_cut(
         n_edges, n_lit = (
             some.sum() / 2 for some in _borders(np.column_stack([branch, branch[:, 0]]), 1)
         )
-        rays += float(_of_edges(n_edges, n_lit, of_edge, of_lit, is_flat))
+        rays += _of_edges(plan, n_edges, n_lit, of_edge, of_lit)
 
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    return rays + effort * sum(float((side**2).sum()) for side in sides)
+    return rays + plan.settings.effort * sum(float((side**2).sum()) for side in sides)
 
 
 def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:
@@ -110,8 +118,12 @@ def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return differs, differs & (one != 0) & (other != 0)
 
 
-def _of_edges(
-    n_edges: Floats, n_lit: Floats, of_edge: float, of_lit: float, is_flat: bool
-) -> Floats:
+def _of_edges(plan: Plan, n_edges: float, n_lit: float, of_edge: float, of_lit: float) -> float:
     """Rays for borders on edges, some of which have a landing at both ends."""
-    return of_edge * n_edges + (0.0 if is_flat else of_lit - of_edge) * n_lit
+    rays = of_edge * n_edges + (0.0 if plan.is_flat else of_lit - of_edge) * n_lit
+    return float(rays) * _times_more(plan, n_edges)
+
+
+def _times_more(plan: Plan, n_edges: float) -> float:
+    """How many times as many rays borders on so many edges take as by a digit in each round."""
+    return rays_of_border(plan, n_edges) / BISECTION.least_digits

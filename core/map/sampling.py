@@ -156,7 +156,7 @@ class Sampling:
     def _rays_of(self, finest: Squares) -> float:
         nodes = self._at_nodes(finest)
         branch, xy = self.points.branch[nodes], taken(self.points.xy, nodes)
-        return rays_of_finest(branch, xy, self.tolerance, self.plan.is_flat)
+        return rays_of_finest(self.plan, branch, xy)
 
     def expect(self, n_rays: float) -> None:
         """So many rays are still to come, until all pixels are cut and sampled."""

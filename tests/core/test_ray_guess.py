@@ -5,6 +5,9 @@ The numbers of `ray_guess` are fitted to the sixteen glasses of `dev.py glasses`
 among them as it is here.
 """
 
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -26,27 +29,57 @@ GLASSES = {
 }
 
 
+class Traced(NamedTuple):
+    """How a view map was made.
+
+    begun : all that was told before the rays could be guessed
+    n_sizes : of its squares, from the first to the smallest
+    """
+
+    guesses: list[tuple[int, float]]
+    n_rays: int
+    expected: float
+    begun: set[float]
+    n_sizes: int
+
+
+@cache
+def traced(name: str) -> Traced:
+    """The view map of a glass in the making."""
+    sampling = Sampling(make_plan(GLASSES[name](), Settings()))
+    begun = set()
+
+    def telling():
+        steps = sampling.sample()
+        while True:
+            try:
+                told = next(steps)
+            except StopIteration as end:
+                return end.value
+            if not np.isfinite(sampling.expected):
+                begun.add(told)
+            yield told
+
+    with guessed() as guesses:
+        n_rays = finish(telling()).n_rays
+    n_sizes = int(np.log2(sampling.first_size / PARTS)) + 1
+    return Traced(guesses, n_rays, sampling.expected, begun, n_sizes)
+
+
 @pytest.mark.parametrize("name", GLASSES)
 def test_the_rays_to_come_are_guessed_within_a_factor_of_two(name):
     """From 10 % to 90 % of all rays, as it is told, and more than once."""
-    sampling = Sampling(make_plan(GLASSES[name](), Settings()))
-    with guessed() as guesses:
-        n_rays = finish(sampling.sample()).n_rays
-    found = factors(guesses, n_rays)
+    made = traced(name)
+    found = factors(made.guesses, made.n_rays)
     assert len(found) >= 3
     assert found.min() >= 0.5
     assert found.max() <= 2
-    assert sampling.expected < n_rays * 1.05
+    assert made.expected < made.n_rays * 1.05
 
 
 @pytest.mark.parametrize("name", GLASSES)
 def test_the_bar_moves_before_the_rays_can_be_guessed(name):
     """With each size of squares, and stays below a tenth until then."""
-    sampling = Sampling(make_plan(GLASSES[name](), Settings()))
-    begun = set()
-    for told in sampling.sample():
-        if not np.isfinite(sampling.expected):
-            begun.add(told)
-    n_sizes = int(np.log2(sampling.first_size / PARTS)) + 1
-    assert sorted(begun) == pytest.approx(np.linspace(0, UNKNOWN, n_sizes))
+    made = traced(name)
+    assert sorted(made.begun) == pytest.approx(np.linspace(0, UNKNOWN, made.n_sizes))
     assert UNKNOWN < 0.1

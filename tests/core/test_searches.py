@@ -1,5 +1,6 @@
 """What is found does not depend on what else is looked for at the same time."""
 
+from contextlib import nullcontext
 from dataclasses import fields, replace
 
 import numpy as np
@@ -9,9 +10,10 @@ from kiriko.core import kernel
 from kiriko.core.light import trace
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
+from kiriko.core.map.bisection import Edges, last_on_branch, rays_of_border
 from kiriko.core.map.edges import find_borders
 from kiriko.core.map.points import Points, trace_points
-from kiriko.core.map.searches import traced
+from kiriko.core.map.searches import ask, traced
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, box, rig
@@ -71,3 +73,25 @@ def test_borders_of_many_edges_are_those_of_each_alone():
     assert len(of_strips) == (strips > 0).sum()
     assert are_same(nothing, Points.none())
     assert no_strips.shape == (0, strips.shape[1])
+
+
+@pytest.mark.parametrize("is_off", [False, True])
+@pytest.mark.parametrize("tolerance", [0.1, 0.01])
+@pytest.mark.parametrize("n_borders", [1, 20, 100, 700, 5000])
+def test_a_border_takes_as_many_rays_as_are_told(n_borders, tolerance, is_off):
+    """From the middle of a ball to places beyond its rim, however many are looked for."""
+    with kernel.off() if is_off else nullcontext():
+        plan = make_plan(ball_rig(2, pixels=32), Settings(tolerance=tolerance))
+        angle = 2 * np.pi * np.arange(n_borders) / n_borders
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        view = 16 + np.concatenate([np.zeros((1, 2)), 15 * around])
+        points = finish(trace_points(plan, view))
+        _, course, *_ = finish(traced(plan, ask(view[:1])))
+        edges = Edges(
+            near=np.zeros(n_borders, np.int64),
+            far=1 + np.arange(n_borders),
+            course=np.repeat(course, n_borders, axis=0),
+            end=np.ones(n_borders),
+        )
+        n_rays = sum(traced(plan, last_on_branch(plan, points, edges)))
+        assert n_rays == n_borders * rays_of_border(plan, n_borders)
