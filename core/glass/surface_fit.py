@@ -21,7 +21,7 @@ from .fitted_faces import Faces, fit_faces
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
 from .trust import Parts, are_trusted, whole_shells
-from .vertex_fields import fit_fields
+from .vertex_fields import fitting_fields
 from .vertex_normals import contradicted, finding_normals
 from .vertices import Vertices, find_vertices
 
@@ -90,7 +90,7 @@ def make_curved(
     # a face over each triangle that does not contradict itself
     wanted, flat_face = _in_agreement(v, drawn, wanted, asked, is_used)
     yield 0
-    fields = fit_fields(v, _are_corners(v, wanted))
+    fields = yield from fitting_fields(v, _are_corners(v, wanted))
     chosen = np.flatnonzero(wanted)
     faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen)
 

@@ -8,6 +8,7 @@ import numpy as np
 from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
 from ..products import solve_symmetric
+from ..steps import Pauses
 from ..vectors import dot, length_of
 from .quartics import N_TERMS, POWERS, monomials, slopes, tangents
 from .vertices import Vertices
@@ -16,6 +17,7 @@ from .vertices import Vertices
 LEAST_DISTANCE = 1e-12
 # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
 LEAST_UPRIGHT = 0.2
+VERTICES_AT_ONCE = 1 << 14  # vertices, by the kernel, between two pauses
 # Where data are few the high degrees give way first. The factor makes
 # it the same for all turns of the axes (Bombieri).
 RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
@@ -97,11 +99,19 @@ def system(
     return rows, weights, matrix, z
 
 
-def fit_fields(v: Vertices, wanted: Bools) -> Fields:
-    """Fields with the vertex's own place and slope, through its neighbours, by least squares."""
+def fitting_fields(v: Vertices, wanted: Bools) -> Pauses[Fields]:
+    """Fields with the vertex's own place and slope, through its neighbours, by least squares;
+    with pauses.
+    """
     fields = tangent_planes(v)
+    yield 0
     if kernel.library() is not None:
-        kernel.Fit(v, fields).fit_fields(wanted, RIDGE, fields.coefficients)
+        fit = kernel.Fit(v, fields)
+        for first in range(0, len(wanted), VERTICES_AT_ONCE):
+            some = np.zeros(len(wanted), bool)
+            some[first : first + VERTICES_AT_ONCE] = wanted[first : first + VERTICES_AT_ONCE]
+            fit.fit_fields(some, RIDGE, fields.coefficients)
+            yield 0
         return fields
 
     for some, pairs in v.by_valence(wanted):
@@ -109,5 +119,6 @@ def fit_fields(v: Vertices, wanted: Bools) -> Fields:
         right = np.concatenate([z, *gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
         solved = solve_symmetric(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
         fields.coefficients[some, 2:] = solved[..., 0]
+        yield 0
 
     return fields

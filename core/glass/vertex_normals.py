@@ -63,7 +63,7 @@ def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
         fit = kernel.Fit(v, tangent_planes(v))
         fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
     else:
-        _settle_normals(v, tangent_planes(v), wanted, normal)
+        yield from _settling_normals(v, tangent_planes(v), wanted, normal)
     yield 0
 
     # where the mesh is too irregular to tell, the mean is the better guess
@@ -94,8 +94,8 @@ def _bend(v: Vertices, normal: Floats) -> Floats:
     return np.sqrt(np.bincount(v.start, unlike**2, len(v.at)) / np.maximum(np.diff(v.first), 1))
 
 
-def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) -> None:
-    """Let the wanted ones of normals (f, 3) agree with those of their neighbours."""
+def _settling_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) -> Pauses[None]:
+    """Let the wanted ones of normals (f, 3) agree with those of their neighbours, with pauses."""
     solvers = []
     for some, pairs in v.by_valence(wanted):
         rows, weights, matrix, z = system(v, fields, some, pairs, slice(None))
@@ -109,6 +109,7 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
 
         m = pairs.shape[1]
         solvers.append((some, pairs, np.einsum("nrk,nr->nk", inverse[:, :m], z), inverse[:, m:]))
+        yield 0
 
     for _ in range(NORMALS.sweeps):
         change = 0.0
@@ -125,6 +126,7 @@ def _settle_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) 
             found = normalise(found)
             change = max(change, float(np.abs(found - before[some]).max(initial=0.0)))
             normal[some] = found
+            yield 0
 
         if change < NORMALS.settled:
             break

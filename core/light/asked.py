@@ -11,7 +11,8 @@ from ..arrays import Bools, Floats, Ints
 from ..glass.curved_roots import Spots
 from ..glass.meshes import interpolate
 from ..glass.quartics import product
-from .engines import Engine, Found, make_engine
+from ..steps import Pauses
+from .engines import Engine, Found, make_engine, making_engine
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ class Asked:
     def engine(self) -> Engine:
         """The ray engine, made when it is first asked."""
         return make_engine(self.corners) if self.given is None else self.given
+
+    def making_engine(self) -> Pauses[None]:
+        """Make the ray engine, with pauses, unless it is there."""
+        if self.given is None and "engine" not in vars(self):
+            vars(self)["engine"] = yield from making_engine(self.corners)
 
     def spots(self, found: Found, chosen: Bools) -> Spots:
         """Places (n,) on the layer's triangles, of the chosen ones that the engine found."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Ints
 from ..glass.meshes import Frames
+from ..steps import Pauses, finish
 
 # components of a direction up to here are 0 to the boxes of Blender's BVH
 ALONG_AXIS = 1.01 * 2.0**-23
@@ -102,4 +103,15 @@ def engine_kind() -> type[Engine]:
 
 def make_engine(corners: NDArray[np.float32]) -> Engine:
     """An engine for triangles with corners (t, 3, 3); ImportError where there is none."""
-    return engine_kind()(corners)
+    return finish(making_engine(corners))
+
+
+def making_engine(corners: NDArray[np.float32]) -> Pauses[Engine]:
+    """Make an engine as `make_engine`, with pauses."""
+    engine = engine_kind()(corners)
+    yield 0
+    # Embree makes its tree when it is first asked
+    no_rays = np.empty((0, 3), np.float32)
+    engine.shoot(no_rays, no_rays)
+    yield 0
+    return engine

@@ -65,6 +65,7 @@ def making_layer(surfaces: list[Surface]) -> Pauses[Layer]:
         curved = CurvedFaces.join([surface.curved for surface in surfaces], of_each)
 
     hull = None if curved is None else (yield from making_hull(curved))
+    yield 0
     return Layer(corners, curved, hull)
 
 

@@ -145,6 +145,7 @@ class Layer:
                 self._test_all(question, rays[first : first + FACES_AT_ONCE], hits)
             return hits
 
+        yield from self.asked.making_engine()
         start = np.maximum(enter[rays], 0.0)
         lost = yield from self._ask_engine(question, rays, start, hits)
         if len(lost):

@@ -1,7 +1,6 @@
 """The shares of all cells of a map, a batch at a time."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +70,10 @@ class ShareBatches:
         self._kept = None
 
     def __iter__(self) -> Iterator[Shares]:
+        return (shares for shares in self.pausing() if shares is not None)
+
+    def pausing(self) -> Iterator[Shares | None]:
+        """All batches; None is a pause in the making of the next."""
         if self.are_kept:
             yield from self._kept
             return
@@ -80,16 +83,19 @@ class ShareBatches:
         most = MOST_KEPT // self.n_sharing
 
         for shares in self._made():
-            n += len(shares)
-            kept = [*kept, shares] if n <= most else []
+            if shares is not None:
+                n += len(shares)
+                kept = [*kept, shares] if n <= most else []
             yield shares
 
         self._n = n
         if n <= most:
             self._kept = kept
 
-    def _made(self) -> Iterator[Shares]:
-        """Divide all cells; few shares at a time are put together with the next."""
+    def _made(self) -> Iterator[Shares | None]:
+        """Divide all cells; few shares at a time are put together with the next; None is a
+        pause.
+        """
         sizes = self.display_size, self.view_size
         # on a large display cells go from top to bottom: most batches
         # lie in a few rows, and `add_at` has less to add
@@ -108,6 +114,9 @@ class ShareBatches:
         before = 0
 
         for some in _by_number(lots(), LOTS_AT_ONCE):
+            yield None
+            if some is None:
+                continue
             n_cells = before + np.cumsum([len(lot[0]) for lot in some])
             before = int(n_cells[-1])
 
@@ -119,6 +128,7 @@ class ShareBatches:
 
                 few.append(part)
                 n += len(part)
+                yield None
                 if n >= SHARES_AT_ONCE:
                     yield joined(few)
                     few = []
@@ -128,9 +138,17 @@ class ShareBatches:
             yield joined(few)
 
 
-def _by_number(things: Iterator[_Lot], n: int) -> Iterator[list[_Lot]]:
-    """n of them at a time."""
-    while some := list(islice(things, n)):
+def _by_number(things: Iterator[_Lot], n: int) -> Iterator[list[_Lot] | None]:
+    """n of them at a time; None is a pause while they are gathered."""
+    some: list[_Lot] = []
+    for thing in things:
+        some.append(thing)
+        if len(some) < n:
+            yield None
+            continue
+        yield some
+        some = []
+    if some:
         yield some
 
 

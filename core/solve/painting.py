@@ -141,26 +141,31 @@ def _add(
     clock.lap("painting")
     yield from at(0.0, _find_strongest(placed, clock))
 
-    for n, shares in enumerate(placed.shares):
+    n = 0
+    for shares in placed.shares.pausing():
         clock.lap("shares")
-        is_known = n < len(placed.strokes)
-        shown = None if is_known and not is_new else placed.shown(shares)
+        if shares is None:
+            yield told
+            continue
+        # kept here: another solve may let them go in a pause
+        strokes = placed.strokes[n] if n < len(placed.strokes) else None
+        shown = None if strokes is not None and not is_new else placed.shown(shares)
+        yield told
 
         if is_new:
             placed.coverage.add(shares, shown)
             clock.lap("coverage")
+            yield told
 
-        strokes = (
-            placed.strokes[n]
-            if is_known
-            else find_strokes(placed.picture, placed.viewer, placed.weighed(shown))
-        )
-        # another solve may have let some go meanwhile
+        if strokes is None:
+            strokes = find_strokes(placed.picture, placed.viewer, placed.weighed(shown))
+            yield told
         if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
             placed.strokes.append(strokes)
 
         painting.add(pyramid, strokes)
         clock.lap("painting")
+        n += 1
 
         n_painted += len(shares)
         # another solve may be half way through the same batches
@@ -220,11 +225,15 @@ def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
     asked = Asked(placed.picture, placed.viewer, placed.shares.display_size)
     n_counted, told = 0, 0.0
 
-    for shares in placed.shares:
+    for shares in placed.shares.pausing():
         clock.lap("shares")
+        yield told
+        if shares is None:
+            continue
         shown = placed.shown(shares)
         if not placed.is_counted:
             placed.coverage.add(shares, shown)
+            yield told
         asked.add(shown)
         clock.lap("coverage")
 
@@ -245,8 +254,9 @@ def _find_strongest(placed: Placed, clock: Clock) -> Pauses[None]:
 
 def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
     paths = Paths(batches.display_size)
-    for shares in batches:
-        paths.add(shares)
+    for shares in batches.pausing():
+        if shares is not None:
+            paths.add(shares)
         yield 0
     return paths.strongest()
 
@@ -272,8 +282,10 @@ def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None
     width, height = view_map.display_size
     weight = np.zeros((height, width))
 
-    for shares in shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True)):
-        add_at(weight, shares.display_index, shares.weight)
+    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True))
+    for shares in batches.pausing():
+        if shares is not None:
+            add_at(weight, shares.display_index, shares.weight)
         yield 0
 
     return weight

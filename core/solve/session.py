@@ -71,6 +71,7 @@ class Session:
         settings.check()
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
+        yield 0.0
 
         optics, told, n_rays = self._optics, 0.0, 0
         is_new = not self.knows(keys)
@@ -101,6 +102,7 @@ class Session:
         yield painted
         for traced, one in zip(optics.channels, placed.channels, strict=True):
             one.cover(traced.view_map)
+            yield painted
         self._placed = placed
         clock.lap("coverage")
 

@@ -2,20 +2,23 @@
 and no leaks, and where they give way to the facet.
 """
 
-from dataclasses import replace
+from contextlib import nullcontext
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
 import pytest
 
 from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
+from kiriko.core import kernel
+from kiriko.core.glass import vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.curved_hull import count_parts
 from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.paraboloids import Paraboloids
 from kiriko.core.glass.quartics import POWERS, grid
-from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.glass.surfaces import make_surface, making_surface
 from kiriko.core.glass.tessellate import tessellate
 from kiriko.core.light import rescue
 from kiriko.core.light.asked import LeavingKnobs
@@ -582,6 +585,47 @@ def test_the_volume_of_fine_triangles_is_the_analytic_one(name, volume):
     assert abs(make_surface(mesh).volume / volume - 1) > 50 * off[1]
     assert off[1] < 1.5e-4
     assert off[0] / off[1] > 2.5
+
+
+def counted(steps):
+    """How often work pauses, and its result."""
+    n = 0
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return n, end.value
+        n += 1
+
+
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_a_surface_is_the_same_however_often_its_making_pauses(has_kernel, monkeypatch):
+    """Bit by bit; and it pauses with each few vertices, and by numpy alone with each sweep over
+    them.
+    """
+    mesh = mean_normals(torus(0.04, 0.015, 24, 12))
+    with nullcontext() if has_kernel else kernel.off():
+        whole = finish(making_surface(mesh)).curved
+        monkeypatch.setattr(vertex_fields, "VERTICES_AT_ONCE", 7)
+        n_pauses, found = counted(making_surface(mesh))
+        found = found.curved
+
+    assert n_pauses > (len(mesh.vertices) // 7 if has_kernel else 10)
+    for f in fields(CurvedFaces):
+        assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
+
+
+def test_the_ray_engine_is_made_with_pauses_and_once():
+    """Before the first ray is followed: its triangles, then its tree."""
+    surface = make_surface(icosphere(RADIUS, 2))
+    asked = Layer(surface.corners, surface.curved).asked
+    n_pauses, _ = counted(asked.making_engine())
+    engine = asked.engine
+    assert n_pauses == 2
+    assert counted(asked.making_engine()) == (0, None)
+    assert asked.engine is engine
+    away = np.array([[0, 0, 1]], np.float32)
+    assert engine.shoot(-3 * away, away).triangle[0] >= 0
 
 
 def test_where_nothing_is_curved_the_mesh_is_given_back():

@@ -1,5 +1,6 @@
 """Shares against a polygon clipper that knows nothing of edges, rows or cumulative sums."""
 
+from contextlib import nullcontext
 from fractions import Fraction
 from itertools import pairwise
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kiriko.core import kernel
 from kiriko.core.map import rasterise as rasterise_module
 from kiriko.core.map import share_batches
 from kiriko.core.map.cells import area_within
@@ -519,6 +521,31 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
 
     assert batches.are_kept == bool(most)
     assert len(asked) == (1 if most else 2)
+
+
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_the_making_of_shares_pauses_with_each_lot_of_cells(has_kernel):
+    """However few shares each lot has: the batches are the same with the pauses and without."""
+    view = grid(12)
+    quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
+    n_lots = 9
+
+    def pieces():
+        for _ in range(n_lots):
+            yield view.copy(), quads.copy(), np.ones(len(view)), None
+
+    with nullcontext() if has_kernel else kernel.off():
+        batches, others = (ShareBatches((18, 18), (12, 12), False, pieces) for _ in range(2))
+        paused = list(batches.pausing())
+        found = [shares for shares in paused if shares is not None]
+        expected = list(others)
+
+    assert paused.count(None) >= 2 * n_lots
+    assert paused[-1] is not None
+    assert len(found) == len(expected) == 1
+    for name in ("display_index", "view_xy", "covariance", "area", "display_area"):
+        assert np.array_equal(getattr(found[0], name), getattr(expected[0], name))
+    assert list(batches.pausing()) == found  # those kept need no pause
 
 
 def test_no_cells_have_no_shares():
