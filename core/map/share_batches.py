@@ -48,7 +48,9 @@ class ShareBatches:
         self._kept: list[Shares] | None = None
         self._n = 0
         self.n_sharing = 1  # that share the memory of MOST_KEPT
-        self.n_divided = 0  # cells, in the pass over all of them that is under way
+        # in the pass over all cells that is under way
+        self.n_divided = 0  # cells
+        self.n_made = 0  # shares
 
     def __len__(self) -> int:
         """Number of shares, after they were all made once."""
@@ -112,6 +114,7 @@ class ShareBatches:
         few = []
         n = 0
         before = 0
+        self.n_made = 0
 
         for some in _by_number(lots(), LOTS_AT_ONCE):
             yield None
@@ -122,6 +125,7 @@ class ShareBatches:
 
             for number, part in divided(*sizes, some):
                 self.n_divided = int(n_cells[number])
+                self.n_made += len(part)
                 if len(part) > FEW_SHARES:
                     yield part
                     continue

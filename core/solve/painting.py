@@ -63,7 +63,9 @@ class Placed:
         self.strokes.clear()
 
     def part_done(self, n: int) -> float:
-        """Which part of all shares are n of them, about, 0..1."""
+        """Which part of all shares is done, about, 0..1: n of them, where they are there already,
+        else those that are made by now.
+        """
         batches = self.shares
         if batches.are_kept:
             return n / max(len(batches), 1)
@@ -71,7 +73,7 @@ class Placed:
         # they seem to: that counts the less the further it is
         whole = max(self.n_made[-1], 1)
         by_cells = float(np.interp(batches.n_divided, self.cells, self.n_made)) / whole
-        return by_cells**2 + (1 - by_cells) * min(1.0, n / whole)
+        return by_cells**2 + (1 - by_cells) * min(1.0, batches.n_made / whole)
 
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
@@ -145,6 +147,8 @@ def _add(
     for shares in placed.shares.pausing():
         clock.lap("shares")
         if shares is None:
+            # another solve may be half way through the same batches
+            told = max(told, placed.part_done(n_painted))
             yield told
             continue
         # kept here: another solve may let them go in a pause
@@ -168,7 +172,6 @@ def _add(
         n += 1
 
         n_painted += len(shares)
-        # another solve may be half way through the same batches
         told = max(told, placed.part_done(n_painted))
         yield told
 

@@ -10,6 +10,7 @@ from time import perf_counter, thread_time
 
 import numpy as np
 
+from .. import kernel
 from ..light.plan import Plan
 from ..map.view_map import ViewMap
 
@@ -38,18 +39,21 @@ class Stages:
 class Pace:
     """Seconds that parts of a solve take, about, where `times_slower` is 1.
 
-    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*), with the kernel. To
-    measure the errors of curved glass takes from a fifth of that time to three times as long:
-    longest where a mesh is irregular, so that rays are followed as drawn, too.
+    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*). To measure the
+    errors of curved glass takes from a half of that time to six times as long: longest where a
+    mesh is irregular, so that rays are followed as drawn, too.
 
+    later : times that of a ray so far is one that is still to come: by numpy alone those that look
+        for borders come in small batches, which cost as much as hundreds of their rays
     after_curved, after_flat : of the work after tracing, a viewer pixel and a ray
     measured_curved, measured_flat : of it, to measure errors
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
     """
 
+    later: float = 1.0
     after_curved: tuple[float, float] = (0.75e-6, 1.45e-6)
     after_flat: tuple[float, float] = (0.2e-6, 0.7e-6)
-    measured_curved: float = 0.15
+    measured_curved: float = 0.07
     measured_flat: float = 0.03
     painted_pixel: float = 0.2e-6
     painted_cell: float = 0.5e-6
@@ -58,10 +62,24 @@ class Pace:
 
 STAGES = Stages()
 PACE = Pace()
+NUMPY_PACE = Pace(
+    later=1.8,
+    after_curved=(3e-6, 2.5e-6),
+    after_flat=(0.5e-6, 1.8e-6),
+    measured_curved=0.08,
+    painted_pixel=0.5e-6,
+    painted_cell=0.3e-6,
+    painted_share=0.45e-6,
+)
 
 PROBE = np.ones((1 << 14, 3))
 STAYS = 10.0
 PROBE_SECONDS = 370e-6  # that the norms of its rows take on the machine of PACE
+
+
+def pace() -> Pace:
+    """The pace of solves with the kernel, or by numpy alone."""
+    return NUMPY_PACE if kernel.library() is None else PACE
 
 
 def times_slower() -> float:
@@ -83,13 +101,15 @@ def seconds_to_paint(view_map: ViewMap) -> float:
     """About how long it takes to paint a view map, with all that comes with it."""
     width, height = view_map.display_size
     n_cells, n_shares = view_map.n_by_kind.sum(axis=1)
+    of = pace()
     return times_slower() * float(
-        PACE.painted_pixel * (width * height)
-        + PACE.painted_cell * n_cells
-        + PACE.painted_share * n_shares
+        of.painted_pixel * (width * height)
+        + of.painted_cell * n_cells
+        + of.painted_share * n_shares
     )
 
 
 def seconds_to_measure(plan: Plan) -> float:
     """About how long it takes to measure the errors of a plan."""
-    return times_slower() * (PACE.measured_flat if plan.is_flat else PACE.measured_curved)
+    of = pace()
+    return times_slower() * (of.measured_flat if plan.is_flat else of.measured_curved)

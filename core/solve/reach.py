@@ -19,7 +19,7 @@ from ..rig import Rig
 from ..settings import Settings
 from ..steps import at
 from ..viewer import Viewer
-from .progress import PACE, times_slower
+from .progress import pace, times_slower
 
 UNTRACED = Message("tracing (the optics have not changed)")
 
@@ -97,7 +97,8 @@ def sample_reached(
         of_plan = perf_counter() - started
         sampling = Sampling(plan, is_measured)
         n_pixels = viewer.width * viewer.height
-        of_pixel, of_ray = PACE.after_flat if plan.is_flat else PACE.after_curved
+        of = pace()
+        of_pixel, of_ray = of.after_flat if plan.is_flat else of.after_curved
         steps = sampling.sample()
 
         try:
@@ -111,7 +112,7 @@ def sample_reached(
                     so_far = perf_counter() - started
                     n_rays = max(sampling.expected, sampling.n_done)
                     after = slower * (of_pixel * n_pixels + of_ray * n_rays)
-                    rest = (so_far - of_plan) * (1 / share - 1) + after
+                    rest = of.later * (so_far - of_plan) * (1 / share - 1) + after
                     # a solve that begins again has come no further
                     told = max(told, so_far / (so_far + rest))
                 yield told

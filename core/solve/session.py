@@ -71,7 +71,6 @@ class Session:
         settings.check()
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
-        yield 0.0
 
         optics, told, n_rays = self._optics, 0.0, 0
         is_new = not self.knows(keys)
@@ -212,6 +211,7 @@ class Session:
         """Trace those view maps of a rig that are not known; yields progress of the whole solve,
         and returns it, too, and the number of rays.
         """
+        yield 0.0
         known = {} if self._optics is None else self._optics.by_key
         new = {
             key: viewer for key, viewer in zip(keys, rig.viewers, strict=True) if key not in known

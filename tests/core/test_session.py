@@ -21,7 +21,7 @@ from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import painting, reach
 from kiriko.core.solve.accuracy import rounding_error
-from kiriko.core.solve.progress import PACE
+from kiriko.core.solve.progress import pace
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.tessellation import tessellation
@@ -619,7 +619,7 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
     """Where the view map is told to be all of the work the rest
     of it goes on from there: `solve` looks at that.
     """
-    monkeypatch.setattr(reach, "PACE", replace(PACE, after_curved=(0.0, 0.0)))
+    monkeypatch.setattr(reach, "pace", lambda: replace(pace(), after_curved=(0.0, 0.0)))
     assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
 
 
