@@ -4,6 +4,7 @@ Nothing but the bar that is watched depends on these numbers.
 """
 
 import timeit
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from time import perf_counter, thread_time
@@ -13,6 +14,7 @@ import numpy as np
 from .. import kernel
 from ..light.plan import Plan
 from ..map.view_map import ViewMap
+from ..viewer import Viewer
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Pace:
     after_curved, after_flat : of the work after tracing, a viewer pixel and a ray
     measured_curved, measured_flat : of it, to measure errors
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
+    covered : a viewer pixel, to find how much of the picture is shown
     """
 
     later: float = 1.0
@@ -58,6 +61,7 @@ class Pace:
     painted_pixel: float = 0.2e-6
     painted_cell: float = 0.5e-6
     painted_share: float = 0.1e-6
+    covered: float = 0.1e-6
 
 
 STAGES = Stages()
@@ -109,7 +113,11 @@ def seconds_to_paint(view_map: ViewMap) -> float:
     )
 
 
-def seconds_to_measure(plan: Plan) -> float:
-    """About how long it takes to measure the errors of a plan."""
+def seconds_after_painting(viewers: Sequence[Viewer], plans: Sequence[Plan]) -> float:
+    """About how long it takes to find how much of the picture viewers are shown, and to measure
+    the errors of plans.
+    """
     of = pace()
-    return times_slower() * (of.measured_flat if plan.is_flat else of.measured_curved)
+    n_pixels = sum(viewer.width * viewer.height for viewer in viewers)
+    to_measure = [of.measured_flat if plan.is_flat else of.measured_curved for plan in plans]
+    return times_slower() * (of.covered * n_pixels + sum(to_measure))

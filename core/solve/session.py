@@ -32,7 +32,7 @@ from .measured import measuring
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
-from .progress import STAGES, seconds_to_measure
+from .progress import STAGES, seconds_after_painting
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
@@ -83,7 +83,7 @@ class Session:
         placed = placed_for(rig, settings, optics, self._placed)
         unmeasured = [traced for traced in optics.channels if traced.measured is None]
         to_paint = sum(one.seconds_to_paint for one in placed.channels)
-        to_come = to_paint + sum(seconds_to_measure(traced.plan) for traced in unmeasured)
+        to_come = to_paint + seconds_after_painting(rig.viewers, [of.plan for of in unmeasured])
         if is_new:
             so_far = perf_counter() - started
             told = max(told, min(STAGES.measured, so_far / (so_far + to_come)))
@@ -101,14 +101,14 @@ class Session:
         yield painted
         for traced, one in zip(optics.channels, placed.channels, strict=True):
             one.cover(traced.view_map)
-            yield painted
         self._placed = placed
         clock.lap("coverage")
 
         if show is not None and unmeasured:
             show(source)
-            yield painted
-        yield from within(_measure(unmeasured, clock), painted, STAGES.measured)
+        covered = (painted + STAGES.measured) / 2  # that takes about as long as to measure
+        yield covered
+        yield from within(_measure(unmeasured, clock), covered, STAGES.measured)
         channels = _channels(rig, settings, optics, placed, light)
         clock.lap("coverage")
 
