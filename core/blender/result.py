@@ -13,7 +13,7 @@ from ..errors import one_line
 from ..messages import Message
 from ..solve.solution import Solution
 from ..words import NO_PLATE, summary
-from .image import image_from_pixels, or_none, pack, set_pixels
+from .image import image_from_pixels, or_none, pack, pixels_from_image, set_pixels
 from .kept import Numbers, Sentences
 from .on_display import is_on_display, put_on_display
 from .result_images import images_of
@@ -84,17 +84,21 @@ def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image
     `pack_source` puts that right.
     """
     image = scene.kiriko.result.source
-    scene.kiriko.result.seen_summary = ""  # the simulation is of another one
-
     if has_size_of(image, pixels):
         set_pixels(image, pixels)
     else:
         name = name_for(scene, SOURCE)
         scene.kiriko.result.source = image = unpacked_image(image, name, pixels)
 
-    scene.kiriko.result.shown = image
     image.update_tag()  # for renderers in the viewport, which keep a copy
+    _show_source(scene)
     return image
+
+
+def _show_source(scene: bpy.types.Scene) -> None:
+    """Show the source image in the result; the simulation is of another one."""
+    scene.kiriko.result.seen_summary = ""
+    scene.kiriko.result.shown = scene.kiriko.result.source
 
 
 def has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
@@ -129,7 +133,7 @@ def write_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution)
 def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution) -> str:
     """The same, fast, for one of many solutions: see `update_source`.
 
-    The display's material stays if it is right.
+    The display's material stays if it is right, and so do pixels that were written already.
     """
     numbers = numbers_of(scene, reading, solution)
     image = scene.kiriko.result.source
@@ -137,7 +141,10 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
         display = bpy.data.objects.get(reading.display_object)
         is_shown = display is None or is_on_display(display, image)
         remarks = [] if is_shown else put_on_display(display, image)
-        update_source(scene, solution.source)
+        if np.array_equal(pixels_from_image(image)[..., :3], solution.source):
+            _show_source(scene)
+        else:
+            update_source(scene, solution.source)
     else:
         name = f"{name_for(scene, SOURCE)} (new)"
         remarks = _put_in_place(scene, reading, image_from_pixels(name, solution.source))

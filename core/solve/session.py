@@ -211,7 +211,6 @@ class Session:
         """Trace those view maps of a rig that are not known; yields progress of the whole solve,
         and returns it, too, and the number of rays.
         """
-        yield 0.0
         known = {} if self._optics is None else self._optics.by_key
         new = {
             key: viewer for key, viewer in zip(keys, rig.viewers, strict=True) if key not in known

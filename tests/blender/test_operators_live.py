@@ -476,6 +476,36 @@ def test_the_final_picture_comes_before_its_numbers(
     np.testing.assert_array_equal(shown(), final)
 
 
+def test_pixels_that_are_there_are_not_written_again(
+    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the numbers of the final picture; but where somebody painted over it meanwhile."""
+    monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
+    result = importlib.import_module(f"{EXTENSION}.core.blender.result")
+    set_pixels = result.set_pixels
+    images = []
+    monkeypatch.setattr(
+        result,
+        "set_pixels",
+        lambda image, pixels: (images.append(image), set_pixels(image, pixels)),
+    )
+    rig = follow(live)
+
+    for is_painted in (False, True):
+        written.clear()
+        turn(rig["GLASS"])
+        until(written, live)
+        assert written == FINAL[:1]
+        images.clear()
+        if is_painted:
+            source = bpy.context.scene.kiriko.result.source
+            source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
+        settle(live)
+        assert written[-1] == FINAL[1]
+        assert len(images) == is_painted
+        assert is_rounding(shown() - plain(live))
+
+
 @pytest.mark.parametrize("end", ["stopped", "measuring fails"])
 def test_a_picture_may_stay_without_numbers(
     live: ModuleType,
