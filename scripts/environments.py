@@ -32,6 +32,8 @@ MANUAL = "manual"
 FARM = "farm"
 # The C compiler of scripts/build_kernel.py.
 KERNEL = "kernel"
+# The reader of what that makes, only for tests/package/test_libraries.py.
+FORMATS = "formats"
 
 # Libraries that Blender needs and a bare Debian or Ubuntu lacks;
 # without the last two EEVEE aborts the process.

@@ -7,6 +7,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib.machinery import ModuleSpec
+from io import BytesIO
 from pathlib import Path
 from types import ModuleType
 from zipfile import ZipFile
@@ -14,6 +15,8 @@ from zipfile import ZipFile
 # Before anything named bl_ext, and after tests/conftest.py has set the profile.
 import bpy
 import pytest
+
+import build_kernel
 
 EXTENSION = "bl_ext.user_default.kiriko"
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -71,6 +74,24 @@ def own_zip(zips: dict[str, Path]) -> Path:
 def contents(zips: dict[str, Path]) -> dict[str, list[str]]:
     """Names of the files in the zips, by platform."""
     return {name: ZipFile(path).namelist() for name, path in zips.items()}
+
+
+@pytest.fixture(scope="session")
+def kernels(zips: dict[str, Path]) -> dict[str, bytes]:
+    """The libraries in the kernel's wheels in the zips, by platform."""
+    endings = {t.platform.replace("-", "_"): t.ending for t in build_kernel.TARGETS}
+    return {name: kernel_in(path, endings[name]) for name, path in zips.items()}
+
+
+def kernel_in(path: Path, ending: str) -> bytes:
+    """The library in the kernel's wheel in a zip."""
+    with ZipFile(path) as archive:
+        (name,) = (
+            name for name in archive.namelist() if Path(name).name.startswith(build_kernel.MODULE)
+        )
+        wheel = archive.read(name)
+    with ZipFile(BytesIO(wheel)) as archive:
+        return archive.read(f"{build_kernel.MODULE}/kernel.{ending}")
 
 
 @pytest.fixture(scope="session")
