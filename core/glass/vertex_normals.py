@@ -25,7 +25,8 @@ class NormalKnobs:
 
     Parameters
     ----------
-    sweeps, settled : so many at most, and the change of normals at which they end
+    sweeps, settled : so many at most, an even number, and the change of normals at which they end
+    restless : of the turn to a neighbour: normals that the last sweep changes by more do not settle
     moved : of the turn to a neighbour: found normals further from the mean have to prove themselves
     most_moved : of it: those further are refused
     straight : of it, by which chords to neighbours may contradict them; noise and rims make it more
@@ -38,6 +39,7 @@ class NormalKnobs:
 
     sweeps: int = 40
     settled: float = 1e-10
+    restless: float = 0.01
     moved: float = 0.2
     most_moved: float = 0.5
     straight: float = 0.1
@@ -61,9 +63,9 @@ def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
     normal = v.normal.copy()
     if kernel.library() is not None:
         fit = kernel.Fit(v, tangent_planes(v))
-        fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
+        change = fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
     else:
-        yield from _settling_normals(v, tangent_planes(v), wanted, normal)
+        change = yield from _settling_normals(v, tangent_planes(v), wanted, normal)
     yield 0
 
     # where the mesh is too irregular to tell, the mean is the better guess
@@ -74,12 +76,13 @@ def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
         is_near = moved <= NORMALS.moved * turn
         is_straight = _bend(v, normal) < NORMALS.straight * turn
         is_straight &= moved <= NORMALS.most_moved * turn
+        is_settled = length_of(change) <= NORMALS.restless * turn
 
     # normals are found together: one far from the mean is no
     # better than the worst of its neighbours
-    is_refused = ~(is_near | is_straight)
+    is_refused = ~((is_near | is_straight) & is_settled)
     has_refused = np.bincount(v.start, is_refused[v.end], len(v.at)) > 0
-    is_believed = is_near | (is_straight & ~has_refused)
+    is_believed = (is_near | (is_straight & ~has_refused)) & is_settled
     return np.where(is_believed[:, None], normal, v.normal)
 
 
@@ -94,8 +97,12 @@ def _bend(v: Vertices, normal: Floats) -> Floats:
     return np.sqrt(np.bincount(v.start, unlike**2, len(v.at)) / np.maximum(np.diff(v.first), 1))
 
 
-def _settling_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) -> Pauses[None]:
-    """Let the wanted ones of normals (f, 3) agree with those of their neighbours, with pauses."""
+def _settling_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats) -> Pauses[Floats]:
+    """Let the wanted ones of normals (f, 3) agree with those of their neighbours, with pauses.
+
+    Returns by how much the last sweep changed each (f, 3).
+    """
+    before = normal
     solvers = []
     for some, pairs in v.by_valence(wanted):
         rows, weights, matrix, z = system(v, fields, some, pairs, slice(None))
@@ -130,6 +137,8 @@ def _settling_normals(v: Vertices, fields: Fields, wanted: Bools, normal: Floats
 
         if change < NORMALS.settled:
             break
+
+    return normal - before
 
 
 def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:

@@ -50,19 +50,22 @@ class Fit:
 
     def settle_normals(
         self, wanted: Bools, ridge: Floats, normals: Floats, n_sweeps: int, settled: float
-    ) -> None:
-        """Let the wanted (f,) of normals (f, 3) agree with those of
-        their neighbours, by so many sweeps at the most.
+    ) -> Floats:
+        """Let the wanted (f,) of normals (f, 3) agree with those of their neighbours, by so many
+        sweeps at the most, an even number. Returns by how much the last one changed each (f, 3).
         """
         n = self._want(wanted, ridge)
+        # sweeps write to one and the other in turn: of all, the last is in `normals`
+        others = normals.copy()
         room = (
-            normals.copy(),
+            others,
             np.empty((n, 2)),
             np.empty((self._n_pairs, 4)),
             np.empty(n // FITTED_AT_ONCE + 1),
         )
         places = (values.ctypes.data for values in (normals, *room))
         loaded().kiriko_settle_normals(self._address, *places, n_sweeps, settled, n_threads())
+        return normals - others
 
     def find_offsets(
         self, coefficients: Floats, nodes: Floats, weights: Floats, corner: Ints

@@ -615,6 +615,29 @@ def test_a_surface_is_the_same_however_often_its_making_pauses(has_kernel, monke
         assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
 
 
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_faces_around_holes_do_not_hang_on_the_last_bits_of_vertices(has_kernel):
+    """A ball that lacks three faces of ten: where neighbours are few, sweeps over normals go to and
+    fro without end, and what is left of them is rounding. Those normals are not believed.
+    """
+    whole = icosphere(RADIUS, 3)
+    kept = np.random.default_rng(0).random(len(whole.triangles)) > 0.3
+    of_faces = ("triangles", "corner_normals", "is_smooth")
+    mesh = mean_normals(replace(whole, **{name: getattr(whole, name)[kept] for name in of_faces}))
+
+    def moved(seed):
+        last_bits = np.random.default_rng(seed).integers(-1, 2, mesh.vertices.shape) * 2.0**-52
+        return replace(mesh, vertices=mesh.vertices * (1 + last_bits))
+
+    with nullcontext() if has_kernel else kernel.off():
+        found, *others = (make_surface(m).curved for m in (mesh, *map(moved, range(5))))
+
+    assert len(found.triangle) > 0.9 * len(mesh.triangles)
+    assert all(np.array_equal(found.triangle, other.triangle) for other in others)
+    off = [np.abs(found.points_on(6) - other.points_on(6)).max() for other in others]
+    assert np.median(off) < 1e-8 * RADIUS
+
+
 def test_the_ray_engine_is_made_with_pauses_and_once():
     """Before the first ray is followed: its triangles, then its tree."""
     surface = make_surface(icosphere(RADIUS, 2))
