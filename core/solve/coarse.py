@@ -25,21 +25,26 @@ Sized = TypeVar("Sized", Viewer, Display)
 class Coarse:
     """How coarse a first picture is, and when it is made.
 
-    On the ball rig a viewer of 64 pixels paints a display of 512 to 0.006 rms of the full result,
-    in linear values, at once; a display of half the resolution is off by 0.03. So a first picture
-    saves on the viewer. A rig done before its first picture would be made needs none: the ball's
-    is, of which it takes a seventh.
+    A display of half the resolution is off by 0.03 rms, in linear values, through a ball; a viewer
+    of 24 pixels by 0.012, and of 64 by 0.003. Through a bottle both are off by 0.09, and 64 pixels
+    take three times as long. So a first picture saves on the viewer. A rig done before its first
+    picture would be made needs none: the ball's is.
 
-    viewer_px, display_px : of the longer side
+    viewer_px : of the longer side of one viewer; several share the pixels that it would have
+    least_px : of each of many viewers
+    display_px : of the longer side
     finer : how much finer each picture is than the one before
+    saves : how much finer the rig itself is, at the least, each way
     tracing_s, painting_s : work after the build that the rig itself gets before its first picture
         is made, while it traces and while it paints images larger than coarse ones
     """
 
-    viewer_px: int = 64
+    viewer_px: int = 24
+    least_px: int = 8
     display_px: int = 512
     tolerance_px: float = 2.0
-    finer: int = 4
+    finer: int = 8
+    saves: int = 4
     tracing_s: float = 0.2
     painting_s: float = 0.4
 
@@ -79,13 +84,18 @@ def _longer_side(part: Viewer | Display) -> int:
     return max(part.width, part.height)
 
 
+def first_side(rig: Rig) -> int:
+    """Of the first picture, px."""
+    return max(COARSE.least_px, round(COARSE.viewer_px / len(rig.viewers) ** 0.5))
+
+
 def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
     """The rigs to solve, one after the other: the last is the rig
     itself, those before take a fraction of its time.
     """
     rungs = []
-    side = COARSE.viewer_px
-    while 2 * side < max(map(_longer_side, rig.viewers)):
+    side = first_side(rig)
+    while COARSE.saves * side <= max(map(_longer_side, rig.viewers)):
         rungs.append(coarser(rig, settings, side))
         side *= COARSE.finer
     return [*rungs, (rig, settings)]
@@ -112,7 +122,7 @@ def check_light(kept: Kept, rig: Rig, settings: Settings) -> None:
     """
     session = Session(kept)
     try:
-        finish(session.glance(*coarser(rig, settings, COARSE.viewer_px)))
+        finish(session.glance(*coarser(rig, settings, first_side(rig))))
     except KirikoError:  # in words of its own, and a coarse rig may miss light
         finish(session.solve(rig, settings))
 

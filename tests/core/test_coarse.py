@@ -77,8 +77,8 @@ class Slow:
     is_tracing = True
 
     def solve(self, rig, settings):
-        for n in range(100):
-            yield n / 200
+        for n in range(200):
+            yield n / 400
         return "solved"
 
     def glance(self, rig, settings):
@@ -87,9 +87,7 @@ class Slow:
 
 
 def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
-    """Each takes sixteen times as long as the one before, and comes after sixteen times
-    the work.
-    """
+    """Each takes 64 times as long as the one before, and comes after 64 times the work."""
     patience(monkeypatch, 2.0)
     clock = count()
     monkeypatch.setattr(coarse, "perf_counter", lambda: float(next(clock)))
@@ -99,8 +97,8 @@ def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
     for n, progress in steps:
         assert progress < 0.5
         after += [n] * (len(shown) - len(after))
-    assert [image[0, 0, 0] for image in shown] == [63, 250]
-    assert after == [2 + 2, 32 + 2 + 2]  # with the steps of the pictures themselves
+    assert [image[0, 0, 0] for image in shown] == [24, 188]
+    assert after == [2 + 2, 128 + 2 + 2]  # with the steps of the pictures themselves
 
 
 def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
@@ -112,7 +110,7 @@ def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
     shown = []
     solve(a_rig(), session)
     assert drain(in_sight(a_rig(), session, shown)).n_rays == 0
-    drain(in_sight(a_rig(128), Session(), shown))
+    drain(in_sight(a_rig(95), Session(), shown))
     monkeypatch.setattr(coarse, "COARSE", replace(coarse.COARSE, tracing_s=np.inf))
     drain(in_sight(a_rig(), Session(), shown))
     assert not shown
