@@ -42,8 +42,8 @@ class Pace:
     """Seconds that parts of a solve take, about, where `times_slower` is 1.
 
     Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*). To measure the
-    errors of curved glass takes from a half of that time to six times as long: longest where a
-    mesh is irregular, so that rays are followed as drawn, too.
+    errors of curved glass takes from a third of that time to eight times as long: longest where a
+    mesh is irregular, so that rays are followed as drawn, too, and the whole takes seconds.
 
     later : times that of a ray so far is one that is still to come: by numpy alone those that look
         for borders come in small batches, which cost as much as hundreds of their rays
@@ -54,12 +54,12 @@ class Pace:
     """
 
     later: float = 1.0
-    after_curved: tuple[float, float] = (0.75e-6, 1.45e-6)
+    after_curved: tuple[float, float] = (0.75e-6, 1.2e-6)
     after_flat: tuple[float, float] = (0.2e-6, 0.7e-6)
-    measured_curved: float = 0.07
-    measured_flat: float = 0.03
-    painted_pixel: float = 0.2e-6
-    painted_cell: float = 0.5e-6
+    measured_curved: float = 0.03
+    measured_flat: float = 0.004
+    painted_pixel: float = 0.15e-6
+    painted_cell: float = 0.3e-6
     painted_share: float = 0.1e-6
     covered: float = 0.1e-6
 
