@@ -18,25 +18,31 @@ from environments import DEV, ROOT, ToolError, ask, clean_environment, run
 CHECKS = "-fsanitize=address,undefined,float-cast-overflow"
 FLAGS = ["-std=c17", "-O2", "-g", "-ffp-contract=off", CHECKS, "-fno-sanitize-recover=all"]
 # Python itself frees little at its end, and numpy's own memory is none of ours.
+NOT_HERE = "Not run: this takes Linux and gcc with libasan."
 OPTIONS = {"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=1"}
 
 
-def runtime() -> Path | None:
-    """The sanitiser's library, which has to be loaded before Python's own."""
+def runtime() -> str | None:
+    """Libraries to be loaded before Python's own: the sanitiser's, and that of C++, of which it has
+    to know how Blender throws exceptions.
+    """
     if platform.system() != "Linux" or not shutil.which("gcc"):
         return None
-    found = [Path(line) for line in ask(["gcc", "-print-file-name=libasan.so"])]
-    return next((path for path in found if path.is_absolute() and path.exists()), None)
+    names = ("libasan.so", "libstdc++.so")
+    found = [Path(line) for name in names for line in ask(["gcc", f"-print-file-name={name}"])]
+    is_there = all(path.is_absolute() and path.exists() for path in found)
+    return " ".join(str(path.resolve()) for path in found) if is_there else None
 
 
-def main() -> None:
-    library = runtime()
-    if library is None:
-        print("Not run: this takes Linux and gcc with libasan.")
-        return
+def sanitised() -> dict[str, str] | None:
+    """Build the kernel so; the environment variables with which a Python uses it, None where that
+    cannot be.
+    """
+    libraries = runtime()
+    if libraries is None:
+        return None
 
     built = DEV / "kernel-sanitised.so"
-    sources = sorted(SOURCES.glob("*.c"))
     run(
         [
             "gcc",
@@ -47,14 +53,21 @@ def main() -> None:
             "-pthread",
             "-o",
             built,
-            *sources,
+            *sorted(SOURCES.glob("*.c")),
             "-lm",
         ]
     )
-    variables = clean_environment(
-        LD_PRELOAD=str(library.resolve()), KIRIKO_KERNEL=str(built), **OPTIONS
-    )
-    sys.exit(subprocess.run([sys.executable, *sys.argv[1:]], cwd=ROOT, env=variables).returncode)
+    return {"LD_PRELOAD": libraries, "KIRIKO_KERNEL": str(built), **OPTIONS}
+
+
+def main() -> None:
+    variables = sanitised()
+    if variables is None:
+        print(NOT_HERE)
+        return
+
+    command = [sys.executable, *sys.argv[1:]]
+    sys.exit(subprocess.run(command, cwd=ROOT, env=clean_environment(**variables)).returncode)
 
 
 if __name__ == "__main__":

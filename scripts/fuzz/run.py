@@ -14,6 +14,7 @@ import faulthandler
 import importlib
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -44,6 +45,7 @@ from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.both_ways import find_parted
 from known.registered import registered
+from sanitise_kernel import NOT_HERE, sanitised
 
 from .rigs import Dice, make_rig
 
@@ -54,6 +56,8 @@ FEW_EVENTS = 32
 AT_ONCE = 100  # rigs in one process
 BOTH_WAYS = 2000  # rays that are followed by numpy's way and by the kernel
 LONGEST = 500  # characters of an error
+MOST_SAID = 3000  # of what a process said that has ended
+SANITISER = re.compile(r"ERROR: AddressSanitizer|\S+: runtime error: ")
 QUOTED = re.compile(r"'[^']*'")
 NONSENSE = re.compile(r"\b(nan|inf|Traceback)\b")
 SECOND_SENTENCE = re.compile(r"[.!?]\s+[A-Z]")
@@ -586,8 +590,12 @@ def work_off(seed: int, rigs: list[int], n_judged: int, seconds: float, log: Pat
             lines.write(json.dumps(asdict(outcome)) + "\n")
 
 
-def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> list[Outcome]:
-    """Outcomes of rigs, each tried in a process that may end with it."""
+def in_processes(
+    seed: int, rigs: list[int], n_judged: int, seconds: float, variables: dict[str, str]
+) -> list[Outcome]:
+    """Outcomes of rigs, each tried in a process, with these environment variables, that may end
+    with it.
+    """
     found: list[Outcome] = []
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
@@ -615,6 +623,7 @@ def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> l
                     stdout=subprocess.DEVNULL,
                     stderr=errors,
                     timeout=len(some) * (seconds + 10) + 60,
+                    env={**os.environ, **variables},
                 )
                 code = run.returncode
             said = (Path(folder) / "errors").read_text(errors="replace")
@@ -625,7 +634,7 @@ def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> l
                     raise SystemExit(f"Blender did not start:\n{said}")
                 new.append(
                     Outcome(
-                        lines[-1]["began"], "failed", f"ended with code {code}:\n{said[-3000:]}"
+                        lines[-1]["began"], "failed", f"ended with code {code}:\n{last_of(said)}"
                     )
                 )
             for outcome in new:
@@ -635,6 +644,12 @@ def in_processes(seed: int, rigs: list[int], n_judged: int, seconds: float) -> l
             print(f"{len(found)} of {len(rigs)}", flush=True)
 
     return found
+
+
+def last_of(said: str) -> str:
+    """What a process said at its end: of a sanitiser's report the beginning."""
+    report = SANITISER.search(said)
+    return said[report.start() :][:MOST_SAID] if report else said[-MOST_SAID:]
 
 
 def tell(seed: int, outcome: Outcome) -> None:
@@ -712,14 +727,23 @@ def main() -> None:
         "--seconds", type=float, default=SECONDS, help=f"for one rig; more is a hang ({SECONDS:g})"
     )
     parser.add_argument("--log", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--sanitised",
+        action="store_true",
+        help="with a kernel that stops at a wrong access or an undefined step; on Linux, with gcc",
+    )
     options = parser.parse_args()
     rigs = options.only or list(range(options.rigs))
     if options.log is not None:
         work_off(options.seed, rigs, options.judge, options.seconds, options.log)
         return
 
+    variables = sanitised() if options.sanitised else {}
+    if variables is None:
+        raise SystemExit(NOT_HERE)
+
     started = perf_counter()
-    found = in_processes(options.seed, rigs, options.judge, options.seconds)
+    found = in_processes(options.seed, rigs, options.judge, options.seconds, variables)
     print_summary(found, perf_counter() - started)
     sys.exit(any(outcome.verdict == "failed" for outcome in found))
 
