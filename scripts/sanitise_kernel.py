@@ -17,8 +17,8 @@ from environments import DEV, ROOT, ToolError, ask, clean_environment, run
 
 CHECKS = "-fsanitize=address,undefined,float-cast-overflow"
 FLAGS = ["-std=c17", "-O2", "-g", "-ffp-contract=off", CHECKS, "-fno-sanitize-recover=all"]
-# Python itself frees little at its end, and numpy's own memory is none of ours.
 NOT_HERE = "Not run: this takes Linux and gcc with libasan."
+# Python itself frees little at its end, and numpy's own memory is none of ours.
 OPTIONS = {"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=1"}
 
 

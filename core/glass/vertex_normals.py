@@ -73,16 +73,16 @@ def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
     with np.errstate(invalid="ignore"):
         turn = np.maximum.reduceat(turn, v.first[:-1])
         moved = length_of(normal - v.normal)
-        is_near = moved <= NORMALS.moved * turn
-        is_straight = _bend(v, normal) < NORMALS.straight * turn
-        is_straight &= moved <= NORMALS.most_moved * turn
         is_settled = length_of(change) <= NORMALS.restless * turn
+        is_near = is_settled & (moved <= NORMALS.moved * turn)
+        is_straight = is_settled & (_bend(v, normal) < NORMALS.straight * turn)
+        is_straight &= moved <= NORMALS.most_moved * turn
 
     # normals are found together: one far from the mean is no
     # better than the worst of its neighbours
-    is_refused = ~((is_near | is_straight) & is_settled)
+    is_refused = ~(is_near | is_straight)
     has_refused = np.bincount(v.start, is_refused[v.end], len(v.at)) > 0
-    is_believed = (is_near | (is_straight & ~has_refused)) & is_settled
+    is_believed = is_near | (is_straight & ~has_refused)
     return np.where(is_believed[:, None], normal, v.normal)
 
 
