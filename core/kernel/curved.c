@@ -10,6 +10,7 @@
 #define CONVERGED 3e-6
 #define ASIDE 0.6
 #define WALKS 8
+#define LINE 64 /* bytes that memory hands over together */
 #define MOST_AROUND 13 /* a face, its neighbours, and theirs */
 
 /* Coefficients of points relative to the first corner. */
@@ -189,6 +190,16 @@ static void search_around(const Curved *curved, const double *o, const double *d
     *hit = best;
 }
 
+/* Ask for the memory that tells by which normal a face refracts: it has come when the root is found. */
+static void fetch_normals(const Curved *curved, int64_t triangle) {
+    if (!curved->normal_terms) return;
+    int64_t row = curved->row[triangle], terms = curved->normal_row[row];
+    if (terms < 0) return;
+    const char *at = (const char *)(curved->normal_terms + 3 * N_TERMS * terms);
+    for (size_t k = 0; k < sizeof(double) * 3 * N_TERMS; k += LINE) __builtin_prefetch(at + k);
+    for (int i = 0; i < 3; i++) __builtin_prefetch(curved->vertex_normal + 3 * curved->vertex[3 * row + i]);
+}
+
 /* The normal by which a face refracts. */
 static void bend(const Curved *curved, Hit *hit) {
     copy(hit->facing, hit->normal);
@@ -219,6 +230,7 @@ static bool is_odd(const Hit *hit, bool leaves, double least) {
 bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                  const bool *leaves, double least, bool is_last, Hit *hit) {
     int walks = is_last ? 2 : WALKS;
+    fetch_normals(curved, triangle);
     if (!find_root(curved, triangle, u, v, o, d, walks, hit)) return false;
     if (leaves && is_odd(hit, *leaves, least)) {
         Hit other;

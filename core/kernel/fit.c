@@ -220,8 +220,9 @@ typedef struct {
     int64_t n;
 } Faces;
 
-/* Add what the field of a face's corner i says of its nodes. */
-static void add_offsets(const Faces *s, int64_t face, int i) {
+/* Add what the field of a face's corner i says of its nodes to their offsets; nodes go in these directions. */
+static void add_offsets(const Faces *s, int64_t face, int i, const double directions[N_NODES][3],
+                        double offsets[N_NODES][3]) {
     const Fit *f = s->fit;
     const int64_t *corner = s->corner + 3 * face;
     int64_t own = corner[i];
@@ -237,34 +238,46 @@ static void add_offsets(const Faces *s, int64_t face, int i) {
             leans[k][j] = dot(f->normal + 3 * end, axes[j]);
         }
     }
+    /* all nodes side by side, for each step waits for the one before */
+    double place[3][N_NODES], lean[3][N_NODES], height[N_NODES] = {0};
+    for (int node = 0; node < N_NODES; node++) {
+        const double *part = s->nodes + 3 * node;
+        double li = part[i], lj = part[(i + 1) % 3], lk = part[(i + 2) % 3];
+        for (int j = 0; j < 3; j++) {
+            place[j][node] = lj * sides[0][j] + lk * sides[1][j];
+            lean[j][node] = lj * leans[0][j] + lk * leans[1][j];
+        }
+        lean[2][node] += li;
+    }
+    for (int node = 0; node < N_NODES; node++)
+        height[node] = (height_of(c, place[0][node], place[1][node]) - place[2][node]) / lean[2][node];
+    for (int turn = 0; turn < STEPS; turn++)
+        for (int node = 0; node < N_NODES; node++) {
+            double x = place[0][node] + height[node] * lean[0][node], y = place[1][node] + height[node] * lean[1][node];
+            height[node] = (height_of(c, x, y) - place[2][node]) / lean[2][node];
+        }
     for (int node = 0; node < N_NODES; node++) {
         double weight = s->weights[3 * node + i];
         if (!(weight > 0)) continue;
-        const double *part = s->nodes + 3 * node;
-        double li = part[i], lj = part[(i + 1) % 3], lk = part[(i + 2) % 3], place[3], lean[3];
-        for (int j = 0; j < 3; j++) {
-            place[j] = lj * sides[0][j] + lk * sides[1][j];
-            lean[j] = lj * leans[0][j] + lk * leans[1][j];
-        }
-        lean[2] += li;
-        double height = (height_of(c, place[0], place[1]) - place[2]) / lean[2];
-        for (int turn = 0; turn < STEPS; turn++)
-            height = (height_of(c, place[0] + height * lean[0], place[1] + height * lean[1]) - place[2]) / lean[2];
-        for (int j = 0; j < 3; j++) {
-            double direction = 0;
-            for (int m = 0; m < 3; m++) direction += part[m] * f->normal[3 * corner[m] + j];
-            s->offsets[(3 * node + j) * s->n + face] += weight * (size * height) * direction;
-        }
+        for (int j = 0; j < 3; j++) offsets[node][j] += weight * (size * height[node]) * directions[node][j];
     }
 }
 
 static void find_some_offsets(void *context, int64_t first, int64_t last) {
     const Faces *s = context;
-    for (int64_t face = first; face < last; face++)
-        for (int i = 0; i < 3; i++) add_offsets(s, face, i);
+    for (int64_t face = first; face < last; face++) {
+        double directions[N_NODES][3] = {0}, offsets[N_NODES][3] = {0};
+        for (int node = 0; node < N_NODES; node++)
+            for (int m = 0; m < 3; m++)
+                for (int j = 0; j < 3; j++)
+                    directions[node][j] += s->nodes[3 * node + m] * s->fit->normal[3 * s->corner[3 * face + m] + j];
+        for (int i = 0; i < 3; i++) add_offsets(s, face, i, directions, offsets);
+        for (int node = 0; node < N_NODES; node++)
+            for (int j = 0; j < 3; j++) s->offsets[(3 * node + j) * s->n + face] = offsets[node][j];
+    }
 }
 
-/* Add the offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3) to zeros; nodes (12, 3) and weights
+/* The offsets (12, 3, n) of the nodes of faces between vertices `corner` (n, 3); nodes (12, 3) and weights
    (12, 3) are those of quartics.py and fitted_faces.py. */
 KIRIKO_API void kiriko_find_offsets(const Fit *fit, const double *coefficients, const double *nodes,
                                     const double *weights, const int64_t *corner, int64_t n, double *offsets,

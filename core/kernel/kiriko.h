@@ -70,7 +70,7 @@ typedef struct {
 /* The triangles in front of curved faces: asked.py's Asked. */
 typedef struct {
     float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
-    int64_t *owner;         /* (p,) */
+    int64_t *owner;         /* (p,) by position */
     double *parts;          /* (n_parts, 3, 3) */
     int64_t n_whole, n_parts;
     Tree tree;
@@ -80,6 +80,7 @@ typedef struct {
     int64_t n_triangles;
     double *frames;         /* (t, 4, 3): corner, normal, axis_u, axis_v */
     int64_t *numbers;       /* (t,) in the plan */
+    int64_t only_part;      /* that all its triangles are of, -1 where there are several: fewer tables to wait for */
     uint64_t *closed_bits;  /* (clusters,) */
     uint64_t *solid_bits;   /* (clusters,), NULL with sheets */
     Curved *curved;         /* NULL where all is flat, and so is the hull */
@@ -148,7 +149,7 @@ typedef struct {
 /* Where a ray meets a triangle of a layer; distance is INFINITY and triangle -1 for none. */
 typedef struct {
     double distance, u, v;
-    int64_t triangle;
+    int64_t triangle, part;            /* the part is known of hits that were found true */
     bool enters, is_curved;
     double facing[3], normal[3];       /* of curved faces, not unit */
 } Hit;

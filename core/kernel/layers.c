@@ -25,7 +25,8 @@ typedef struct {
 static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     Sides *sides = search->sides;
     const Plan *plan = sides->plan;
-    int64_t part = plan->part[search->layer->numbers[hit->triangle]];
+    int64_t only = search->layer->only_part;
+    int64_t part = only < 0 ? plan->part[search->layer->numbers[hit->triangle]] : only;
     uint64_t bit = plan->bit[part];
     double t = hit->distance, tolerance = search->tolerance;
     bool fits = hit->enters != ((sides->mask & bit) && sides->cluster == plan->cluster[part]);
@@ -201,7 +202,7 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
         int32_t asked_for = hull->tree.items[shot.position];
         bool is_whole = asked_for < hull->n_whole;
         if (!search->leaves || !only_leaves_hull(&shot, at / radius, is_whole, *search->leaves)) {
-            int64_t k = hull->owner[asked_for];
+            int64_t k = hull->owner[shot.position];
             Hit found;
             bool is_met, is_wrong = false;
             if (curved->row[k] < 0) {
@@ -312,6 +313,7 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
     find(&search, within);
     if (hit->triangle < 0) return;
     hit->triangle = layer->numbers[hit->triangle];
+    hit->part = layer->only_part < 0 ? sides->plan->part[hit->triangle] : layer->only_part;
     if (hit->is_curved && layer->rotation) {
         turn(layer->rotation, false, hit->facing);
         turn(layer->rotation, false, hit->normal);

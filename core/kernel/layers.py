@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arrays import Ints
 from ..glass.curved import CurvedFaces
 from ..glass.quartics import LOWER
 from ..light.rescue import count_starts
@@ -59,8 +60,11 @@ def growing_trees(layer: "Layer") -> Pauses[None]:
         yield 0
 
 
-def make_layer(held: "PlannedLayer") -> Made:
-    """A layer with its triangles' numbers in the plan, and the bits of its solids."""
+def make_layer(held: "PlannedLayer", part: Ints) -> Made:
+    """A layer with its triangles' numbers in the plan, and the bits of its solids.
+
+    part : (t,) of all triangles of the plan
+    """
     made = Made(LayerStructure)
     layer = held.layer
     frames = layer.frames
@@ -74,8 +78,10 @@ def make_layer(held: "PlannedLayer") -> Made:
         made.point("rotation", layer.motion.rotation, float)
         made.set(shift=layer.motion.shift)
 
+    own = part[held.numbers]
     made.set(
         n_triangles=layer.n_triangles,
+        only_part=own[0] if (own == own[0]).all() else -1,
         low=layer.bounds[0],
         high=layer.bounds[1],
         centre=layer.centre,

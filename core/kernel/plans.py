@@ -148,7 +148,7 @@ def _point_to_arrays(made: Made, plan: "Plan") -> None:
 
 def _point_to_layers(made: Made, plan: "Plan") -> None:
     """Let a plan point to its layers, and to the order in which they are asked."""
-    layers = [make_layer(held) for held in plan.layers]
+    layers = [make_layer(held, plan.triangles.part) for held in plan.layers]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
     made.set(n_layers=len(layers), layers=ctypes.addressof(structures))

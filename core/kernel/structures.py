@@ -27,9 +27,9 @@ HullStructure = _structure(
 )
 LayerStructure = _structure(
     "LayerStructure",
-    n_triangles=_I, frames=_P, numbers=_P, closed_bits=_P, solid_bits=_P, curved=_P, hull=_P,
-    rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D, tolerance=_D,
-    has_engine=_I, n_starts=_I, over_faces=TreeStructure, facets=_P,
+    n_triangles=_I, frames=_P, numbers=_P, only_part=_I, closed_bits=_P, solid_bits=_P, curved=_P,
+    hull=_P, rotation=_P, shift=_D * 3, low=_D * 3, high=_D * 3, centre=_D * 3, radius=_D,
+    tolerance=_D, has_engine=_I, n_starts=_I, over_faces=TreeStructure, facets=_P,
 )  # fmt: skip
 ArrayStructure = _structure(
     "ArrayStructure",

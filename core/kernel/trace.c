@@ -41,7 +41,7 @@ static void leave_gaps(Ray *ray, const Hit *hit) {
         if (!(rays->mask[i] & plan->bit[number]) || rays->cluster[i] != plan->cluster[number]) continue;
         if (hit) {
             const double *box = plan->open_box + 6 * n;
-            int64_t part = plan->part[hit->triangle];
+            int64_t part = hit->part;
             bool is_beyond = plan->bit[part] && plan->cluster[part] != plan->cluster[number];
             for (int j = 0; j < 3; j++) is_beyond |= at[j] < box[j] || at[j] > box[3 + j];
             if (!is_beyond || part == number) continue;
@@ -75,7 +75,7 @@ static void put_in_order(Ray *ray, Hit *first) {
         const Hit *hit = ray->by_layer + n;
         if (hit->triangle < 0) continue;
         if (hit->triangle >= plan->display_start) display = hit;
-        bool leaves = plan->bit[plan->part[hit->triangle]] && !hit->enters;
+        bool leaves = plan->bit[hit->part] && !hit->enters;
         if (leaves && (!glass || hit->distance < glass->distance)) glass = hit;
     }
     if (!display) return;
@@ -83,7 +83,7 @@ static void put_in_order(Ray *ray, Hit *first) {
     if (glass && nearest <= first->distance + near && fabs(display->distance - glass->distance) <= near) {
         *first = *glass;
         ray->beneath = display;
-    } else if (plan->kind[plan->part[first->triangle]] == GLASS && first->enters &&
+    } else if (plan->kind[first->part] == GLASS && first->enters &&
                fabs(display->distance - first->distance) <= near) {
         *first = *display;
     }
@@ -189,18 +189,20 @@ static void land_beyond_plate(Ray *ray) {
 
 /* Geometric and shading normal, both turned against the ray; is the face's own one kept, as the bent one looks away? */
 static bool find_normals(const Plan *plan, const double *d, const Hit *hit, double *geometric, double *shading) {
-    copy(plan->normals + 3 * hit->triangle, geometric);
-    copy(geometric, shading);
     if (hit->is_curved) {
         copy(hit->facing, geometric);
         copy(hit->normal, shading);
         normalise(geometric);
         normalise(shading);
-    } else if (plan->corner_normals && plan->is_bent[hit->triangle]) {
-        const double *corners = plan->corner_normals + 9 * hit->triangle;
-        double w = 1 - hit->u - hit->v;
-        for (int j = 0; j < 3; j++) shading[j] = w * corners[j] + hit->u * corners[3 + j] + hit->v * corners[6 + j];
-        normalise(shading);
+    } else {
+        copy(plan->normals + 3 * hit->triangle, geometric);
+        copy(geometric, shading);
+        if (plan->corner_normals && plan->is_bent[hit->triangle]) {
+            const double *corners = plan->corner_normals + 9 * hit->triangle;
+            double w = 1 - hit->u - hit->v;
+            for (int j = 0; j < 3; j++) shading[j] = w * corners[j] + hit->u * corners[3 + j] + hit->v * corners[6 + j];
+            normalise(shading);
+        }
     }
     if (!hit->enters)
         for (int j = 0; j < 3; j++) {
@@ -254,7 +256,7 @@ static void set_direction(Ray *ray, double *out) {
 static void meet_glass(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
-    int64_t i = ray->i, part = plan->part[hit->triangle];
+    int64_t i = ray->i, part = hit->part;
     uint64_t before = rays->cluster[i] == plan->cluster[part] ? rays->mask[i] : 0;
     rays->cluster[i] = plan->cluster[part];
     uint64_t after = before ^ plan->bit[part];
@@ -262,9 +264,9 @@ static void meet_glass(Ray *ray, const Hit *hit) {
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Hit *other = ray->by_layer + n;
         if (other->triangle < 0 || other->triangle == hit->triangle) continue;
-        if (plan->cluster[plan->part[other->triangle]] != plan->cluster[part]) continue; /* a mask is of one cluster */
+        if (plan->cluster[other->part] != plan->cluster[part]) continue; /* a mask is of one cluster */
         if (fabs(other->distance - hit->distance) > plan->merge_distance) continue;
-        after ^= plan->bit[plan->part[other->triangle]];
+        after ^= plan->bit[other->part];
         if (plan->patch[other->triangle] < patch) patch = plan->patch[other->triangle];
     }
     double n1 = index_of(plan, part, before), n2 = index_of(plan, part, after);
@@ -294,7 +296,7 @@ static void meet_glass(Ray *ray, const Hit *hit) {
 static void meet_plate(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
-    int64_t i = ray->i, part = plan->part[hit->triangle];
+    int64_t i = ray->i, part = hit->part;
     const double *normal = plan->normals + 3 * hit->triangle;
     double *d = rays->directions + 3 * i, out[3];
     if (plan->array[part] >= 0) {
@@ -352,7 +354,7 @@ static void leave_onto_display(Ray *ray, uint64_t before) {
     Rays *rays = ray->rays;
     int64_t i = ray->i;
     if (rays->mask[i] == before) {
-        rays->last_part[i] = plan->sheet[plan->part[ray->beneath->triangle]];
+        rays->last_part[i] = plan->sheet[ray->beneath->part];
         return;
     }
     rays->has_ended[i] = true;
@@ -381,7 +383,7 @@ static void follow_one(Ray *ray) {
             copy(at, rays->places + 3 * (event * rays->n_rays + i));
             rays->met[event * rays->n_rays + i] = hit.triangle;
         }
-        int64_t part = plan->part[hit.triangle];
+        int64_t part = hit.part;
         Kind kind = (Kind)plan->kind[part];
         /* glass in the same place as a sheet just met: the sheet must not be met once more from there */
         if (kind != GLASS || hit.distance > plan->merge_distance) rays->last_part[i] = plan->sheet[part];

@@ -151,7 +151,8 @@ KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes,
     if (n <= 0) return 0;
     Pair *pairs = malloc(2 * sizeof(Pair) * (size_t)n);
     int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair that a node stands for */
-    int64_t n_nodes = 1;
+    int64_t n_nodes = 1, n_todo = 1;
+    int32_t todo[3 * MOST_DEPTH + 4]; /* nodes */
     if (!pairs || !pair_of) {
         free(pairs);
         free(pair_of);
@@ -159,7 +160,9 @@ KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes,
     }
     make_pairs(n, boxes, pairs, items);
     pair_of[0] = 0;
-    for (int64_t i = 0; i < n_nodes; i++) {
+    todo[0] = 0;
+    while (n_todo) {
+        int64_t i = todo[--n_todo]; /* the last first: what is below a node lies together in memory */
         /* of a pair's two boxes the larger is parted, then of all three */
         int32_t of[4] = {pair_of[i]};
         int n_of = 1;
@@ -183,7 +186,7 @@ KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes,
             nodes[i].first[k] = pair ? pair->first : -1;
             if (!pair || pair->count) continue;
             pair_of[n_nodes] = of[k];
-            nodes[i].first[k] = (int32_t)n_nodes++;
+            todo[n_todo++] = nodes[i].first[k] = (int32_t)n_nodes++;
         }
     }
     free(pairs);

@@ -114,7 +114,7 @@ def _making_hull(asked: Asked) -> Pauses[Made]:
     tree, items = yield from making_tree(boxes)
     made = Made(HullStructure)
     made.point("corners", asked.corners[items], np.float32)
-    made.point("owner", asked.owner, np.int64)
+    made.point("owner", asked.owner[items], np.int64)
     made.point("parts", asked.parts, float)
     made.set(n_whole=asked.n_whole, n_parts=len(asked.parts), tree=tree.structure)
     made.keep(tree)
