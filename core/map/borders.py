@@ -45,14 +45,19 @@ class Pieces:
 
 
 def cut(
-    plan: Plan, points: Points, cells: Ints, square: Ints, expect: Callable[[float], None]
+    plan: Plan,
+    points: Points,
+    cells: Ints,
+    square: Ints,
+    expect: Callable[[float], None],
+    quarterings: int = CUT.quarterings,
 ) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
     A ray through the middle tells whether more goes on than the corners know. Where it takes
     another branch than the piece it lies in, or lands further than the tolerance from where it was
-    expected, the pixel is quartered, and its quarters once more; of cells that are left then, or
-    bent too much, four triangles around the middle are cut.
+    expected, the pixel is quartered, and its quarters once more, `quarterings` times at the most.
+    Of cells that are left then, or bent too much, four triangles around the middle are cut.
 
     Bisection has no end where light is chaotic. Not cut are all mixed pixels of a square (m,), by
     number, in which a good part of the middles lie on other branches than the corners; and, in one
@@ -61,9 +66,9 @@ def cut(
 
     `expect` is told about how many rays are still to come.
     """
-    work = _Cutting(plan, points, expect)
+    work = _Cutting(plan, points, expect, quarterings)
     some = yield from work.pixels(cells, square)
-    for depth in range(1, CUT.quarterings + 1):
+    for depth in range(1, quarterings + 1):
         some = yield from work.quarters(some, depth)
     return (yield from work.finished())
 
@@ -87,8 +92,11 @@ class _Cutting:
     the pieces, `last` those to be cut at the end.
     """
 
-    def __init__(self, plan: Plan, points: Points, expect: Callable[[float], None]) -> None:
+    def __init__(
+        self, plan: Plan, points: Points, expect: Callable[[float], None], quarterings: int
+    ) -> None:
         self.plan, self.points, self.expect = plan, points, expect
+        self.quarterings = quarterings
         self.known = Borders.none()
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
@@ -130,7 +138,7 @@ class _Cutting:
             self.plan, self.points, some.corners, some.middle
         )
         yield 0
-        if depth == CUT.quarterings:  # none of these are quartered again
+        if depth == self.quarterings:  # none of these are quartered again
             self._expect(corners)
             yield 0
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
@@ -204,7 +212,7 @@ class _Cutting:
     def _settled(self, cells: _Parts, found: Doubts, depth: int) -> _Parts:
         """Take up the pieces, and hand on the cells that are quartered."""
         tolerance = self.plan.settings.tolerance
-        is_last = depth == CUT.quarterings
+        is_last = depth == self.quarterings
         again = found.off > tolerance
 
         # sampled
@@ -225,7 +233,7 @@ class _Cutting:
         simple = again & (found.n_met < CUT.many_branches) & (not is_last)
 
         if depth > 0:
-            most = 4.0 ** (CUT.quarterings - depth) * max(CUT.least_error_px, tolerance)
+            most = 4.0 ** (self.quarterings - depth) * max(CUT.least_error_px, tolerance)
             simple &= np.isinf(found.off) | (found.off < most)
 
         rest = cells.at(np.flatnonzero(again & ~simple))

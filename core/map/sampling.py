@@ -55,11 +55,12 @@ class Sampling:
     n_done : rays traced so far
     expected : a guess of the rays in all; infinite until squares are as small as can be
     begun : progress by the size of squares alone, until then
-    is_measured : are the errors of the map, too?
+    is_coarse : for a first picture no pixel is quartered, and no error of the map is measured
     """
 
-    def __init__(self, plan: Plan, is_measured: bool = True) -> None:
-        self.plan, self.is_measured = plan, is_measured
+    def __init__(self, plan: Plan, is_coarse: bool = False) -> None:
+        self.plan, self.is_coarse = plan, is_coarse
+        self.quarterings = 0 if is_coarse else CUT.quarterings
         viewer, display = plan.viewer, plan.rig.display
 
         self.view_size = (viewer.width, viewer.height)
@@ -207,7 +208,7 @@ class Sampling:
         smallest squares are, quartered as in `cut`.
         """
         by_quads = interpolation.sag(taken(self.points.xy, self._at_nodes(squares)))
-        return np.where(by_quads > self.tolerance, by_quads / 4**CUT.quarterings, by_quads)
+        return np.where(by_quads > self.tolerance, by_quads / 4**self.quarterings, by_quads)
 
     def _missed(self, squares: Squares, first: int) -> Floats:
         """By how much (n,), display px, smooth squares miss the points traced to check them.
@@ -258,7 +259,9 @@ class Sampling:
         cells = cells[is_seen]
         yield 0
 
-        pieces = yield from cut(self.plan, self.points, cells, square[is_seen], self.expect)
+        pieces = yield from cut(
+            self.plan, self.points, cells, square[is_seen], self.expect, self.quarterings
+        )
         samples, sample_area = yield from sample_cells(
             self.plan, pieces.points.view[pieces.chaotic]
         )
@@ -279,7 +282,7 @@ class Sampling:
             error=NO_ERROR,
             n_rays=0,
         )
-        error = (yield from measure(self.plan, view_map, cells)) if self.is_measured else NO_ERROR
+        error = NO_ERROR if self.is_coarse else (yield from measure(self.plan, view_map, cells))
         return replace(view_map, error=error)
 
     def _reasons(self) -> np.ndarray:

@@ -26,9 +26,10 @@ class Coarse:
     """How coarse a first picture is, and when it is made.
 
     A display of half the resolution is off by 0.03 rms, in linear values, through a ball; a viewer
-    of 24 pixels by 0.012, and of 64 by 0.003. Through a bottle both are off by 0.09, and 64 pixels
-    take three times as long. So a first picture saves on the viewer. A rig done before its first
-    picture would be made needs none: the ball's is.
+    of 36 pixels by 0.006, and of 64 by 0.003. Through a bottle both are off by 0.09, and 64 pixels
+    take twice as long. So a first picture saves on the viewer, and quarters no pixel: 24 that were
+    quartered twice where borders cross them took a bottle twice as long, and erred as much. A rig
+    done before its first picture would be made needs none: the ball's is.
 
     viewer_px : of the longer side of one viewer; several share the pixels that it would have
     least_px : of each of many viewers
@@ -39,7 +40,7 @@ class Coarse:
         is made, while it traces and while it paints images larger than coarse ones
     """
 
-    viewer_px: int = 24
+    viewer_px: int = 36
     least_px: int = 8
     display_px: int = 512
     tolerance_px: float = 2.0

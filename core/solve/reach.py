@@ -64,7 +64,7 @@ def sample_reached(
     settings: Settings,
     kept: Kept,
     lap: Callable[[str], None],
-    is_measured: bool = True,
+    is_coarse: bool = False,
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
     """Plan and view map of a viewer, without the glass that none of its light
     comes near; yields progress of a whole solve, 0..1.
@@ -76,7 +76,7 @@ def sample_reached(
     Parameters
     ----------
     lap : called with the name of the work just done
-    is_measured : measure the errors of the map, too
+    is_coarse : for a first picture, as Sampling has it
 
     Raises
     ------
@@ -95,7 +95,7 @@ def sample_reached(
         lap("plan")
 
         of_plan = perf_counter() - started
-        sampling = Sampling(plan, is_measured)
+        sampling = Sampling(plan, is_coarse)
         n_pixels = viewer.width * viewer.height
         of = pace()
         of_pixel, of_ray = of.after_flat if plan.is_flat else of.after_curved

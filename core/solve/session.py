@@ -142,7 +142,7 @@ class Session:
         traced = STAGES.glance_traced
 
         for k, viewer in enumerate(rig.viewers):
-            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap, is_measured=False)
+            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap, is_coarse=True)
             _, view_map = yield from within(steps, traced * k / n, traced * (k + 1) / n)
             found.append((view_map, place(view_map, rig.place_of(viewer), viewer, settings)))
 

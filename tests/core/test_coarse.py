@@ -10,10 +10,14 @@ import pytest
 
 from kiriko.core.errors import RigError
 from kiriko.core.light.kept import Kept
+from kiriko.core.light.planning import make_plan
+from kiriko.core.map.points import areas
+from kiriko.core.map.sampling import Sampling
 from kiriko.core.settings import Settings
 from kiriko.core.solve import coarse
 from kiriko.core.solve.session import Session
-from known.reference_rigs import cube_rig, lattice_image
+from known import reference_rigs
+from known.reference_rigs import bottle, cube_rig, lattice_image
 from known.work import drain, solve
 
 
@@ -97,8 +101,20 @@ def test_the_finer_the_picture_the_later_it_comes(monkeypatch):
     for n, progress in steps:
         assert progress < 0.5
         after += [n] * (len(shown) - len(after))
-    assert [image[0, 0, 0] for image in shown] == [24, 188]
+    assert [image[0, 0, 0] for image in shown] == [36, 250]
     assert after == [2 + 2, 128 + 2 + 2]  # with the steps of the pictures themselves
+
+
+def test_a_coarse_map_quarters_no_pixel():
+    """Its quads are whole pixels, where the map itself has quarters: half of each is a triangle."""
+    bottle_rig = reference_rigs.rig(bottle(), pixels=36, image=lattice_image(16))
+
+    def areas_of_quads(is_coarse):
+        found = drain(Sampling(make_plan(bottle_rig, Settings()), is_coarse).sample())
+        return set(2 * areas(found.points.view, found.quads[:, :3]))
+
+    assert areas_of_quads(True) == {1.0}
+    assert areas_of_quads(False) > {1.0}
 
 
 def test_what_is_fast_has_no_coarse_picture(impatient, monkeypatch):
