@@ -139,9 +139,10 @@ class Live:
                     self._say("")
                     # work may have ended before the settings were looked at again
                     return PAUSE if was_working else IDLE
-                now = in_words(Message("Kiriko Live: {phrase} ...", phrase=step.phrase))
-                if self._lasted.get(step, step.guess) > LONG and self._say(now):
-                    return NOTICE
+                if self._lasted.get(step, step.guess) > LONG:
+                    now = Message("Kiriko Live: {phrase} ...", phrase=step.phrase)
+                    if self._say(in_words(now)):
+                        return NOTICE
                 self._do(step, bpy.context)
         return PAUSE
 

@@ -29,6 +29,8 @@ from .known_borders import Borders
 from .points import Points, trace_points
 from .ray_guess import RAYS, rays_of_cut
 
+Expect = Callable[[float], None]
+
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
@@ -45,12 +47,7 @@ class Pieces:
 
 
 def cut(
-    plan: Plan,
-    points: Points,
-    cells: Ints,
-    square: Ints,
-    expect: Callable[[float], None],
-    quarterings: int = CUT.quarterings,
+    plan: Plan, points: Points, cells: Ints, square: Ints, expect: Expect, quarterings: int
 ) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
@@ -92,9 +89,7 @@ class _Cutting:
     the pieces, `last` those to be cut at the end.
     """
 
-    def __init__(
-        self, plan: Plan, points: Points, expect: Callable[[float], None], quarterings: int
-    ) -> None:
+    def __init__(self, plan: Plan, points: Points, expect: Expect, quarterings: int) -> None:
         self.plan, self.points, self.expect = plan, points, expect
         self.quarterings = quarterings
         self.known = Borders.none()

@@ -62,7 +62,6 @@ class Sampling:
         self.plan, self.is_coarse = plan, is_coarse
         self.quarterings = 0 if is_coarse else CUT.quarterings
         viewer, display = plan.viewer, plan.rig.display
-
         self.view_size = (viewer.width, viewer.height)
         self.display_size = (display.width, display.height)
         self.tolerance = plan.settings.tolerance
@@ -256,15 +255,13 @@ class Sampling:
 
         is_seen = ~is_aside & ~is_beside_glass
         square = np.broadcast_to(np.arange(len(finest))[:, None], is_there.shape)[is_there]
-        cells = cells[is_seen]
+        cells, square = cells[is_seen], square[is_seen]
         yield 0
 
-        pieces = yield from cut(
-            self.plan, self.points, cells, square[is_seen], self.expect, self.quarterings
-        )
-        samples, sample_area = yield from sample_cells(
-            self.plan, pieces.points.view[pieces.chaotic]
-        )
+        steps = cut(self.plan, self.points, cells, square, self.expect, self.quarterings)
+        pieces = yield from steps
+        chaotic = pieces.points.view[pieces.chaotic]
+        samples, sample_area = yield from sample_cells(self.plan, chaotic)
 
         view_map = ViewMap(
             view_size=self.view_size,
