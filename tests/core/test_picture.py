@@ -189,13 +189,14 @@ def test_every_level_of_the_pyramid_keeps_the_mean(shape):
 
 
 def test_a_pyramid_knows_its_own_picture():
-    """A copy of its picture is its own.
+    """A copy of its picture is its own, of whatever alpha.
 
     Another value, another size and the picture changed in its place are not.
     """
     image = np.random.default_rng(2).random((6, 9, 4)).astype(np.float32)
     pyramid = Pyramid(image)
     assert pyramid.is_of(image.copy())
+    assert pyramid.is_of(np.dstack([image[..., :3], np.ones_like(image[..., 3])]))
     assert not pyramid.is_of(image[:, :8])
     assert not pyramid.is_of(image.transpose(1, 0, 2))
 
