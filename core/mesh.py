@@ -13,6 +13,10 @@ from .errors import MeshError
 SAME_NORMAL = 1e-5
 SurfaceChoice = Literal["automatic", "smooth", "facets"]
 
+# m, the largest number of float32, in which Blender keeps vertices: products
+# of four such lengths, as those of areas, are still numbers of float64
+FURTHEST = float(np.finfo(np.float32).max)
+
 FLAT_THICKNESS = (
     1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
 )
@@ -94,7 +98,9 @@ class Mesh:
         return int(np.logical_or(*is_bent).sum())
 
     def check(self, owner: str) -> None:
-        """Raise MeshError when there is nothing to trace or a coordinate is not finite."""
+        """Raise MeshError when there is nothing to trace, or a coordinate is not finite
+        or beyond FURTHEST.
+        """
         if len(self.triangles) == 0:
             raise MeshError(
                 "{owner} has no faces with an area: give it some, or set its role to None.",
@@ -111,6 +117,14 @@ class Mesh:
             raise MeshError(
                 "{owner} has vertices that are not finite numbers: repair or remove them.",
                 owner=owner,
+            )
+
+        if np.abs(self.vertices).max() > FURTHEST:
+            raise MeshError(
+                "{owner} has vertices further than {furthest:.2g} m from the origin: move them"
+                " nearer or remove them.",
+                owner=owner,
+                furthest=FURTHEST,
             )
 
     def check_uv(self, owner: str) -> None:

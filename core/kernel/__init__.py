@@ -120,7 +120,7 @@ def state_of(rays: "Rays", ways: Ways | None = None, is_reached: np.ndarray | No
 
 
 def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
-    """Follow rays to their ends, all of which are under way; pauses now and then.
+    """Follow rays to their ends, all of which are under way; yields how many ended since.
 
     Returns their ways, if asked to write them down, and the
     numbers of the boxes of glass aside that they entered.
@@ -140,8 +140,9 @@ def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | N
     kernel = loaded()
     at_once = max(LEAST_AT_ONCE, EVENTS_AT_ONCE // n_events)
     for first in range(0, n, at_once):
-        kernel.kiriko_follow(*structures, first, min(first + at_once, n), n_threads())
-        yield 0
+        last = min(first + at_once, n)
+        kernel.kiriko_follow(*structures, first, last, n_threads())
+        yield last - first
 
     rays.live = rays.live[:0]
     return ways, set(np.flatnonzero(is_reached).tolist())

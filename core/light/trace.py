@@ -76,7 +76,7 @@ def tracing(
     light: PlateLight = "imaged",
 ) -> Pauses[Landings]:
     """Follow rays backward from the viewer until each has
-    landed on the display or is lost; pauses now and then.
+    landed on the display or is lost; yields how many have ended since.
 
     Parameters
     ----------
@@ -158,7 +158,8 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         room = at_once - len(rays.live)
         rays.live = np.concatenate([rays.live, waiting[:room]])
         waiting = waiting[room:]
-        if not len(rays.live):
+        n_live = len(rays.live)
+        if not n_live:
             break
 
         # rays that meet nothing end here
@@ -198,7 +199,7 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
             land(plan, rays, hits, by_layer, before)
         is_over = rays.n_events[rays.live] >= plan.settings.max_events
         rays.live = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
-        yield 0
+        yield n_live - len(rays.live)
 
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:

@@ -6,7 +6,7 @@ a cell that is bent falls as 1 / 4^quarterings. To go on until all middles agree
 light is chaotic that has no end, and such pixels are sampled.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,9 +27,7 @@ from .doubts import (
 )
 from .known_borders import Borders
 from .points import Points, trace_points
-from .ray_guess import RAYS, rays_of_cut
-
-Expect = Callable[[float], None]
+from .ray_guess import N_SEARCHES, NO_RAYS, RAYS, Rays, RaysAhead, of_quarters, rays_of_cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,7 @@ class Pieces:
 
 
 def cut(
-    plan: Plan, points: Points, cells: Ints, square: Ints, expect: Expect, quarterings: int
+    plan: Plan, points: Points, cells: Ints, square: Ints, ahead: RaysAhead, quarterings: int
 ) -> Generator[int, None, Pieces]:
     """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
 
@@ -61,9 +59,9 @@ def cut(
     in which more than a few pixels are in doubt, those with more branches than can be told apart,
     those of which the pieces leave out a part, though all corners are lit, and all mixed quarters.
 
-    `expect` is told about how many rays are still to come.
+    `ahead` is told about how many rays are still to come.
     """
-    work = _Cutting(plan, points, expect, quarterings)
+    work = _Cutting(plan, points, ahead, quarterings)
     some = yield from work.pixels(cells, square)
     for depth in range(1, quarterings + 1):
         some = yield from work.quarters(some, depth)
@@ -89,8 +87,8 @@ class _Cutting:
     the pieces, `last` those to be cut at the end.
     """
 
-    def __init__(self, plan: Plan, points: Points, expect: Expect, quarterings: int) -> None:
-        self.plan, self.points, self.expect = plan, points, expect
+    def __init__(self, plan: Plan, points: Points, ahead: RaysAhead, quarterings: int) -> None:
+        self.plan, self.points, self.ahead = plan, points, ahead
         self.quarterings = quarterings
         self.known = Borders.none()
         self.quads: list[Ints] = []
@@ -134,7 +132,7 @@ class _Cutting:
         )
         yield 0
         if depth == self.quarterings:  # none of these are quartered again
-            self._expect(corners)
+            self._expect(corners, depth)
             yield 0
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
@@ -152,9 +150,11 @@ class _Cutting:
         yield 0
         last = np.concatenate(self.last)
         yield 0
-        self._expect(np.empty((0, 4), np.int64))
+        self._expect(np.empty((0, 4), np.int64), N_SEARCHES - 1)
         yield 0
-        self.points, of_last = yield from _cut_last(self.plan, self.points, self.known, last)
+        self.points, of_last = yield from self.ahead.searching(
+            _cut_last(self.plan, self.points, self.known, last)
+        )
         return Pieces(
             self.points,
             np.concatenate(self.quads),
@@ -178,12 +178,12 @@ class _Cutting:
         )
         n_bent = int((off[one] > tolerance).sum())
         yield 0
-        self._expect(cells.corners, RAYS.of_bent[depth] * n_bent)
+        self._expect(cells.corners, depth, of_quarters(RAYS.of_bent[depth] * n_bent))
         yield 0
 
         # on several
-        self.points, self.known, pieces, owner = yield from cut_cells(
-            plan, self.points, cells.corners[mixed], self.known, cells.middle[mixed]
+        self.points, self.known, pieces, owner = yield from self.ahead.searching(
+            cut_cells(plan, self.points, cells.corners[mixed], self.known, cells.middle[mixed])
         )
         yield 0
         off[mixed] = missed_by_pieces(
@@ -235,13 +235,14 @@ class _Cutting:
         self.last.append(_around(rest.corners, rest.middle))
         return cells.at(np.flatnonzero(simple))
 
-    def _expect(self, cells: Ints, n_more: float = 0) -> None:
-        """Tell about how many rays it takes to find the borders in cells (m, 4),
-        to cut those that were left for the end, and to sample; and more rays besides.
+    def _expect(self, cells: Ints, depth: int, more: Rays = NO_RAYS) -> None:
+        """Tell about how many rays it takes to find the borders in cells (m, 4), quartered so
+        often, to cut those that were left for the end, and to sample; and more rays besides.
         """
         last = np.concatenate([np.empty((0, 3), np.int64), *self.last])
-        n_rays = rays_of_cut(self.plan, self.points, cells, last, self.chaotic)
-        self.expect(n_more + n_rays)
+        rays = rays_of_cut(self.plan, self.points, cells, last, self.chaotic)
+        searches = Rays(searches=N_SEARCHES - depth)
+        self.ahead.expect(rays.and_more(more).and_more(searches))
 
 
 def _cut_last(

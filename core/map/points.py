@@ -109,8 +109,7 @@ def trace_points(
     paths: Paths | None = None,
     courses: list[Words] | None = None,
 ) -> Generator[int, None, Points]:
-    """Trace viewer points (n, 2), on their courses; yields
-    the number of rays after each chunk of them.
+    """Trace viewer points (n, 2), on their courses; yields how many were traced since.
 
     A map has one landing at a point: the main one where light goes several ways.
 
@@ -141,7 +140,7 @@ def trace_points(
         for name in ("xy", "branch", "reason", "throughput"):
             getattr(points, name)[some] = getattr(landings, name)
 
-        yield len(origins)
+        yield 0
 
     return points
 

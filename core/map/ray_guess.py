@@ -2,17 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from ..arrays import Floats, Ints
 from ..light.landings import Words
 from ..light.plan import Plan
+from ..steps import Pauses
 from . import interpolation
 from .bisection import BISECTION, rays_of_border
 from .doubts import CUT
 from .interpolation import NODES_ALONG, PARTS
 from .points import Points
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,78 @@ class RayGuess:
     missed: float = 0.7
 
 
+class Rays(NamedTuple):
+    """Numbers of rays.
+
+    every : all of them
+    searched : those among them that take longer: they look for borders, and stay
+        in the glass for long, or sample it where light is chaotic
+    searches : how often borders are looked for, which takes its time for the fewest of them, too
+    """
+
+    every: float = 0.0
+    searched: float = 0.0
+    searches: float = 0.0
+
+    def and_more(self, other: "Rays") -> "Rays":
+        """These and others."""
+        return Rays(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+NO_RAYS = Rays()
+
+
+class RaysAhead:
+    """The rays of a view map: `done` so far, and about how many are still `to_come`.
+
+    n_last : of these, to measure errors when all is cut
+    lit : share of the viewer's image, 0..1, that shows the display, about
+    n_pauses : in which the first squares were traced, the more the more events their rays have
+    is_guessed : not so until squares are as small as can be
+    """
+
+    def __init__(self, n_last: int) -> None:
+        self.n_last, self.lit, self.n_pauses = n_last, 0.0, 0
+        self.done = Rays()
+        self.to_come = Rays(np.inf)
+        self.is_searching = False
+
+    @property
+    def is_guessed(self) -> bool:
+        return bool(np.isfinite(self.to_come.every))
+
+    @property
+    def expected(self) -> float:
+        """Rays in all, about."""
+        return self.done.every + self.to_come.every
+
+    def count(self, n: int) -> None:
+        """So many more were traced."""
+        self.n_pauses += not self.is_guessed
+        searched = n if self.is_searching else 0
+        self.done = self.done.and_more(Rays(n, searched))
+        # more are always to come
+        every = max(self.to_come.every - n, (MORE - 1) * self.done.every)
+        left = min(max(self.to_come.searched - searched, 0.0), every)
+        self.to_come = Rays(every, left, self.to_come.searches)
+
+    def expect(self, rays: Rays) -> None:
+        """So many are still to come before the last."""
+        self.to_come = rays.and_more(Rays(self.n_last, self.n_last))
+
+    def searching(self, work: Pauses[T]) -> Pauses[T]:
+        """A search for borders, or samples."""
+        self.is_searching = True
+        found = yield from work
+        self.is_searching = False
+        fewer = max(self.to_come.searches - 1, 0.0)
+        self.to_come = self.to_come._replace(searches=fewer)
+        return found
+
+
 RAYS = RayGuess()
-MORE = 1.02  # times the rays so far
+N_SEARCHES = 2 + CUT.quarterings  # of pixels, of their quarters, and at the end
+MORE = 1.01  # times the rays so far
 UNKNOWN = 0.09  # progress until rays can be guessed: from a tenth on it can be relied on
 
 
@@ -53,12 +127,7 @@ def begun(first: int, size: int) -> float:
     return UNKNOWN * float(np.log2(first / size) / np.log2(first / PARTS))
 
 
-def share_of_rays(n_done: int, expected: float) -> float:
-    """Progress 0..1, of rays: more are always to come."""
-    return n_done / max(expected, MORE * n_done, 1)
-
-
-def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> float:
+def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> Rays:
     """To cut the pixels of the smallest squares, with nodes
     on branches (n, 25) at places (n, 25, 2), display px.
     """
@@ -73,24 +142,31 @@ def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> float:
     # of their five lines of nodes, squares side by side share one
     shared = PARTS / NODES_ALONG
     n_edges, n_lit = shared * n_edges.sum(), shared * n_lit.sum()
-    rays = _of_edges(plan, n_edges, n_lit, RAYS.of_edge, RAYS.of_lit_edge)
+    searched = _of_edges(plan, n_edges, n_lit, RAYS.of_edge, RAYS.of_lit_edge)
 
     # all middles are traced beside a border
     n_bent = 0.0 if plan.is_flat else RAYS.n_bent
-    n_bent *= 1 + RAYS.of_quarters * (_times_more(plan, n_edges) - 1)
-    rays += is_mixed.sum() * (PARTS**2 + n_bent * RAYS.of_bent[0])
+    n_bent *= is_mixed.sum() * RAYS.of_bent[0]
+    found = of_quarters(n_bent, _times_more(plan, n_edges))
+    found = found.and_more(Rays(searched + is_mixed.sum() * PARTS**2, searched, N_SEARCHES))
 
     # on one branch all pixels are bent, or none
     one = xy[~is_mixed & (branch[:, 0] != 0)]
     sag = interpolation.sag(one)
     error = interpolation.expected_error(one)
     is_bent = (sag > tolerance) & (error > np.maximum(tolerance, sag / 4**CUT.quarterings))
-    return float(rays + is_bent.sum() * PARTS**2 * RAYS.of_bent[0])
+    return found.and_more(of_quarters(is_bent.sum() * PARTS**2 * RAYS.of_bent[0]))
+
+
+def of_quarters(n_rays: float, times_more: float = 1.0) -> Rays:
+    """Those of quarters, by their number where borders are found by a digit in each round."""
+    searched = RAYS.of_quarters * n_rays * times_more
+    return Rays((1 - RAYS.of_quarters) * n_rays + searched, searched)
 
 
 def rays_of_cut(
     plan: Plan, points: Points, cells: Ints, last: Ints, chaotic: Sequence[Ints]
-) -> float:
+) -> Rays:
     """To find the borders in cells (m, 4), and in triangles (t, 3) that
     are cut at the end, and to sample chaotic cells (c, 4).
     """
@@ -107,7 +183,8 @@ def rays_of_cut(
         rays += _of_edges(plan, n_edges, n_lit, of_edge, of_lit)
 
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    return rays + plan.settings.effort * sum(float((side**2).sum()) for side in sides)
+    rays += plan.settings.effort * sum(float((side**2).sum()) for side in sides)
+    return Rays(rays, rays)
 
 
 def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ MOST_JITTER = 1024  # random places each way, of all cells of a tile
 
 def sample_cells(plan: Plan, corners: Floats) -> Generator[int, None, tuple[Points, Floats]]:
     """Trace samples of square cells with corners (m, 4, 2),
-    viewer px; yields the number of rays after each chunk.
+    viewer px; yields how many were traced since.
 
     Returns the samples (s,), those without a landing as well, and
     the areas (s,) that they stand for, viewer px^2.

@@ -20,8 +20,8 @@ from .borders import cut
 from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import CHECK, measure
-from .points import Paths, Points, is_seen, trace_points
-from .ray_guess import RAYS, begun, rays_of_finest, share_of_rays
+from .points import Paths, Points, is_in_image, is_seen, trace_points
+from .ray_guess import RAYS, Rays, RaysAhead, begun, rays_of_finest
 from .samples import sample_cells
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
@@ -52,8 +52,7 @@ class Sampling:
     """The work of making a view map: the points traced so far
     and the number of that at each node, -1 for none.
 
-    n_done : rays traced so far
-    expected : a guess of the rays in all; infinite until squares are as small as can be
+    ahead : the rays so far, and a guess of those to come
     begun : progress by the size of squares alone, until then
     is_coarse : for a first picture no pixel is quartered, and no error of the map is measured
     """
@@ -84,7 +83,7 @@ class Sampling:
             np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position))
         )
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
-        self.n_done, self.expected, self.begun = 0, np.inf, 0.0
+        self.ahead, self.begun = RaysAhead(2 * CHECK.n_places), 0.0
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
@@ -93,11 +92,11 @@ class Sampling:
 
         while True:
             try:
-                self.n_done += next(work)
+                self.ahead.count(next(work))
             except StopIteration as end:
-                return replace(end.value, n_rays=self.n_done)
+                return replace(end.value, n_rays=int(self.ahead.done.every))
             # more may be expected than before
-            told = max(told, self.begun, share_of_rays(self.n_done, self.expected))
+            told = max(told, self.begun, self.ahead.done.every / self.ahead.expected)
             yield told
 
     def _run(self) -> Generator[int, None, ViewMap]:
@@ -120,6 +119,8 @@ class Sampling:
             )
 
             first = len(self.points)
+            if not first:
+                self.ahead.lit = float(is_in_image(found.xy, self.display_size).mean())
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
             yield 0
@@ -149,18 +150,15 @@ class Sampling:
 
     def _expect_of_squares(self, todo: Squares, checking: Squares, finest: Squares) -> None:
         """Guess the number of rays, by squares to be traced, to be checked, and to be cut."""
-        missed = RAYS.missed * self._rays_of(checking.at(checking.size == PARTS))
-        n_known = RAYS.of_square * len(todo) + len(CHECKS) * len(checking)
-        self.expect(n_known + missed + self._rays_of(finest))
+        missed = self._rays_of(checking.at(checking.size == PARTS))
+        missed = Rays(*(RAYS.missed * n for n in missed[:2]))
+        known = Rays(RAYS.of_square * len(todo) + len(CHECKS) * len(checking))
+        self.ahead.expect(known.and_more(missed).and_more(self._rays_of(finest)))
 
-    def _rays_of(self, finest: Squares) -> float:
+    def _rays_of(self, finest: Squares) -> Rays:
         nodes = self._at_nodes(finest)
         branch, xy = self.points.branch[nodes], taken(self.points.xy, nodes)
         return rays_of_finest(self.plan, branch, xy)
-
-    def expect(self, n_rays: float) -> None:
-        """So many rays are still to come, until all pixels are cut and sampled."""
-        self.expected = self.n_done + n_rays + 2 * CHECK.n_places
 
     def _at_nodes(self, squares: Squares) -> Ints:
         """Numbers (n, 25) of the points at the nodes of squares."""
@@ -258,10 +256,11 @@ class Sampling:
         cells, square = cells[is_seen], square[is_seen]
         yield 0
 
-        steps = cut(self.plan, self.points, cells, square, self.expect, self.quarterings)
+        steps = cut(self.plan, self.points, cells, square, self.ahead, self.quarterings)
         pieces = yield from steps
         chaotic = pieces.points.view[pieces.chaotic]
-        samples, sample_area = yield from sample_cells(self.plan, chaotic)
+        sampling = sample_cells(self.plan, chaotic)
+        samples, sample_area = yield from self.ahead.searching(sampling)
 
         view_map = ViewMap(
             view_size=self.view_size,

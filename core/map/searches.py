@@ -65,7 +65,7 @@ def side_by_side(searches: list[Search[T]]) -> Search[list[T]]:
 
 
 def traced(plan: Plan, search: Search[T]) -> Generator[int, None, T]:
-    """What a search finds; yields the number of rays after each chunk of them."""
+    """What a search finds; yields how many rays were traced since."""
     answers = None
     while True:
         try:

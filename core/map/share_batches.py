@@ -49,8 +49,9 @@ class ShareBatches:
         self._n = 0
         self.n_sharing = 1  # that share the memory of MOST_KEPT
         # in the pass over all cells that is under way
-        self.n_divided = 0  # cells
+        self.n_divided = 0  # cells, with those of the lot under way
         self.n_made = 0  # shares
+        self.before_lot = 0, 0  # cells and shares
 
     def __len__(self) -> int:
         """Number of shares, after they were all made once."""
@@ -114,7 +115,7 @@ class ShareBatches:
         few = []
         n = 0
         before = 0
-        self.n_made = 0
+        self.n_divided = self.n_made = 0
 
         for some in _by_number(lots(), LOTS_AT_ONCE):
             yield None
@@ -124,8 +125,7 @@ class ShareBatches:
             before = int(n_cells[-1])
 
             for number, part in divided(*sizes, some):
-                self.n_divided = int(n_cells[number])
-                self.n_made += len(part)
+                self._count(int(n_cells[number]), len(part))
                 if len(part) > FEW_SHARES:
                     yield part
                     continue
@@ -140,6 +140,13 @@ class ShareBatches:
 
         if few:
             yield joined(few)
+
+    def _count(self, n_cells: int, n_shares: int) -> None:
+        """So many more shares are made, of a lot that so many cells end with."""
+        if n_cells != self.n_divided:
+            self.before_lot = self.n_divided, self.n_made
+            self.n_divided = n_cells
+        self.n_made += n_shares
 
 
 def _by_number(things: Iterator[_Lot], n: int) -> Iterator[list[_Lot] | None]:

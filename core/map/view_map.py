@@ -110,24 +110,33 @@ class ViewMap:
 
     @cached_property
     def n_by_kind(self) -> NDArray[np.float64]:
-        """(2, 4): pieces of each kind, in the order of
+        """(2, n + 3): pieces of each kind, in the order of
         `pieces`, and about how many shares they make.
 
-        Kinds are quads of smooth cells, quads and triangles of cut pixels, and samples. A
-        quad or triangle makes a share for each display pixel that it touches.
+        Kinds are quads of smooth cells, by the number of these in a cell, quads and triangles of
+        cut pixels, and samples. A quad or triangle makes a share for each display pixel that it
+        touches.
         """
-        cut = [(len(kind), self._n_shares_of(kind)) for kind in (self.quads, self.triangles)]
-        smooth = self.n_quads, self._n_shares_of(self.nodes[:, CORNERS], self._n_parts)
-        return np.transpose([smooth, *cut, (len(self.samples),) * 2])
+        parts = self._n_parts
+        shares, step = self._shares_of_some(self.nodes[:, CORNERS], parts)
+        number, of_cell = np.unique(parts, return_inverse=True)
+        n_cells = np.bincount(of_cell, minlength=len(number))
+        smooth = [n_cells * number**2, step * np.bincount(of_cell[::step], shares, len(number))]
+
+        cut = []
+        for kind in (self.quads, self.triangles):
+            shares, step = self._shares_of_some(kind)
+            cut.append((len(kind), step * shares.sum()))
+        return np.column_stack([smooth, *cut, (len(self.samples),) * 2])
 
     @property
     def n_cut_shares(self) -> float:
         """About how many shares the pixels make that are not in smooth cells."""
-        return float(self.n_by_kind[1, 1:].sum())
+        return float(self.n_by_kind[1, -3:].sum())
 
-    def _n_shares_of(self, pieces: Ints, n_parts: Ints | None = None) -> float:
-        """About how many shares pieces (n, 4 or 3) make, cut into n_parts a side: known from some
-        of them, where they are many.
+    def _shares_of_some(self, pieces: Ints, n_parts: Ints | None = None) -> tuple[Floats, int]:
+        """About how many shares each of some pieces (n, 4 or 3) makes, cut into n_parts a side;
+        and for how many pieces each of them stands, where there are many.
 
         A convex part wide w and high h, of area a, touches a + w + h + 1 pixels on average.
         """
@@ -141,8 +150,12 @@ class ViewMap:
 
         area = area_within(*np.moveaxis(corners, 2, 0), self.display_size)
         area = np.fmin(area, size.prod(axis=1))
-        n_shares = (area + parts * size.sum(axis=1) + parts**2)[is_seen].sum()
-        return float(n_shares) * len(pieces) / max(len(some), 1)
+        # of many parts those beside the image make none
+        with np.errstate(invalid="ignore", divide="ignore"):
+            within = np.nan_to_num((size / (high - low)).prod(axis=1), nan=1.0)
+        n_seen = 1 + (parts**2 - 1) * within
+        lines = 1 + (parts - 1) * np.sqrt(within)
+        return np.where(is_seen, area + lines * size.sum(axis=1) + n_seen, 0.0), step
 
     @property
     def is_whole(self) -> Bools:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from ..free_memory import check_free
 from ..kernel import library
 from ..map.points import BYTES_OF_POINT
-from ..map.share_batches import MOST_KEPT
+from ..map.share_batches import MOST_KEPT, SHARES_AT_ONCE
 from ..map.view_map import ViewMap
 from ..messages import Message
 from ..rig import Display, Rig
@@ -22,17 +22,20 @@ from ..viewer import Viewer
 class Bytes:
     """Bytes of a solve, fitted to the peaks of `dev.py bench` and `dev.py glasses`.
 
-    always : of every solve; by_numpy : of batches of rays, more without the kernel
+    always : of every solve
+    rays_by_numpy, shares_by_numpy : of batches of rays, and of a share of a batch, more without
+        the kernel
     display, viewer, picture : of a pixel
     share, triangle, ray : of one that is kept
     asked : of a display pixel, for each of several viewers: what it sees of it, which place of the
         picture it asks for, and how far from there the one is that is shown
     """
 
-    always: float = 45e6
-    by_numpy: float = 75e6
+    always: float = 30e6
+    rays_by_numpy: float = 15e6
+    shares_by_numpy: int = 230
     display: int = 55
-    viewer: int = 20
+    viewer: int = 40
     picture: int = 20
     share: int = 62
     triangle: int = 2000
@@ -68,8 +71,9 @@ NUMBERS = Numbers()
 def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
     """Bytes that a solve is about to take beside the process as it is, by their use.
 
-    Where borders run, and how many shares come of the pixels that are cut there, is
-    known only from the view map: without one they count for nothing.
+    Where borders run, how many shares come of the pixels that are cut there, and how much of the
+    display light reaches, is known only from a view map: without one borders count for nothing,
+    and light reaches all of the display. Other viewers count as much as that of the map.
 
     Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off
     by h^2 of it, so that the tolerance asks for 1 / h^2 of them, in proportion to the display's
@@ -95,19 +99,24 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     )
 
     # shares are kept up to a number, first those that pixels ask for
-    n_shares = sum(
-        NUMBERS.display_shares * display
-        + min(NUMBERS.viewer_shares * size, NUMBERS.most_viewer_shares * display)
-        for size in sizes
-    )
+    n_cut, n_points = 0.0, 0
+    if view_map is None:
+        n_shares = sum(
+            NUMBERS.display_shares * display
+            + min(NUMBERS.viewer_shares * size, NUMBERS.most_viewer_shares * display)
+            for size in sizes
+        )
+    else:
+        n_quads = 0.0  # they are among the shares
+        n_shares = len(sizes) * float(view_map.n_by_kind[1, :-3].sum())
+        n_cut = len(sizes) * view_map.n_cut_shares
+        n_points = len(sizes) * len(view_map.points)
     n_kept = min(n_shares, MOST_KEPT)
     n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))
-    n_cut, n_points = (
-        (0.0, 0) if view_map is None else (view_map.n_cut_shares, len(view_map.points))
-    )
 
     n_triangles = sum(len(mesh.triangles) for mesh in meshes)
     cut_shares = BYTES.share * min(n_cut, MOST_KEPT - n_kept)
+    by_numpy = BYTES.rays_by_numpy + BYTES.shares_by_numpy * min(n_shares + n_cut, SHARES_AT_ONCE)
     return {
         "display": BYTES.display * display
         + BYTES.asked * display * (len(sizes) if len(sizes) > 1 else 0)
@@ -117,7 +126,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         "tolerance": BYTES.share * n_more + BYTES.ray * n_rays,
         "glass": BYTES.triangle * n_triangles,
         "borders": cut_shares + BYTES_OF_POINT * n_points,
-        "always": BYTES.always + BYTES.by_numpy * (library() is None),
+        "always": BYTES.always + by_numpy * (library() is None),
     }
 
 
@@ -187,7 +196,7 @@ def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMa
 
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
-        estimated(rig, settings, view_map)["borders"],
+        estimated(rig, settings, view_map)["borders"] / len(rig.viewers),
         Message("Painting what the borders in the glass cut to pieces"),
         Message(
             "lower Effort ({effort}), or {resolution}",

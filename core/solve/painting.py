@@ -24,7 +24,7 @@ from ..steps import Pauses, at, within
 from ..viewer import Viewer
 from .channel import shares_of
 from .picture_coverage import of_the_picture
-from .progress import seconds_to_paint
+from .progress import STAGES, seconds_to_paint
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
 
@@ -34,7 +34,7 @@ class Placed:
     """The part of a channel that depends on the picture's place and size, but not on its colours.
 
     seconds_to_paint : about, with all that comes with it
-    cells, n_made : (5,) after how many cells how many shares are made, about
+    cells, n_made : (n,) after how many cells how many shares are made, about
     coverage : complete when all shares were made once
     is_counted : is it complete?
     asked : the places of the picture that display pixels are asked for, where that was looked for
@@ -69,11 +69,13 @@ class Placed:
         batches = self.shares
         if batches.are_kept:
             return n / max(len(batches), 1)
-        # cells without shares come to no batch, and long cells make fewer than
-        # they seem to: that counts the less the further it is
-        whole = max(self.n_made[-1], 1)
-        by_cells = float(np.interp(batches.n_divided, self.cells, self.n_made)) / whole
-        return by_cells**2 + (1 - by_cells) * min(1.0, batches.n_made / whole)
+        # cells may make fewer than they seem to: the last are done all the same
+        n_cells, n_before = batches.before_lot
+        before, with_lot = np.interp((n_cells, batches.n_divided), self.cells, self.n_made)
+        of_lot = max(with_lot - before - (batches.n_made - n_before), 0.0)
+        left = min(max(self.n_made[-1] - batches.n_made, 0.0), of_lot + self.n_made[-1] - with_lot)
+        whole = max(batches.n_made + left, 1.0)
+        return min(1.0, float(STAGES.made * batches.n_made + (1 - STAGES.made) * n) / whole)
 
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
@@ -146,9 +148,9 @@ def _add(
     n = 0
     for shares in placed.shares.pausing():
         clock.lap("shares")
+        # another solve may be half way through the same batches
+        told = max(told, placed.part_done(n_painted))
         if shares is None:
-            # another solve may be half way through the same batches
-            told = max(told, placed.part_done(n_painted))
             yield told
             continue
         # kept here: another solve may let them go in a pause

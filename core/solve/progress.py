@@ -4,81 +4,112 @@ Nothing but the bar that is watched depends on these numbers.
 """
 
 import timeit
-from collections.abc import Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import lru_cache
 from time import perf_counter, thread_time
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from .. import kernel
 from ..light.plan import Plan
+from ..map.ray_guess import Rays, RaysAhead
 from ..map.view_map import ViewMap
-from ..viewer import Viewer
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class Stages:
     """How far the work is when one of its parts ends, 0..1.
 
-    Read off `Solution.seconds` of the balls and cubes of `dev.py bench`, and rounded: the ball's
-    coverage takes 3 % of a solve.
-
-    measured : of a solve; its remarks come after
     mesh_measured, leaks_measured : of the measuring; then light that was cut off is looked at
     settled : of the painting for several viewers; the places that they ask for come before
     glance_traced : of a coarse picture; then it is painted
+    made : of painting, to make the shares; the rest is to paint and to add them
     """
 
-    measured: float = 0.97
     mesh_measured: float = 0.8
     leaks_measured: float = 0.9
     settled: float = 0.5
     glance_traced: float = 0.5
+    made: float = 0.6
+
+
+class GlassPace(NamedTuple):
+    """The pace of solves through one kind of glass.
+
+    searched : times as long as others takes a ray that is searched with
+    after_pixel, after_ray : of the work after tracing but for measuring, s for a pixel
+        that is lit, of the viewer or the display, and for a ray
+    measured, measured_rays : to measure errors, s, and as long as so many rays of the view map
+    """
+
+    searched: float
+    after_pixel: float
+    after_ray: float
+    measured: float
+    measured_rays: float
 
 
 @dataclass(frozen=True)
 class Pace:
     """Seconds that parts of a solve take, about, where `times_slower` is 1.
 
-    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*). To measure the
-    errors of curved glass takes from a third of that time to eight times as long: longest where a
-    mesh is irregular, so that rays are followed as drawn, too, and the whole takes seconds.
+    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*).
 
-    later : times that of a ray so far is one that is still to come: by numpy alone those that look
-        for borders come in small batches, which cost as much as hundreds of their rays
-    after_curved, after_flat : of the work after tracing, a viewer pixel and a ray
-    measured_curved, measured_flat : of it, to measure errors
+    flat, curved, bent : glass without a curved face, with nothing else, and such as has flat
+        triangles with bent normals: there errors take longest to measure
+    search : what each of a map's searches takes besides, however few its rays are, for
+        each pause that the first squares took: in small batches all events take their time
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
-    covered : a viewer pixel, to find how much of the picture is shown
+    covered_pixel, covered_point : to find how much of the picture is shown, a viewer
+        pixel and a point of the map
     """
 
-    later: float = 1.0
-    after_curved: tuple[float, float] = (0.75e-6, 1.2e-6)
-    after_flat: tuple[float, float] = (0.2e-6, 0.7e-6)
-    measured_curved: float = 0.03
-    measured_flat: float = 0.004
-    painted_pixel: float = 0.15e-6
-    painted_cell: float = 0.3e-6
-    painted_share: float = 0.1e-6
-    covered: float = 0.1e-6
+    flat: GlassPace
+    curved: GlassPace
+    bent: GlassPace
+    search: float
+    painted_pixel: float
+    painted_cell: float
+    painted_share: float
+    covered_pixel: float = 0.1e-6
+    covered_point: float = 0.05e-6
+
+    def through(self, plan: Plan) -> GlassPace:
+        """The pace of solves through the glass of a plan."""
+        if plan.is_flat:
+            return self.flat
+        return self.bent if plan.triangles.is_bent.any() else self.curved
 
 
 STAGES = Stages()
-PACE = Pace()
-NUMPY_PACE = Pace(
-    later=1.8,
-    after_curved=(3e-6, 2.5e-6),
-    after_flat=(0.5e-6, 1.8e-6),
-    measured_curved=0.08,
-    painted_pixel=0.5e-6,
+PACE = Pace(
+    flat=GlassPace(1.0, 0.9e-6, 0.05e-6, 0.005, 2e3),
+    curved=GlassPace(1.5, 1.7e-6, 1.5e-6, 0.0, 5e3),
+    bent=GlassPace(1.5, 0.57e-6, 1e-6, 0.07, 13e3),
+    search=0.25e-3,
+    painted_pixel=0.06e-6,
     painted_cell=0.3e-6,
-    painted_share=0.45e-6,
+    painted_share=0.12e-6,
+)
+NUMPY_PACE = Pace(
+    flat=GlassPace(1.5, 1.9e-6, 0.4e-6, 0.0, 3e3),
+    curved=GlassPace(1.8, 4.6e-6, 5.5e-6, 0.0, 4.5e3),
+    bent=GlassPace(1.8, 1.5e-6, 2.8e-6, 0.0, 14e3),
+    search=0.5e-3,
+    painted_pixel=0.05e-6,
+    painted_cell=0.3e-6,
+    painted_share=0.55e-6,
 )
 
+MOST_TOLD = 0.97  # before all is done: remarks come at the end
+TRUST = 0.3  # of a part of the work: what is expected of it weighs as much as if so much were done
 PROBE = np.ones((1 << 14, 3))
 STAYS = 10.0
-PROBE_SECONDS = 370e-6  # that the norms of its rows take on the machine of PACE
+PROBE_SECONDS = 300e-6  # that the norms of its rows take on the machine of PACE
 
 
 def pace() -> Pace:
@@ -101,6 +132,97 @@ def _times_slower(_: int) -> float:
     return min(passes) / PROBE_SECONDS
 
 
+class Bar:
+    """How far a solve is, 0..1: the part of its time that has passed, by what is still to come."""
+
+    def __init__(self) -> None:
+        self._started = perf_counter()
+        self._of_viewers: list[float] = []  # seconds of a solve for each that was traced alone
+        self.told = 0.0
+
+    @property
+    def so_far(self) -> float:
+        """Seconds since it was made."""
+        return perf_counter() - self._started
+
+    def at(self, rest: float) -> float:
+        """Where it stands when so many seconds are to come: never further back than before."""
+        whole = self.so_far + rest
+        self.told = max(self.told, min(MOST_TOLD, self.so_far / whole if whole > 0 else 0.0))
+        return self.told
+
+    def tracing(
+        self, work: Generator[float, None, Result], n_left: int
+    ) -> Generator[float, None, Result]:
+        """Tell of the tracing for one viewer, after which so many are left: it
+        yields how far a solve for this one alone would be, 0..1.
+        """
+        begun, whole = self.so_far, 0.0
+        while True:
+            try:
+                part = next(work)
+            except StopIteration as done:
+                self._of_viewers.append(whole)
+                return done.value
+            if part > 0:
+                whole = (self.so_far - begun) / part
+                others = np.mean(self._of_viewers or whole)
+                yield self.at(sum(self._of_viewers) + whole + n_left * others - self.so_far)
+            else:
+                yield self.told
+
+    def during(
+        self, work: Generator[float, None, Result], expected: float, after: float
+    ) -> Generator[float, None, Result]:
+        """Tell of a part of the work, which yields 0..1 how much of it is done.
+
+        expected : seconds that it takes, about; what it took so far tells that better
+        after : seconds that the work after it takes
+        """
+        begun = perf_counter()
+        while True:
+            try:
+                part = next(work)
+            except StopIteration as done:
+                return done.value
+            took = perf_counter() - begun
+            whole = (took + TRUST * expected) / (part + TRUST)
+            yield self.at((1 - part) * whole + after)
+
+
+class Ahead:
+    """What is still to come of a solve while a view map of a plan is traced."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._of = pace()
+        self._through = self._of.through(plan)
+
+    def seconds(self, rays: RaysAhead, so_far: float) -> float:
+        """About how long it goes on after so many seconds of tracing."""
+        to_trace = so_far * self._work(rays.to_come) / max(self._work(rays.done), 1.0)
+        to_trace += times_slower() * self._of.search * rays.n_pauses * rays.to_come.searches
+        viewer, display = self._plan.viewer, self._plan.rig.display
+        n_pixels = viewer.width * viewer.height
+        painted = times_slower() * (
+            self._through.after_pixel * rays.lit * max(n_pixels, display.width * display.height)
+            + self._of.covered_pixel * n_pixels
+            + self._through.after_ray * rays.expected
+        )
+        of_ray = (so_far + to_trace) / rays.expected
+        return to_trace + painted + seconds_to_measure(self._plan, of_ray)
+
+    def _work(self, rays: Rays) -> float:
+        """As many rays as take no longer than others."""
+        return rays.every + (self._through.searched - 1) * rays.searched
+
+
+def seconds_to_measure(plan: Plan, of_ray: float) -> float:
+    """About how long it takes to measure the errors of a plan, a ray of which takes so long."""
+    of = pace().through(plan)
+    return times_slower() * of.measured + of.measured_rays * of_ray
+
+
 def seconds_to_paint(view_map: ViewMap) -> float:
     """About how long it takes to paint a view map, with all that comes with it."""
     width, height = view_map.display_size
@@ -113,11 +235,8 @@ def seconds_to_paint(view_map: ViewMap) -> float:
     )
 
 
-def seconds_after_painting(viewers: Sequence[Viewer], plans: Sequence[Plan]) -> float:
-    """About how long it takes to find how much of the picture viewers are shown, and to measure
-    the errors of plans.
-    """
+def seconds_to_cover(view_map: ViewMap) -> float:
+    """About how long it takes to find how much of the picture a viewer is shown."""
     of = pace()
-    n_pixels = sum(viewer.width * viewer.height for viewer in viewers)
-    to_measure = [of.measured_flat if plan.is_flat else of.measured_curved for plan in plans]
-    return times_slower() * (of.covered * n_pixels + sum(to_measure))
+    n_pixels = view_map.view_size[0] * view_map.view_size[1]
+    return times_slower() * (of.covered_pixel * n_pixels + of.covered_point * len(view_map.points))

@@ -19,7 +19,7 @@ from ..rig import Rig
 from ..settings import Settings
 from ..steps import at
 from ..viewer import Viewer
-from .progress import pace, times_slower
+from .progress import Ahead
 
 UNTRACED = Message("tracing (the optics have not changed)")
 
@@ -84,7 +84,6 @@ def sample_reached(
     """
     aside = out_of_sight(rig, viewer)
     told = 0.0
-    slower = times_slower()
 
     for start in range(MOST_STARTS):
         started = perf_counter()
@@ -96,25 +95,20 @@ def sample_reached(
 
         of_plan = perf_counter() - started
         sampling = Sampling(plan, is_coarse)
-        n_pixels = viewer.width * viewer.height
-        of = pace()
-        of_pixel, of_ray = of.after_flat if plan.is_flat else of.after_curved
+        ahead = Ahead(plan)
         steps = sampling.sample()
 
         try:
             while True:
                 share = next(steps)
-                if sampling.n_done == 0:  # the kernel's trees grow before the first ray
-                    of_plan = perf_counter() - started
-                if not np.isfinite(sampling.expected):
-                    told = max(told, share)
-                elif share > 0:
-                    so_far = perf_counter() - started
-                    n_rays = max(sampling.expected, sampling.n_done)
-                    after = slower * (of_pixel * n_pixels + of_ray * n_rays)
-                    rest = of.later * (so_far - of_plan) * (1 / share - 1) + after
-                    # a solve that begins again has come no further
-                    told = max(told, so_far / (so_far + rest))
+                so_far = perf_counter() - started
+                if sampling.ahead.done.every == 0:  # the kernel's trees grow before the first ray
+                    of_plan = so_far
+                if sampling.ahead.is_guessed:
+                    rest = ahead.seconds(sampling.ahead, so_far - of_plan)
+                    share = so_far / (so_far + rest)
+                # a solve that begins again has come no further
+                told = max(told, share)
                 yield told
         except StopIteration as end:
             return replace(plan, aside=Aside.none()), end.value

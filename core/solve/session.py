@@ -7,7 +7,6 @@ may be more of them than memory holds.
 
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +31,7 @@ from .measured import measuring
 from .memory import check_borders, check_memory
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
-from .progress import STAGES, seconds_after_painting
+from .progress import STAGES, Bar, seconds_to_cover, seconds_to_measure
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
@@ -65,40 +64,41 @@ class Session:
             One sentence on the fault of the rig; the session stays as it was.
         """
         settings = settings or Settings()
-        clock = Clock()
-        started = perf_counter()
+        clock, bar = Clock(), Bar()
         rig.check()
         settings.check()
         keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
-        optics, told, n_rays = self._optics, 0.0, 0
+        optics, n_rays = self._optics, 0
         is_new = not self.knows(keys)
         if is_new or optics.keys != keys:
-            optics, told, n_rays = yield from self._look(rig, settings, keys, clock)
+            optics, n_rays = yield from self._look(rig, settings, keys, clock, bar)
 
-        yield told
+        yield bar.told
 
-        # how far it is by now is told anew, by what is to be painted and measured
+        # what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
         unmeasured = [traced for traced in optics.channels if traced.measured is None]
+        to_measure = sum(seconds_to_measure(of.plan, of.seconds_of_ray) for of in unmeasured)
+        to_cover = sum(
+            seconds_to_cover(traced.view_map)
+            for traced, one in zip(optics.channels, placed.channels, strict=True)
+            if one.covered is None
+        )
         to_paint = sum(one.seconds_to_paint for one in placed.channels)
-        to_come = to_paint + seconds_after_painting(rig.viewers, [of.plan for of in unmeasured])
-        if is_new:
-            so_far = perf_counter() - started
-            told = max(told, min(STAGES.measured, so_far / (so_far + to_come)))
+        if _is_to_be_settled(placed, rig):
+            to_paint /= 1 - STAGES.settled
 
         steps = self._paint(placed, rig, settings, clock)
-        painted = told + (STAGES.measured - told) * to_paint / to_come
-        placed, painting = yield from within(steps, told, painted)
-
-        yield from at(painted, self._take_up(optics, placed))
+        placed, painting = yield from bar.during(steps, to_paint, to_cover + to_measure)
+        yield from at(bar.told, self._take_up(optics, placed))
         beside = [traced.weight_beside for traced in optics.channels]
         light = finished(painting, placed.channels, beside, settings)
         source = rig.display.source_for(light)
         clock.lap("painting")
 
-        yield painted
+        yield bar.at(to_cover + to_measure)
         for traced, one in zip(optics.channels, placed.channels, strict=True):
             one.cover(traced.view_map)
         self._placed = placed
@@ -106,9 +106,8 @@ class Session:
 
         if show is not None and unmeasured:
             show(source)
-        covered = (painted + STAGES.measured) / 2  # that takes about as long as to measure
-        yield covered
-        yield from within(_measure(unmeasured, clock), covered, STAGES.measured)
+        yield bar.at(to_measure)
+        yield from bar.during(_measure(unmeasured, clock), to_measure, 0.0)
         channels = _channels(rig, settings, optics, placed, light)
         clock.lap("coverage")
 
@@ -191,7 +190,7 @@ class Session:
         0..1.
         """
         part = 0.0
-        if place.settled is None and is_comparable(rig):
+        if _is_to_be_settled(place, rig):
             part = STAGES.settled
             steps = settle(place.channels, clock, is_sharp(rig, settings))
             place = place._replace(settled=(yield from within(steps, 0.0, part)))
@@ -206,49 +205,52 @@ class Session:
         return self._pyramids
 
     def _look(
-        self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock
-    ) -> Generator[float, None, tuple[Optics, float, int]]:
+        self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock, bar: Bar
+    ) -> Generator[float, None, tuple[Optics, int]]:
         """Trace those view maps of a rig that are not known; yields progress of the whole solve,
-        and returns it, too, and the number of rays.
+        and returns the number of rays, too.
         """
         known = {} if self._optics is None else self._optics.by_key
         new = {
             key: viewer for key, viewer in zip(keys, rig.viewers, strict=True) if key not in known
         }
-        n, n_rays, so_far = len(new), 0, 0.0
+        n_rays = 0
         if new:
             check_memory(rig, settings, [key in known for key in keys])
 
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
-            start = max(so_far, k * STAGES.measured / n)
-            stop = start + 1 / n
-            known[key], told = yield from within(steps, start, stop)
+            known[key] = yield from bar.tracing(steps, len(new) - 1 - k)
             n_rays += known[key].view_map.n_rays
-            so_far = start + (stop - start) * told  # to the bit what was told last
 
-        return Optics(keys, tuple(known[key] for key in keys)), so_far, n_rays
+        return Optics(keys, tuple(known[key] for key in keys)), n_rays
 
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
-    ) -> Generator[float, None, tuple[Traced, float]]:
+    ) -> Generator[float, None, Traced]:
         """Trace the view map of one viewer; yields progress of the
-        whole solve as if there were no other, and returns it, too.
+        whole solve as if there were no other.
         """
+        before = clock.seconds.get("tracing", 0.0)
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
-            sampling = within(steps, 0.0, STAGES.measured)
-            (plan, view_map), told = yield from last_told(sampling)
+            (plan, view_map), told = yield from last_told(steps)
         finally:
             self.is_tracing = False
 
         clock.lap("tracing")
+        of_ray = (clock.seconds["tracing"] - before) / max(view_map.n_rays, 1)
 
         check_borders(rig, viewer, settings, view_map)
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
-        return Traced(plan, view_map, weight), told
+        return Traced(plan, view_map, weight, of_ray)
+
+
+def _is_to_be_settled(place: Place, rig: Rig) -> bool:
+    """Is it still to be looked at what the viewers of a rig disagree about?"""
+    return place.settled is None and is_comparable(rig)
 
 
 def _measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, None]:

@@ -42,7 +42,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.choices import measure_choices
 from kiriko.core.rig import Mesh, Rig, Viewer
 from kiriko.core.settings import Settings
-from kiriko.core.solve import painting, reach, session
+from kiriko.core.solve import painting, progress, reach
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
@@ -85,7 +85,7 @@ def main() -> None:
     arguments = parser.parse_args()
     kernel.use_threads(1 if arguments.processor else arguments.threads)
     if arguments.processor:
-        for module in (reach, session, painting, sys.modules[__name__]):
+        for module in (reach, progress, painting, sys.modules[__name__]):
             module.perf_counter = thread_time
 
     with kernel.off() if arguments.numpy else nullcontext():
@@ -265,7 +265,7 @@ def print_table(arguments: argparse.Namespace) -> None:
             beyond = 100 * (error.facet_limited + error.unresolved)
             to_come = factors(guesses, solution.n_rays)
             guess_off = max(to_come.max(), 1 / to_come.min())
-            told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.1f}"
+            told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.2f}"
             told += f"{100 * steps.first_told:7.0f}{guess_off:10.2f}"
             told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
             told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"

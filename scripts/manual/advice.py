@@ -352,6 +352,10 @@ GLASS = Section(
             "{owner} has vertices that are not finite numbers: repair or remove them.",
             "A modifier or a script divided by nothing: turn modifiers off one by one.",
             "モディファイアーやスクリプトの計算の失敗です。モディファイアーを一つずつ無効にします。",
+            alike=(
+                "{owner} has vertices further than {furthest:.2g} m from the origin: move them"
+                " nearer or remove them.",
+            ),
         ),
         Advice(
             "'{name}' can have no modifier: turn it into a mesh.",

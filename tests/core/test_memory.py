@@ -84,6 +84,7 @@ LONG = pytest.mark.newest_only(
         pytest.param(
             "seen_by(9, ball_rig(3, pixels=512, display_pixels=128))", 0.1, SOLVE, marks=LONG
         ),
+        ("ball_rig(2, pixels=64, display_pixels=1024, display=4.0)", 0.1, SOLVE),  # nearly dark
         ("ball_rig(4, pixels=64, display_pixels=64)", 1e-6, SOLVE),  # as many as there may be
         ("ball_rig(4, pixels=512, display_pixels=64)", 1e-6, TRACE),  # rays of pixels
         pytest.param(

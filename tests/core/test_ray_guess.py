@@ -56,14 +56,14 @@ def traced(name: str) -> Traced:
                 told = next(steps)
             except StopIteration as end:
                 return end.value
-            if not np.isfinite(sampling.expected):
+            if not sampling.ahead.is_guessed:
                 begun.add(told)
             yield told
 
     with guessed() as guesses:
         n_rays = finish(telling()).n_rays
     n_sizes = int(np.log2(sampling.first_size / PARTS)) + 1
-    return Traced(guesses, n_rays, sampling.expected, begun, n_sizes)
+    return Traced(guesses, n_rays, sampling.ahead.expected, begun, n_sizes)
 
 
 @pytest.mark.parametrize("name", GLASSES)

@@ -17,9 +17,10 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import rasterise, share_batches
+from kiriko.core.mesh import FURTHEST
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from kiriko.core.solve import painting, reach
+from kiriko.core.solve import painting, progress, reach
 from kiriko.core.solve.accuracy import rounding_error
 from kiriko.core.solve.progress import pace
 from kiriko.core.solve.remarks import UNDECIDED
@@ -225,9 +226,35 @@ def broken(**changes):
     )
 
 
+def scaled(scale):
+    """The small rig, so many times as large."""
+    a_rig = small()
+
+    def larger(parts):
+        return tuple(
+            replace(part, mesh=replace(part.mesh, vertices=part.mesh.vertices * scale))
+            for part in parts
+        )
+
+    return replace(
+        a_rig,
+        glasses=larger(a_rig.glasses),
+        plates=larger(a_rig.plates),
+        displays=larger(a_rig.displays),
+        pictures=larger(a_rig.pictures),
+        viewers=(replace(a_rig.viewer, position=a_rig.viewer.position * scale),),
+    )
+
+
 def nan_vertices():
     vertices = small().glasses[0].mesh.vertices.copy()
     vertices[3] = np.nan
+    return broken(vertices=vertices)
+
+
+def far_vertex():
+    vertices = small().glasses[0].mesh.vertices.copy()
+    vertices[3, 2] = -1e40
     return broken(vertices=vertices)
 
 
@@ -312,6 +339,8 @@ BAD = {
     ),
     "empty mesh": (lambda: broken(triangles=np.empty((0, 3), int)), MeshError, "no faces"),
     "NaN vertices": (nan_vertices, MeshError, "not finite"),
+    "vertices beyond float32": (lambda: scaled(1e300), MeshError, r"further than 3.4e\+38 m"),
+    "a vertex beyond float32": (far_vertex, MeshError, r"further than 3.4e\+38 m"),
     "no UV": (
         lambda: replace(
             small(),
@@ -346,6 +375,14 @@ BAD = {
         "no ray from the viewer meets",
     ),
 }
+
+
+def test_a_rig_as_large_as_float32_allows_is_solved():
+    """As one of usual size, but for the slack of lengths that do not grow with it: 1.5e-5."""
+    scale = 2.0 ** int(np.log2(FURTHEST) - 2)
+    a_rig = scaled(scale)
+    assert np.abs(a_rig.display.mesh.vertices).max() > FURTHEST / 64
+    np.testing.assert_allclose(solve(a_rig).source, solve(small()).source, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -619,7 +656,9 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
     """Where the view map is told to be all of the work the rest
     of it goes on from there: `solve` looks at that.
     """
-    monkeypatch.setattr(reach, "pace", lambda: replace(pace(), after_curved=(0.0, 0.0)))
+    of = pace()
+    at_once = of.curved._replace(after_pixel=0.0, after_ray=0.0, measured_rays=0.0)
+    monkeypatch.setattr(progress, "pace", lambda: replace(of, curved=at_once, covered_pixel=0.0))
     assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
 
 

@@ -5,24 +5,24 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from kiriko.core.map.sampling import Sampling
+from kiriko.core.map.ray_guess import Rays, RaysAhead
 
 
 @contextmanager
 def guessed() -> Iterator[list[tuple[int, float]]]:
     """Gather the rays so far, and those in all by each guess, of the view maps made meanwhile."""
     found = []
-    expect = Sampling.expect
+    expect = RaysAhead.expect
 
-    def kept(sampling: Sampling, n_rays: float) -> None:
-        expect(sampling, n_rays)
-        found.append((sampling.n_done, sampling.expected))
+    def kept(ahead: RaysAhead, rays: Rays) -> None:
+        expect(ahead, rays)
+        found.append((ahead.done.every, ahead.expected))
 
-    Sampling.expect = kept
+    RaysAhead.expect = kept
     try:
         yield found
     finally:
-        Sampling.expect = expect
+        RaysAhead.expect = expect
 
 
 def factors(guesses: list[tuple[int, float]], n_rays: int) -> np.ndarray:
