@@ -10,7 +10,6 @@ from ..glass.meshes import interpolate
 from ..light.hits import Hits
 from ..light.ray_engine import Layer
 from ..messages import Message
-from ..products import turn_covariance
 from ..rig import PicturePlace, Viewer
 from .flat_picture import LEAST, FlatWay, flat_way, outline_in_view
 
@@ -20,6 +19,7 @@ EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
 BY_MIRROR = Message(" (where it is seen by way of a mirror, set Picture to Image)")
 # viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
 BLOCK_PX = 16
+UPRIGHT = 1e-3  # of the variance along y; less along x is none: rounding may be as large
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,18 +29,29 @@ class PicturePoints:
     xy : (n, 2) picture pixels, x right and y down from the top left
         corner: the middle of the footprint's part on the picture
     cover : (n,) 0..1, how much of the footprint lies on the picture
-    covariance : (3, n) picture px^2, xx, xy and yy of the footprint
+    axes : (4, n) picture px, x and y of two sides of the footprint, each as long as the standard
+        deviation along it: as a parallelogram it has that covariance
     """
 
     xy: Floats
     cover: Floats
-    covariance: Floats
+    axes: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (3, n) of the footprint, picture px^2: xx, xy and yy."""
+        first_x, first_y, second_x, second_y = self.axes
+        return np.stack([
+            first_x * first_x + second_x * second_x,
+            first_x * first_y + second_x * second_y,
+            first_y * first_y + second_y * second_y,
+        ])  # fmt: skip
 
     @property
     def footprint(self) -> Floats:
         """Side (n,) in picture pixels of a square as large as the footprint."""
-        xx, xy, yy = self.covariance
-        return np.sqrt(12 * np.sqrt(np.maximum(xx * yy - xy * xy, 0)))
+        first_x, first_y, second_x, second_y = self.axes
+        return np.sqrt(12 * np.abs(first_x * second_y - first_y * second_x))
 
 
 def of_square(side: float) -> Floats:
@@ -68,7 +79,7 @@ def picture_from_view(
         return _by_tracing(place, viewer, view_xy, covariance)
 
     size = np.array([place.width, place.height], float)
-    points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty((3, n)))
+    points = PicturePoints(np.empty((n, 2)), np.empty(n), np.empty((4, n)))
     for first in range(0, n, POINTS_AT_ONCE):
         some = slice(first, first + POINTS_AT_ONCE)
         _set_flat(points, some, view_xy[some], covariance[:, some], size, way)
@@ -173,22 +184,47 @@ def _set_flat(
     (ux, uy, _), (vx, vy, _), (wx, wy, _) = way.matrix
     x_scale = width * inverse
     y_scale = -height * inverse
-    spread = turn_covariance(
-        covariance,
-        (ux - u * wx) * x_scale,
-        (uy - u * wy) * x_scale,
-        (vx - v * wx) * y_scale,
-        (vy - v * wy) * y_scale,
-    )
+    by_x = (ux - u * wx) * x_scale, (vx - v * wx) * y_scale
+    by_y = (uy - u * wy) * x_scale, (vy - v * wy) * y_scale
+    axes = _axes(covariance, by_x, by_y)
 
     low_u, low_v = way.low
     high_u, high_v = way.high
-    x, across = _within(u * width, low_u * width, high_u * width, spread[0])
-    y, along = _within((1 - v) * height, (1 - high_v) * height, (1 - low_v) * height, spread[2])
+    x, across = _within(u * width, low_u * width, high_u * width, axes[0] ** 2 + axes[2] ** 2)
+    low, high = (1 - high_v) * height, (1 - low_v) * height
+    y, along = _within((1 - v) * height, low, high, axes[1] ** 2 + axes[3] ** 2)
     points.xy[some, 0] = x
     points.xy[some, 1] = y
     points.cover[some] = across * along * is_seen
-    points.covariance[:, some] = spread
+    points.axes[:, some] = axes
+
+
+def _axes(
+    covariance: Floats, by_x: tuple[Floats, Floats], by_y: tuple[Floats, Floats]
+) -> NDArray[np.float64]:
+    """Two sides (4, n) of footprints on the picture, of their covariance (3, n) on the viewer's
+    image and the derivatives (2, n) of the picture's pixels by the viewer's.
+
+    The cells of a map lie along the axes of the viewer's image. So its triangular root there has
+    the sides of shares that are whole quads, however the picture is turned.
+    """
+    xx, xy, yy = np.asarray(covariance, float)
+    is_upright = xx < UPRIGHT * yy  # where the root begins with y
+    near, far = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
+    reach = np.sqrt(np.maximum(near, 0))
+    most = np.sqrt(np.maximum(far, 0))
+    # rounding may leave more than there can be
+    along = np.clip(xy / np.maximum(reach, LEAST), -most, most)
+    across = np.sqrt(np.maximum(far - along * along, 0))
+
+    by_first, by_other = (
+        [np.where(is_upright, b, a) for a, b in zip(*order, strict=True)]
+        for order in ((by_x, by_y), (by_y, by_x))
+    )
+    return np.stack([
+        *(reach * a + along * b for a, b in zip(by_first, by_other, strict=True)),
+        *(across * b for b in by_other),
+    ])  # fmt: skip
 
 
 def _within(x: Floats, low: float, high: float, variance: Floats) -> tuple[Floats, Floats]:
@@ -229,9 +265,9 @@ def _by_tracing(
     xy = np.zeros((len(view_xy), 2))
     xy[seen] = xy_at(view_xy[seen])
 
-    spread = np.zeros((3, len(view_xy)))
+    axes = np.zeros((4, len(view_xy)))
     by_x, by_y = (
         ((xy_at(view_xy[seen] + MESH_STEP_PX * d) - xy[seen]) / MESH_STEP_PX).T for d in np.eye(2)
     )
-    spread[:, seen] = turn_covariance(covariance[:, seen], by_x[0], by_y[0], by_x[1], by_y[1])
-    return PicturePoints(xy, is_seen.astype(float), spread)
+    axes[:, seen] = _axes(covariance[:, seen], by_x, by_y)
+    return PicturePoints(xy, is_seen.astype(float), axes)

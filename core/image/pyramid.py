@@ -3,7 +3,6 @@
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,37 +10,8 @@ from numpy.typing import NDArray
 from .. import kernel
 from ..arrays import Floats, is_frozen
 from ..errors import RigError
-from .flat_picture import LEAST
 from .picture import POINTS_AT_ONCE, PicturePoints
-
-
-@dataclass(frozen=True)
-class Reads:
-    """From what size on a footprint is read at several places.
-
-    On a ball's source image of fine rings one read each errs by 0.0018, two along a long one by
-    0.0009, and four where it is wide by 0.0007; more than that gains nothing.
-
-    Parameters
-    ----------
-    round : picture px^2; a footprint whose two variances differ by less is read at one place
-    upright : of the variance along y; less along x is none
-    wide : picture px^2; from half of it on the lesser variance makes it two places each way
-    """
-
-    round: float = 0.05
-    upright: float = 1e-3
-    wide: float = 0.5
-
-
-READS = Reads()
-
-# signs of the steps from a footprint's middle to its reads, by their number
-STEPS_BY_NUMBER = {
-    1: ((0, 0),),
-    2: ((-1, 0), (1, 0)),
-    4: ((-1, -1), (-1, 1), (1, -1), (1, 1)),
-}
+from .reads import reads_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +33,13 @@ class Taps:
     weight: NDArray[np.float32]
 
 
-class FootprintReads(NamedTuple):
-    """Where footprints are read, a row (r,) for each place.
-
-    number : of the point; x, y : picture px; weight; variance : along each axis, picture px^2
-    """
-
-    number: NDArray[np.int32]
-    x: Floats
-    y: Floats
-    weight: Floats
-    variance: Floats
-
-
 def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
     """How colours are read, times weight (n,), at points of a picture of a size (width, height).
 
     A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all,
-    a variance of 4^k / 4 - 1 / 12 of the picture's pixels. Two levels are mixed so that it is the
-    footprint's. A footprint that is longer than wide is read at two places along it, a wide one at
-    two each way, so that both variances are right.
+    a variance of 4^k / 4 - 1 / 12 of the picture's pixels. A footprint is read at as many places of
+    the full size as its sides need, and from four along each on at smaller sizes: two levels are
+    mixed so that with the places' variance it is the footprint's.
     """
     sizes = _level_sizes(size)
     last = len(sizes) - 1
@@ -92,7 +49,7 @@ def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> T
     seen = np.flatnonzero(weight > 0).astype(np.int32)
 
     for first in range(0, len(seen), POINTS_AT_ONCE):
-        some, x, y, part, variance = _reads(points, seen[first : first + POINTS_AT_ONCE], weight)
+        some, x, y, part, variance = reads_of(points, seen[first : first + POINTS_AT_ONCE], weight)
         relative = 1 + 4 * variance
         lower = np.minimum((np.frexp(relative)[1] - 1) // 2, last)
         upper_part = np.clip((np.ldexp(relative, -2 * lower) - 1) / 3, 0, 1) * (lower < last)
@@ -113,52 +70,6 @@ def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> T
         return Taps(np.empty(0, np.int32), (), np.empty(0, np.int32), np.empty((4, 0), np.float32))
     point, pixel, weights = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
     return Taps(point, tuple(levels), pixel, weights)
-
-
-def _reads(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> FootprintReads:
-    """Where some points are read.
-
-    Reads come apart gradually, so that a footprint that rounding changes is read at the same places
-    but for rounding.
-    """
-    x = points.xy[some, 0]
-    y = points.xy[some, 1]
-    part = weight[some]
-    xx, xy, yy = points.covariance[:, some]
-
-    # how long the footprint is, and how wide
-    mean = 0.5 * (xx + yy)
-    slope = 0.5 * (xx - yy)
-    unlike = np.sqrt(slope * slope + xy * xy)
-    length = np.clip(2 * unlike / READS.round - 1, 0, 1)
-    lesser = np.maximum(mean - length * unlike, 0)
-    width = np.clip(2 * lesser / READS.wide - 1, 0, 1)
-    left = (1 - 0.75 * width) * lesser
-
-    # the places of the reads have to make up this covariance; its
-    # triangular root takes them from a square to there
-    xx = mean + length * slope - left
-    xy = length * xy
-    yy = mean - length * slope - left
-    is_upright = xx < READS.upright * yy  # where rounding is as large as xx the root begins with y
-    xx, yy = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
-    dx = np.sqrt(np.maximum(xx, 0))
-    most = np.sqrt(np.maximum(yy, 0))
-    # rounding may leave more than there can be
-    along = np.clip(xy / np.maximum(dx, LEAST), -most, most)
-    across = np.sqrt(np.maximum(yy - along * along, 0))
-
-    number = np.where(width > 0, 4, np.where(length > 0, 2, 1))
-    found = []
-    for n, steps in STEPS_BY_NUMBER.items():
-        rows = np.flatnonzero(number == n)
-        for i, j in steps:
-            far = i * dx[rows]
-            near = i * along[rows] + j * across[rows]
-            turned = is_upright[rows]
-            at = x[rows] + np.where(turned, near, far), y[rows] + np.where(turned, far, near)
-            found.append((some[rows], *at, part[rows] / n, left[rows]))
-    return FootprintReads(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
 def _level_sizes(size: tuple[int, int]) -> list[tuple[int, int]]:

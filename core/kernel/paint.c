@@ -2,12 +2,13 @@
 
 #include "kiriko.h"
 
-#define LEAST 1e-100 /* as in flat_picture.py; the next three as in pyramid.py, READS */
-#define ROUND 0.05
-#define UPRIGHT 1e-3
-#define WIDE 0.5
+#define LEAST 1e-100 /* as in flat_picture.py */
+#define UPRIGHT 1e-3 /* as in picture.py; the next three as in pyramid.py, READS */
+#define SIDE 0.9
+#define POINT_SIDE 0.2
+#define MOST_READS 4
 #define MOST_LEVELS 64
-#define MOST_TAPS 8 /* of a share */
+#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
 #define STRIPE 1024     /* pixels */
 
@@ -18,9 +19,9 @@ typedef struct {
     double scale[MOST_LEVELS][2];
 } Reader;
 
-/* Where a share lies on the picture, how far it reaches, picture px^2, and what it weighs. */
+/* Where a share lies on the picture, two sides of it, each as long as its standard deviation, and what it weighs. */
 typedef struct {
-    double at[2], xx, xy, yy, weight;
+    double at[2], first[2], second[2], weight;
 } Footprint;
 
 /* Which part of a footprint lies between two lines, as if it were a box; its middle moves to that of this part. */
@@ -44,22 +45,33 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     double inverse = 1 / w;
     double u = (m[0] * x + m[1] * y + m[2]) * inverse, v = (m[3] * x + m[4] * y + m[5]) * inverse;
     double x_scale = size[0] * inverse, y_scale = -size[1] * inverse; /* v goes up, pixels go down */
-    double a = s->covariance[i], b = s->covariance[s->n + i], c = s->covariance[2 * s->n + i];
-    double xx = (m[0] - u * m[6]) * x_scale, xy = (m[1] - u * m[7]) * x_scale;
-    double yx = (m[3] - v * m[6]) * y_scale, yy = (m[4] - v * m[7]) * y_scale;
-    f->xx = xx * xx * a + 2 * xx * xy * b + xy * xy * c;
-    f->xy = xx * yx * a + (xx * yy + xy * yx) * b + xy * yy * c;
-    f->yy = yx * yx * a + 2 * yx * yy * b + yy * yy * c;
+    double by_x[2] = {(m[0] - u * m[6]) * x_scale, (m[3] - v * m[6]) * y_scale};
+    double by_y[2] = {(m[1] - u * m[7]) * x_scale, (m[4] - v * m[7]) * y_scale};
+
+    /* the triangular root of the covariance; where rounding is as large as xx it begins with y */
+    double xx = s->covariance[i], xy = s->covariance[s->n + i], yy = s->covariance[2 * s->n + i];
+    bool is_upright = xx < UPRIGHT * yy;
+    double near = is_upright ? yy : xx, far = is_upright ? xx : yy;
+    const double *by_near = is_upright ? by_y : by_x, *by_far = is_upright ? by_x : by_y;
+    double reach = near > 0 ? sqrt(near) : 0, most = far > 0 ? sqrt(far) : 0;
+    double along_far = clip(xy / (reach > LEAST ? reach : LEAST), -most, most), rest = far - along_far * along_far;
+    double across_far = rest > 0 ? sqrt(rest) : 0;
+    for (int k = 0; k < 2; k++) {
+        f->first[k] = reach * by_near[k] + along_far * by_far[k];
+        f->second[k] = across_far * by_far[k];
+    }
+    double x_variance = f->first[0] * f->first[0] + f->second[0] * f->second[0];
+    double y_variance = f->first[1] * f->first[1] + f->second[1] * f->second[1];
 
     f->at[0] = u * size[0];
     f->at[1] = (1 - v) * size[1];
-    double across = keep_within(f->at, s->low[0] * size[0], s->high[0] * size[0], f->xx);
-    double along = keep_within(f->at + 1, (1 - s->high[1]) * size[1], (1 - s->low[1]) * size[1], f->yy);
+    double across = keep_within(f->at, s->low[0] * size[0], s->high[0] * size[0], x_variance);
+    double along = keep_within(f->at + 1, (1 - s->high[1]) * size[1], (1 - s->low[1]) * size[1], y_variance);
     f->weight = s->throughput ? s->area[i] * s->throughput[i] : s->area[i];
     return across * along >= 0.5 && f->weight > 0;
 }
 
-/* What a share reads of a picture: at most four places, each on two levels. */
+/* What a share reads of a picture: at most four places along each side, each on two levels. */
 typedef struct {
     Tap tap[MOST_TAPS];
     int n;
@@ -84,41 +96,73 @@ static void read_level(const Reader *reader, int64_t k, const double *at, double
                                             (float)(lower - lower_right), (float)lower_right}};
 }
 
-/* Read, times weight, at a place, spread by a variance along each axis: two levels are mixed. */
-static void read_place(const Reader *reader, double x, double y, double variance, double weight, Taps *taps) {
+/* Levels that are mixed so that a read between their pixels spreads by a variance along each axis. */
+typedef struct {
+    int64_t lower;
+    double upper_part; /* of the next one */
+} Mix;
+
+static Mix find_mix(const Reader *reader, double variance) {
     double relative = 1 + 4 * variance; /* to that of the level */
     int64_t k = 0, last = reader->n_levels - 1;
     for (; k < last && relative >= 4; k++) relative *= 0.25;
-    double of_upper = k < last ? weight * clip((relative - 1) / 3, 0, 1) : 0, of_lower = weight - of_upper;
-    const double at[2] = {x, y};
-    if (of_lower > 0) read_level(reader, k, at, of_lower, taps);
-    if (of_upper > 0) read_level(reader, k + 1, at, of_upper, taps);
+    return (Mix){k, k < last ? clip((relative - 1) / 3, 0, 1) : 0};
 }
 
-/* Read a share: one that is longer than wide at two places, a wide one at two each way. */
-static void read_share(const Reader *reader, const Footprint *f, Taps *taps) {
-    double mean = 0.5 * (f->xx + f->yy), slope = 0.5 * (f->xx - f->yy);
-    double unlike = sqrt(slope * slope + f->xy * f->xy), length = clip(2 * unlike / ROUND - 1, 0, 1);
-    double lesser = mean - length * unlike;
-    if (!(lesser > 0)) lesser = 0;
-    double width = clip(2 * lesser / WIDE - 1, 0, 1), left = (1 - 0.75 * width) * lesser;
-    if (width <= 0 && length <= 0) {
-        read_place(reader, f->at[0], f->at[1], left, f->weight, taps);
-        return;
+/* Read, times weight, at a place. */
+static inline void read_place(const Reader *reader, Mix mix, double x, double y, double weight, Taps *taps) {
+    double of_upper = weight * mix.upper_part, of_lower = weight - of_upper;
+    const double at[2] = {x, y};
+    if (of_lower > 0) read_level(reader, mix.lower, at, of_lower, taps);
+    if (of_upper > 0) read_level(reader, mix.lower + 1, at, of_upper, taps);
+}
+
+/* How a share is read along a side: at how many places, as parts of the side from its middle. */
+typedef struct {
+    int n;
+    double step[MOST_READS];
+} Side;
+
+static Side find_side(double length) {
+    double apart = clip(length / POINT_SIDE - 1, 0, 1), more = clip(length / SIDE - 2, 0, 1);
+    if (apart <= 0) return (Side){.n = 1, .step = {0}};
+    double far = sqrt(apart / (1 + 0.25 * more * more)), near = 0.5 * more * far;
+    if (more <= 0) return (Side){.n = 2, .step = {-far, far}};
+    return (Side){.n = 4, .step = {-far - near, -far + near, far - near, far + near}};
+}
+
+/* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
+   shorter, so that the places have the rest. */
+static double leave_to_levels(double *first, double *second, double shorter) {
+    double each = shorter / MOST_READS, left = (each * each - SIDE * SIDE) / 12;
+    if (!(left > 0)) return 0;
+    double of_first = first[0] * first[0] + first[1] * first[1], of_second = second[0] * second[0] + second[1] * second[1];
+    double area = first[0] * second[1] - first[1] * second[0], both = of_first + of_second;
+    double most = 0.75 * area * area / (both > LEAST ? both : LEAST);
+    if (most < left) left = most;
+    if (!(left > 0)) return 0;
+    double scale = left / (area * area), askew = scale * (first[0] * second[0] + first[1] * second[1]);
+    double reach = sqrt(1 - scale * of_second), along = askew / reach;
+    double across = sqrt(1 - scale * of_first - along * along);
+    for (int k = 0; k < 2; k++) {
+        first[k] = reach * first[k] + along * second[k];
+        second[k] = across * second[k];
     }
-    /* what the places of the reads have to make up, as a matrix; its triangular root takes them from a square to there */
-    double xx = mean + length * slope - left, xy = length * f->xy, yy = mean - length * slope - left;
-    int first = xx < UPRIGHT * yy, other = 1 - first; /* where rounding is as large as xx the root begins with y */
-    double near = first ? yy : xx, far = first ? xx : yy;
-    double reach = near > 0 ? sqrt(near) : 0, most = far > 0 ? sqrt(far) : 0;
-    double along = clip(xy / (reach > LEAST ? reach : LEAST), -most, most), rest = far - along * along;
-    double across = rest > 0 ? sqrt(rest) : 0;
-    int n = width > 0 ? 4 : 2;
-    for (int k = 0; k < n; k++) {
-        double i = k % 2 ? 1 : -1, j = n < 4 ? 0 : k < 2 ? -1 : 1, at[2];
-        at[first] = f->at[first] + i * reach;
-        at[other] = f->at[other] + (i * along + j * across);
-        read_place(reader, at[0], at[1], left, f->weight / n, taps);
+    return left;
+}
+
+/* Read a share at as many places as its sides need. */
+static void read_share(const Reader *reader, const Footprint *f, Taps *taps) {
+    double first[2] = {f->first[0], f->first[1]}, second[2] = {f->second[0], f->second[1]};
+    double length = sqrt(12 * (first[0] * first[0] + first[1] * first[1]));
+    double width = sqrt(12 * (second[0] * second[0] + second[1] * second[1]));
+    Side along = find_side(length), across = find_side(width);
+    Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width));
+    double weight = f->weight / (along.n * across.n);
+    for (int i = 0; i < along.n; i++) {
+        double x = f->at[0] + along.step[i] * first[0], y = f->at[1] + along.step[i] * first[1];
+        for (int j = 0; j < across.n; j++)
+            read_place(reader, mix, x + across.step[j] * second[0], y + across.step[j] * second[1], weight, taps);
     }
 }
 
@@ -157,7 +201,8 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
         int64_t stripe = pixel / STRIPE % N_STRIPES;
         Footprint footprint;
         if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
-        Taps taps = {.n = 0};
+        Taps taps; /* of which only the first n are set */
+        taps.n = 0;
         read_share(&canvas->reader, &footprint, &taps);
         for (int k = 0; k < taps.n; k++) {
             if (canvas->total) {

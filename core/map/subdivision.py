@@ -34,7 +34,7 @@ class Subdivision:
     cheap_error_px: float = 0.01
     n_places: int = 4
     n_places_few: float = 2.0
-    one_place_tolerance_px: float = 0.1
+    one_place_tolerance_px: float = 0.2
     most_parts: int = 128
 
 

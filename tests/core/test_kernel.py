@@ -23,7 +23,7 @@ from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import RIDGE, Fields
 from kiriko.core.glass.vertices import Vertices
-from kiriko.core.image import pyramid
+from kiriko.core.image import picture, reads
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
@@ -1149,7 +1149,7 @@ def test_the_environment_switches_it_off():
 
 
 SHARING = (
-    *(asked, curved, curved_roots, fitting, loading, plate, pyramid, ray_engine, rescue),
+    *(asked, curved, curved_roots, fitting, loading, picture, plate, ray_engine, reads, rescue),
     *(painting, cells_module, structures, fitted_faces, thin_parts, touching, vertex_fields),
 )
 # constants that numpy's way has no need of

@@ -9,7 +9,7 @@ from kiriko.core.arrays import frozen, is_frozen
 from kiriko.core.errors import RigError
 from kiriko.core.image import flat_picture
 from kiriko.core.image import picture as picture_module
-from kiriko.core.image import pyramid as pyramid_module
+from kiriko.core.image import reads as reads_module
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from kiriko.core.image.pyramid import Pyramid
@@ -173,7 +173,8 @@ def test_a_linear_picture_is_read_exactly_at_any_footprint():
     random = np.random.default_rng(0)
     xy = np.stack([random.uniform(48, 80, 200), random.uniform(24, 40, 200)], axis=1)
     for side in (0.0, 1.0, 1.7, 4.0, 9.3):
-        points = picture_module.PicturePoints(xy, np.ones(200), np.tile(of_square(side), 200))
+        axes = axes_of(np.tile(of_square(side), 200))
+        points = picture_module.PicturePoints(xy, np.ones(200), axes)
         expected = np.stack([xy[:, 0] / 128, xy[:, 1] / 64, np.full(200, 0.5)], axis=1)
         np.testing.assert_allclose(pyramid.sample(points), expected, atol=2e-6)
 
@@ -273,34 +274,51 @@ def level_by_level(image, points):
 
     found = np.zeros((len(points.xy), 3))
     for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
-        spread, left = apart(points.covariance[:, i])
-        order = [1, 0] if spread[0, 0] < pyramid_module.READS.upright * spread[1, 1] else [0, 1]
-        turned = spread[np.ix_(order, order)]
-        steps = (
-            np.linalg.cholesky(turned + 1e-15 * np.trace(turned) * np.eye(2))[order]
-            if turned.any()
-            else turned
-        )
-        signs = [(i, j) for i in (-1, 1) for j in (-1, 1)]
-        found[i] = cover * np.mean(
-            [at_size(*(middle + steps @ sign), left) for sign in signs], axis=0
+        axes, left = without_left(points.axes[:, i])
+        along = [along_side(np.hypot(*points.axes[k : k + 2, i])) for k in (0, 2)]
+        found[i] = cover * sum(
+            v * w * at_size(*(middle + axes @ (s, t)), left)
+            for s, v in along[0]
+            for t, w in along[1]
         )
 
     return found
 
 
-def apart(covariance):
-    """The share of a footprint's covariance that the places of its reads make
-    up (2, 2), and the variance that each has left.
+def along_side(deviation):
+    """Steps, in standard deviations, and weights of the reads along a side of a footprint: two that
+    come apart from a point, then each of them again. Their variance is the side's.
     """
-    xx, xy, yy = covariance
-    (lesser, greater), axes = np.linalg.eigh([[xx, xy], [xy, yy]])
-    length = np.clip((greater - lesser) / pyramid_module.READS.round - 1, 0, 1)
-    middle = (lesser + greater) / 2
-    half = (greater - lesser) / 2 * length
-    width = np.clip(2 * (middle - half) / pyramid_module.READS.wide - 1, 0, 1)
-    left = (middle - half) * (1 - 0.75 * width)
-    return axes @ np.diag([middle - half - left, middle + half - left]) @ axes.T, left
+    side = np.sqrt(12) * deviation
+    knobs = reads_module.READS
+    if side <= knobs.point_side:
+        return [(0, 1)]
+    variance = min(side / knobs.point_side - 1, 1)
+    more = np.clip(side / knobs.side - 2, 0, 1)
+    steps = np.array([-2 - more, -2 + more, 2 - more, 2 + more] if more > 0 else [-2.0, 2.0])
+    steps *= np.sqrt(variance / (steps**2).mean())
+    return [(step, 1 / len(steps)) for step in steps]
+
+
+def without_left(axes):
+    """Axes of a footprint, as a matrix, of which a variance is left to levels, and that variance:
+    what a read stands for of the shorter side, over that at which there are as many as it takes.
+    """
+    axes = axes.reshape(2, 2).T
+    knobs = reads_module.READS
+    shorter = np.sqrt(12) * np.hypot(*axes).min()
+    most = 0.75 * np.linalg.det(axes) ** 2 / max((axes**2).sum(), 1e-100)
+    left = min(max((shorter / knobs.most_reads) ** 2 - knobs.side**2, 0) / 12, most)
+    if left > 0:
+        axes = axes @ np.linalg.cholesky(np.eye(2) - left * np.linalg.inv(axes.T @ axes))
+    return axes, left
+
+
+def axes_of(covariance):
+    """Axes (4, n) of footprints on a picture whose pixels are the viewer's."""
+    n = len(covariance[0])
+    one, zero = np.ones(n), np.zeros(n)
+    return picture_module._axes(np.asarray(covariance, float), (one, zero), (zero, one))
 
 
 def footprints(random, n, most=2.0):
@@ -324,68 +342,94 @@ def test_points_are_read_as_one_by_one():
     points = picture_module.PicturePoints(
         random.uniform(-4, 36, (n, 2)),
         np.clip(random.uniform(-0.5, 1.5, n), 0, 1),
-        footprints(random, n),
+        axes_of(footprints(random, n)),
     )
     np.testing.assert_allclose(
         Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6
     )
 
 
-def all_reads(covariance):
+def all_reads(axes):
     """Places (n, 2), weights (n,) and variances (n,) of the
     reads of one point at the origin of weight 1.
     """
-    points = picture_module.PicturePoints(
-        np.zeros((1, 2)), np.ones(1), np.array(covariance, float)[:, None]
-    )
-    number, x, y, part, left = pyramid_module._reads(points, np.zeros(1, np.int32), np.ones(1))
+    points = picture_module.PicturePoints(np.zeros((1, 2)), np.ones(1), np.reshape(axes, (4, 1)))
+    number, x, y, part, left = reads_module.reads_of(points, np.zeros(1, np.int32), np.ones(1))
     assert (number == 0).all()
     return np.stack([x, y], axis=1), part, left
 
 
 def test_reads_reach_as_far_as_the_footprint():
-    """All reads of a point together have its weight, its
-    middle and its footprint's covariance, to rounding.
-
-    Of one that is nearly round they have the mean of both variances.
+    """All reads of a point together have its weight, its middle and its footprint's covariance, to
+    rounding; sides that are nearly points have up to theirs.
     """
     random = np.random.default_rng(10)
-    counts = np.zeros(5, int)
-    for covariance in footprints(random, 600, 1.5).T:
-        places, weights, left = all_reads(covariance)
+    counts = np.zeros(17, int)
+    n_levels = 0
+    for axes in axes_of(footprints(random, 600, 1.5)).T:
+        places, weights, left = all_reads(axes)
         counts[len(places)] += 1
-        size = covariance[0] + covariance[2]
+        n_levels += left[0] > 0
+        first, second = np.reshape(axes, (2, 2))
+        covariance = np.outer(first, first) + np.outer(second, second)
+        size = np.trace(covariance)
         assert weights.sum() == pytest.approx(1, abs=1e-12)
         np.testing.assert_allclose(weights @ places, 0, atol=1e-12)
         found = np.einsum("n,ni,nj->ij", weights, places, places) + left[0] * np.eye(2)
-        spread, expected_left = apart(covariance)
-        np.testing.assert_allclose(
-            found, spread + expected_left * np.eye(2), atol=1e-9 * size + 1e-15
-        )
-        xx, xy, yy = covariance
-        if np.hypot(xx - yy, 2 * xy) >= 2 * pyramid_module.READS.round:
-            np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=1e-9 * size + 1e-15)
-        assert np.trace(found) == pytest.approx(size, rel=1e-9, abs=1e-15)
 
-    assert (counts[[1, 2, 4]] > 50).all()
+        missing = np.linalg.eigvalsh(covariance - found)
+        sides = np.sqrt(12) * np.hypot(*np.reshape(axes, (2, 2)).T)
+        short = sides[sides < 2 * reads_module.READS.point_side]
+        assert missing.min() > -1e-9 * size - 1e-15
+        assert missing.max() < (short**2).sum() / 12 + 1e-9 * size + 1e-15
+
+    assert (counts[[1, 2, 4, 8, 16]] > 20).all()
+    assert n_levels > 50
 
 
 def test_reads_do_not_jump():
-    """From a round footprint to a long one and to a wide one reads come apart gradually."""
+    """From a point to a line, to a footprint that is read at many places, and on to one that leaves
+    a part to levels, reads come apart gradually.
+    """
     for path in (
         lambda t: (0.2 + t, 0.0, 0.2),
         lambda t: (0.1 + t, 0.0, 0.1 + t),
         lambda t: (0.3 + t, 0.2 * t, 0.3 + t / 2),
         lambda t: (0.05 + 0.3 * t, 0.3 * t, 0.05 + 0.35 * t),
+        lambda t: (0.02 * t, 0.0, 0.01 * t),
+        lambda t: (0.9 + 0.3 * t, 0.1 * t, 0.95 + 0.3 * t),
     ):
         before = None
         for t in np.linspace(0, 1, 4001):
-            places, weights, left = all_reads(path(t))
+            places, weights, left = all_reads(axes_of(np.reshape(path(t), (3, 1))))
             # all moments up to the fourth along some directions tell where the weight is
             along = places @ np.array([[1, 0], [0, 1], [0.6, 0.8], [0.8, -0.6]]).T
             moments = np.concatenate([weights @ along**k for k in (1, 2, 3, 4)] + [left[:1]])
             assert before is None or np.abs(moments - before).max() < 2e-3
             before = moments
+
+
+def test_whole_quads_are_read_along_their_sides():
+    """A square of the viewer's image on a picture that is turned and seen askew: read at the
+    middles of sixteen parts of its image, which is a parallelogram.
+    """
+    by_x, by_y = np.array([1.3, 0.9]), np.array([-0.7, 1.5])
+    side = 2.0
+    covariance = np.tile(of_square(side), 1)
+    axes = picture_module._axes(covariance, by_x[:, None], by_y[:, None])
+    shorter = np.hypot(*axes.reshape(2, 2).T).min() * np.sqrt(12)
+    assert shorter == pytest.approx(side * np.hypot(*by_x))
+    factor = 3.9 * reads_module.READS.side / shorter  # before any of it is left to levels
+    places, weights, left = all_reads(axes * factor)
+    assert left[0] == 0
+    steps = np.array([-3, -1, 1, 3]) / 8
+    expected = [side * factor * (s * by_x + t * by_y) for s in steps for t in steps]
+    order = np.lexsort(np.round(places, 6).T)
+    expected = np.array(expected)
+    expected = expected[np.lexsort(np.round(expected, 6).T)]
+    # of the uniform rule's variance 15 / 16 are the places', which have all of it
+    np.testing.assert_allclose(places[order], expected * np.sqrt(16 / 15), atol=1e-12)
+    np.testing.assert_allclose(weights, 1 / 16, atol=1e-15)
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():
@@ -424,9 +468,9 @@ def test_rounding_moves_no_read_of_a_line(degrees):
     c = np.cos(np.radians(degrees))
     s = np.sin(np.radians(degrees))
     for long in (0.2, 1.0, 18.0, 300.0):
-        covariance = np.array([long * c * c + 0.1, long * c * s, long * s * s + 0.1])
-        expected, *_ = all_reads(covariance)
-        assert len(expected) == 2
+        covariance = np.array([long * c * c + 0.1, long * c * s, long * s * s + 0.1])[:, None]
+        expected, *_ = all_reads(axes_of(covariance))
         for _ in range(20):
-            places, *_ = all_reads(covariance * (1 + 1e-7 * random.uniform(-1, 1, 3)))
-            assert np.abs(np.abs(places) - np.abs(expected)).max() < 1e-5 * np.sqrt(long)
+            rounded = covariance * (1 + 1e-7 * random.uniform(-1, 1, (3, 1)))
+            places, *_ = all_reads(axes_of(rounded))
+            assert np.abs(places - expected).max() < 1e-5 * np.sqrt(long)
