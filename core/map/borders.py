@@ -2,8 +2,8 @@
 
 Corners do not know all that goes on within a pixel. A ray through its middle tells: where it misses
 its piece by more than the tolerance the pixel is quartered, twice at the most, since the error of
-a cell that is bent falls as 1 / 4^quarterings. To go on until all middles agree was left: where
-light is chaotic that has no end, and such pixels are sampled.
+a cell that is bent falls as 1 / 4^quarterings. Where light is chaotic that has no end, and where
+borders take more rays than a pixel is allowed: such pixels are sampled.
 """
 
 from collections.abc import Generator
@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Ints, mean_at, taken
+from ..arrays import Bools, Ints, mean_at
 from ..light.plan import Plan
+from .allowance import Allowance
 from .cut_cells import cut_cells
 from .doubts import (
     CUT,
@@ -27,6 +28,7 @@ from .doubts import (
 )
 from .known_borders import Borders
 from .points import Points, trace_points
+from .quarters import lack_quarters, quartered
 from .ray_guess import N_SEARCHES, NO_RAYS, RAYS, Rays, RaysAhead, of_quarters, rays_of_cut
 
 
@@ -58,6 +60,7 @@ def cut(
     number, in which a good part of the middles lie on other branches than the corners; and, in one
     in which more than a few pixels are in doubt, those with more branches than can be told apart,
     those of which the pieces leave out a part, though all corners are lit, and all mixed quarters.
+    Nor are pixels and quarters whose borders take more rays than the allowance of a pixel has left.
 
     `ahead` is told about how many rays are still to come.
     """
@@ -71,7 +74,7 @@ def cut(
 class _Parts(NamedTuple):
     """Pixels, or quarters of them, to be cut: indices of corners (m, 4) and middles (m,).
 
-    is_calm (m,) : they are cut to the end, however many branches there are
+    is_calm (m,) : they are cut, however many branches there are, while there are rays left
     """
 
     corners: Ints
@@ -83,22 +86,28 @@ class _Parts(NamedTuple):
 
 
 class _Cutting:
-    """The work of cutting: all points and borders so far, and
-    the pieces, `last` those to be cut at the end.
+    """The work of cutting: all points and borders so far, and the pieces.
+
+    last : (n, 5) corners and middles of cells that are cut around their middles at the end
+    rough : (t, 4) the pieces of these by their corners alone, and the numbers of the cells
     """
 
     def __init__(self, plan: Plan, points: Points, ahead: RaysAhead, quarterings: int) -> None:
         self.plan, self.points, self.ahead = plan, points, ahead
         self.quarterings = quarterings
         self.known = Borders.none()
+        self.allowance = Allowance(plan, points.view)
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
         self.chaotic: list[Ints] = []
         self.last: list[Ints] = []
+        self.rough: list[Ints] = []
 
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
         """Cut pixels (m, 4) in squares (m,), by number; the quarters that are looked into."""
-        found = yield from trace_points(self.plan, mean_at(self.points.view, corners))
+        middle = mean_at(self.points.view, corners)
+        self.allowance.take(middle)
+        found = yield from trace_points(self.plan, middle)
         number = len(self.points) + np.arange(len(corners))
         self.points = self.points.and_more(found)
         yield 0
@@ -118,7 +127,7 @@ class _Cutting:
         # calm where few are in doubt: not by cells that are only bent by more than the tolerance
         found = yield from self._cut(cells, 0)
         yield 0
-        in_doubt = found.has_gaps | np.isinf(found.off)
+        in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.lacks
         n_in_doubt = np.bincount(square, in_doubt)
         is_calm = (n_in_doubt <= CUT.n_doubtful)[square] | (not dense)
 
@@ -127,8 +136,8 @@ class _Cutting:
     def quarters(self, some: _Parts, depth: int) -> Generator[int, None, _Parts]:
         """Cut the quarters of cells, quartered so often; their quarters that are looked into."""
         yield 0
-        self.points, corners, middle = yield from _quartered(
-            self.plan, self.points, some.corners, some.middle
+        self.points, corners, middle = yield from quartered(
+            self.plan, self.points, some.corners, some.middle, self.allowance
         )
         yield 0
         if depth == self.quarterings:  # none of these are quartered again
@@ -152,9 +161,7 @@ class _Cutting:
         yield 0
         self._expect(np.empty((0, 4), np.int64), N_SEARCHES - 1)
         yield 0
-        self.points, of_last = yield from self.ahead.searching(
-            _cut_last(self.plan, self.points, self.known, last)
-        )
+        of_last = yield from self.ahead.searching(self._cut_last(last))
         return Pieces(
             self.points,
             np.concatenate(self.quads),
@@ -182,16 +189,19 @@ class _Cutting:
         yield 0
 
         # on several
-        self.points, self.known, pieces, owner = yield from self.ahead.searching(
-            cut_cells(plan, self.points, cells.corners[mixed], self.known, cells.middle[mixed])
+        corners, middle = cells.corners[mixed], cells.middle[mixed]
+        found = yield from self.ahead.searching(
+            cut_cells(plan, self.points, corners, self.known, self.allowance, middle)
         )
+        self.points, self.known = found.points, found.known
         yield 0
         off[mixed] = missed_by_pieces(
-            plan, self.points, pieces, owner, self.points.at(cells.middle[mixed])
+            plan, self.points, found.pieces, found.owner, self.points.at(middle)
         )
         yield 0
-        gaps = np.zeros(len(is_one), bool)
-        gaps[mixed] = has_gaps(self.points, cells.corners[mixed], pieces, owner)
+        gaps, lacks = np.zeros((2, len(is_one)), bool)
+        gaps[mixed] = has_gaps(self.points, corners, found.pieces, found.owner)
+        lacks[mixed] = found.lacks
         yield 0
 
         n_met = n_branches(self.points, np.column_stack([cells.corners, cells.middle]))
@@ -200,8 +210,9 @@ class _Cutting:
             off=off,
             n_met=n_met,
             has_gaps=gaps,
-            pieces=pieces,
-            owner=mixed[owner],
+            lacks=lacks,
+            pieces=found.pieces,
+            owner=mixed[found.owner],
         )
 
     def _settled(self, cells: _Parts, found: Doubts, depth: int) -> _Parts:
@@ -215,6 +226,7 @@ class _Cutting:
             np.isinf(found.off) & ((found.n_met >= CUT.many_branches) | is_last) | found.has_gaps
         )
         is_tangled &= ~cells.is_calm
+        is_tangled |= found.lacks
         self.chaotic.append(cells.corners[is_tangled])
 
         # as they are
@@ -231,69 +243,57 @@ class _Cutting:
             most = 4.0 ** (self.quarterings - depth) * max(CUT.least_error_px, tolerance)
             simple &= np.isinf(found.off) | (found.off < most)
 
-        rest = cells.at(np.flatnonzero(again & ~simple))
-        self.last.append(_around(rest.corners, rest.middle))
+        # their quarters want rays, too
+        self.allowance.keep(min(depth + 1, self.quarterings))
+        parts = np.flatnonzero(simple)
+        simple[parts] = ~lack_quarters(
+            self.points, cells.corners[parts], cells.middle[parts], self.allowance
+        )
+
+        rest = again & ~simple
+        number = sum(len(some) for some in self.last) + np.cumsum(rest) - 1
+        is_rough = (rest & ~found.has_gaps)[found.owner]
+        owner = number[found.owner[is_rough]]
+        self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
+        self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
         return cells.at(np.flatnonzero(simple))
+
+    def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:
+        """Pieces (t, 3) of cells (n, 5), around their middles, or where rays lack by corners."""
+        triangles = _around(last)
+        branch = self.points.branch[triangles]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        mixed = np.flatnonzero(~is_one)
+        found = yield from cut_cells(
+            self.plan, self.points, triangles[mixed], self.known, self.allowance
+        )
+        self.points = found.points
+        yield 0
+
+        cell = np.arange(len(triangles)) % max(len(last), 1)
+        lacks = np.zeros(len(last), bool)
+        lacks[cell[mixed[found.lacks]]] = True
+        rough = np.concatenate(self.rough)
+        has_rough = np.bincount(rough[:, 3], minlength=len(last)) > 0
+        self.chaotic.append(last[lacks & ~has_rough, :4])
+
+        is_whole = is_one & ~lacks[cell] & (branch[:, 0] != 0)
+        return np.concatenate([
+            triangles[is_whole],
+            found.pieces[~lacks[cell[mixed[found.owner]]]],
+            rough[lacks[rough[:, 3]], :3],
+        ])  # fmt: skip
 
     def _expect(self, cells: Ints, depth: int, more: Rays = NO_RAYS) -> None:
         """Tell about how many rays it takes to find the borders in cells (m, 4), quartered so
         often, to cut those that were left for the end, and to sample; and more rays besides.
         """
-        last = np.concatenate([np.empty((0, 3), np.int64), *self.last])
+        last = _around(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
         rays = rays_of_cut(self.plan, self.points, cells, last, self.chaotic)
         searches = Rays(searches=N_SEARCHES - depth)
         self.ahead.expect(rays.and_more(more).and_more(searches))
 
 
-def _cut_last(
-    plan: Plan, points: Points, known: Borders, triangles: Ints
-) -> Generator[int, None, tuple[Points, Ints]]:
-    """Cut triangles (m, 3) that are not looked into any
-    further: all points, and the lit pieces (t, 3).
-    """
-    branch = points.branch[triangles]
-    is_one = (branch == branch[:, :1]).all(axis=1)
-    points, _, pieces, _ = yield from cut_cells(plan, points, triangles[~is_one], known)
-    yield 0
-    return points, np.concatenate([triangles[is_one & (branch[:, 0] != 0)], pieces])
-
-
-def _around(cells: Ints, middle: Ints) -> Ints:
-    """Four triangles (4 m, 3) around the middle of each cell (m, 4)."""
-    return np.concatenate(
-        [np.stack([middle, cells[:, k], cells[:, (k + 1) % 4]], axis=1) for k in range(4)]
-    )
-
-
-def _quartered(
-    plan: Plan, points: Points, cells: Ints, middle: Ints
-) -> Generator[int, None, tuple[Points, Ints, Ints]]:
-    """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all
-    points, among them the middles (4 m,) of the quarters.
-    """
-    if not len(cells):
-        return points, cells, middle
-
-    # points between the corners, each once
-    view = taken(points.view, cells)
-    halfway = (view + np.roll(view, -1, axis=1)) / 2
-
-    # they lie on a grid so fine: whole numbers are told apart faster than places
-    column, row = np.moveaxis(2**CUT.quarterings * halfway, 2, 0).astype(np.int64)
-    _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
-    yield 0
-    halfway = taken(halfway.reshape(-1, 2), first)
-    number = len(points) + number.reshape(cells.shape)
-    quarters = [
-        np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)
-    ]
-
-    # each begins at its corner of the whole: turned back, so that all begin at the upper left
-    quarters = np.concatenate([np.roll(q, k, axis=1) for k, q in enumerate(quarters)])
-
-    # with their middles, in one go
-    middles = mean_at(np.concatenate([points.view, halfway]), quarters)
-    found = yield from trace_points(plan, np.concatenate([halfway, middles]))
-    of_middle = len(points) + len(halfway) + np.arange(len(quarters))
-    yield 0
-    return points.and_more(found), quarters, of_middle
+def _around(cells: Ints) -> Ints:
+    """Four triangles (4 m, 3) around the middle of each cell (m, 5), given after its corners."""
+    return np.concatenate([cells[:, [4, k, (k + 1) % 4]] for k in range(4)])

@@ -1,63 +1,117 @@
 """The pieces that borders cut cells into."""
 
 from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Ints
+from ..arrays import Bools, Ints
 from ..light.plan import Plan
-from .edges import find_borders
+from .allowance import Allowance
+from .edges import find_borders, lack
 from .known_borders import Borders, key_of, points_of
 from .points import Points
 from .searches import traced
 
 
+class Cut(NamedTuple):
+    """Cells (m,) that were cut: all points, and all borders that are known by now.
+
+    pieces, owner : triangles (t, 3), and the cells (t,) they are pieces of
+    lacks (m,) : cells that were not cut, for want of rays
+    """
+
+    points: Points
+    known: Borders
+    pieces: Ints
+    owner: Ints
+    lacks: Bools
+
+
 def cut_cells(
-    plan: Plan, points: Points, cells: Ints, known: Borders, middle: Ints | None = None
-) -> Generator[int, None, tuple[Points, Borders, Ints, Ints]]:
-    """Cut cells (m, k) with k corners; returns all points and borders
-    known, triangles (t, 3) and the cells (t,) they are pieces of.
+    plan: Plan,
+    points: Points,
+    cells: Ints,
+    known: Borders,
+    allowance: Allowance,
+    middle: Ints | None = None,
+) -> Generator[int, None, Cut]:
+    """Cut cells (m, k) with k corners, as far as there is an allowance for the rays.
 
     Cells with four corners have middles (m,), points that were traced.
+    """
+    lacks = np.zeros(len(cells), bool)
+    if not len(cells):
+        return Cut(points, known, np.empty((0, 3), np.int64), np.empty(0, np.int64), lacks)
+
+    # each border is looked for once, from each of its two sides that has a landing
+    cells = cells.astype(np.int64)
+    key, of_cell = _sides(points, cells)
+    yield 0
+    new = np.unique(key[~known.find(key)[0]])
+    yield 0
+    lacking = new[lack(plan, points, *points_of(new), allowance)]
+    lacks[of_cell[np.isin(key, lacking)]] = True
+    yield 0
+
+    # of cells that lack no ray
+    new = np.intersect1d(new, key[~lacks[of_cell]])
+    near, far = points_of(new)
+    yield 0
+    border, strips, of_strips, is_given_up = yield from traced(
+        plan, find_borders(plan, points, near, far, allowance), allowance
+    )
+    lacks[of_cell[np.isin(key, new[is_given_up])]] = True
+    number = len(points) + np.arange(len(new))
+    strips = np.where(strips > 0, strips + len(points) + len(new), 0)
+    known = known.and_more(Borders(new, number, strips))
+    yield 0
+    points = points.and_more(border.and_more(of_strips))
+    yield 0
+
+    some = np.flatnonzero(~lacks)
+    pieces, owner = yield from _cut(
+        points, cells[some], known, None if middle is None else middle[some]
+    )
+    return Cut(points, known, pieces, some[owner], lacks)
+
+
+def _sides(points: Points, cells: Ints) -> tuple[Ints, Ints]:
+    """Keys (e,) of the edges of cells (m, k) on which a branch ends, from its side, and the
+    cells (e,) that they are of.
+    """
+    branch = points.branch[cells]
+    following = np.roll(cells, -1, axis=1)
+    of_following = np.roll(branch, -1, axis=1)
+    one, other = (
+        np.nonzero((branch != of_following) & (of_near != 0)) for of_near in (branch, of_following)
+    )
+    key = np.append(key_of(cells[one], following[one]), key_of(following[other], cells[other]))
+    return key, np.append(one[0], other[0])
+
+
+def _cut(
+    points: Points, cells: Ints, known: Borders, middle: Ints | None
+) -> Generator[int, None, tuple[Ints, Ints]]:
+    """Triangles (t, 3) of cells (m, k) whose borders are known, and the cells (t,) they are
+    pieces of.
 
     A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
     on the corner's own branch and the first on the next corner's. Between these two are the ends of
     strips. The places on one branch, in order, are a convex piece.
     """
     m, k = cells.shape
-    n = len(points)
-    if not m:
-        return points, known, np.empty((0, 3), np.int64), np.empty(0, np.int64)
-
-    # each border is looked for once, from each of its two sides that has a landing
-    cells = cells.astype(np.int64)
     branch = points.branch[cells]
     following = np.roll(cells, -1, axis=1)
     differs = branch != np.roll(branch, -1, axis=1)
-    sides = np.concatenate([
-        np.stack([cells, following], axis=2)[differs & (branch != 0)],
-        np.stack([following, cells], axis=2)[differs & (np.roll(branch, -1, axis=1) != 0)],
-    ])  # fmt: skip
-    key, inverse = np.unique(key_of(*sides.T), return_inverse=True)
-    yield 0
-    new = key[~known.find(key)[0]]
-    near, far = points_of(new)
-    yield 0
-    border, strips, of_strips = yield from traced(plan, find_borders(plan, points, near, far))
-    number = n + np.arange(len(new))
-    strips = np.where(strips > 0, strips + n + len(new), 0)
-    known = known.and_more(Borders(new, number, strips))
-    yield 0
-    points = points.and_more(border.and_more(of_strips))
-    yield 0
 
     # places: 0 where there is none, else 1 + index of the point
     places = np.zeros((m, k, 3), np.int64)
     places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
-    n_from_corner = int((differs & (branch != 0)).sum())
-    number = known.number[known.find(key)[1]][inverse.ravel()] + 1
-    places[:, :, 1][differs & (branch != 0)] = number[:n_from_corner]
-    places[:, :, 2][differs & (np.roll(branch, -1, axis=1) != 0)] = number[n_from_corner:]
+    for place, near, far in ((1, cells, following), (2, following, cells)):
+        has_border = differs & (points.branch[near] != 0)
+        key = key_of(near[has_border], far[has_border])
+        places[:, :, place][has_border] = known.number[known.find(key)[1]] + 1
 
     yield 0
     group = _groups(points, cells, middle)
@@ -81,7 +135,7 @@ def cut_cells(
         yield 0
     triangles, owner = (np.concatenate(column) for column in zip(*pieces, strict=True))
 
-    return points, known, triangles - 1, owner
+    return triangles - 1, owner
 
 
 def _between(of_places: Ints, of_strips: Ints) -> Ints:

@@ -47,6 +47,7 @@ class Doubts(NamedTuple):
 
     is_one : corners on one branch; off : display px by which the middle is missed, as of `_missed`
     n_met : different branches of corners and middle; has_gaps : pieces leave out a lit part
+    lacks : they were not cut, since that takes more rays than are left to their pixels
     pieces, owner : (t, 3) lit pieces of those that are not one, and the cells (t,) they are of
     """
 
@@ -54,6 +55,7 @@ class Doubts(NamedTuple):
     off: Floats
     n_met: Ints
     has_gaps: Bools
+    lacks: Bools
     pieces: Ints
     owner: Ints
 

@@ -11,7 +11,7 @@ from ..light.landings import Words
 from ..light.plan import Plan
 from ..steps import Pauses
 from . import interpolation
-from .bisection import BISECTION, rays_of_border
+from .bisection import BISECTION, n_digits
 from .doubts import CUT
 from .interpolation import NODES_ALONG, PARTS
 from .points import Points
@@ -147,7 +147,7 @@ def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> Rays:
     # all middles are traced beside a border
     n_bent = 0.0 if plan.is_flat else RAYS.n_bent
     n_bent *= is_mixed.sum() * RAYS.of_bent[0]
-    found = of_quarters(n_bent, _times_more(plan, n_edges))
+    found = of_quarters(n_bent, _times_more(plan))
     found = found.and_more(Rays(searched + is_mixed.sum() * PARTS**2, searched, N_SEARCHES))
 
     # on one branch all pixels are bent, or none
@@ -198,9 +198,9 @@ def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:
 def _of_edges(plan: Plan, n_edges: float, n_lit: float, of_edge: float, of_lit: float) -> float:
     """Rays for borders on edges, some of which have a landing at both ends."""
     rays = of_edge * n_edges + (0.0 if plan.is_flat else of_lit - of_edge) * n_lit
-    return float(rays) * _times_more(plan, n_edges)
+    return float(rays) * _times_more(plan)
 
 
-def _times_more(plan: Plan, n_edges: float) -> float:
-    """How many times as many rays borders on so many edges take as by a digit in each round."""
-    return rays_of_border(plan, n_edges) / BISECTION.least_digits
+def _times_more(plan: Plan) -> float:
+    """How many times as many rays a border takes as at coarse tolerances."""
+    return n_digits(plan) / BISECTION.least_digits

@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import Floats
 from ..light.landings import Words
 from ..light.plan import Plan
+from .allowance import Allowance
 from .points import Points, trace_points
 
 T = TypeVar("T")
@@ -64,14 +65,20 @@ def side_by_side(searches: list[Search[T]]) -> Search[list[T]]:
             answers[k], told = told[: len(asks[k])], told[len(asks[k]) :]
 
 
-def traced(plan: Plan, search: Search[T]) -> Generator[int, None, T]:
-    """What a search finds; yields how many rays were traced since."""
+def traced(
+    plan: Plan, search: Search[T], allowance: Allowance | None = None
+) -> Generator[int, None, T]:
+    """What a search finds, whose rays are taken of an allowance; yields how many
+    rays were traced since.
+    """
     answers = None
     while True:
         try:
             asks = search.send(answers)
         except StopIteration as end:
             return end.value
+        if allowance is not None:
+            allowance.take(np.concatenate([one.view for one in asks]))
         answers = yield from _answers(plan, asks)
 
 

@@ -9,9 +9,10 @@ and so on to the dark. Strips between two lit branches are left to the middles o
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Bools, Floats, Ints
 from ..light.plan import Plan
-from .bisection import Edges, last_on_branch
+from .allowance import Allowance
+from .bisection import Edges, last_on_branch, n_digits
 from .points import Points
 from .searches import Search, ask
 
@@ -21,20 +22,22 @@ MOST_STRIPS = (
 
 
 def find_strips(
-    plan: Plan, points: Points, near: Ints, far: Ints, ends: Floats
-) -> Search[tuple[Ints, Points]]:
+    plan: Plan, points: Points, near: Ints, far: Ints, ends: Floats, allowance: Allowance
+) -> Search[tuple[Ints, Points, Bools]]:
     """Strips on edges (b,) between two points, on which the near one's branch ends (b,), 0..1
     of the way, before far ones that are dark.
 
     Returns the ends (b, 2 MOST_STRIPS) of strips, from near to far, the first and the last point of
-    each, 1 + its index, 0 for none; and these points.
+    each, 1 + its index, 0 for none; these points; and where (b,) there was no allowance to go on.
     """
     n = len(points)
     a = points.view[near]
     start = a + ends[:, None] * (points.view[far] - a)
+    middle = (a + points.view[far]) / 2
 
     found_ends = np.zeros((len(near), 2 * MOST_STRIPS), np.int64)
     found = Points.none()
+    is_given_up = np.zeros(len(near), bool)
     seen = [points.branch[near]]
 
     asked = np.flatnonzero((points.branch[far] == 0) & (ends < 1))
@@ -43,12 +46,19 @@ def find_strips(
         # one that comes again is no strip
         is_new = (first.branch != 0) & (first.branch != np.stack(seen)[:, asked]).all(axis=0)
         asked = asked[is_new]
+        first = first.at(is_new)
+        course = course[is_new]
+
+        # its last place, and the next strip's first
+        lacks = allowance.lacks(middle[asked], n_digits(plan) + 1)
+        is_given_up[asked[lacks]] = True
+        asked = asked[~lacks]
         if not len(asked):
             break
-        first = first.at(is_new)
+        first = first.at(~lacks)
 
         # to where it ends, on the same way
-        edges = Edges(n + np.arange(len(asked)), far[asked], course[is_new], np.ones(len(asked)))
+        edges = Edges(n + np.arange(len(asked)), far[asked], course[~lacks], np.ones(len(asked)))
         end, last = yield from last_on_branch(plan, points.and_more(first), edges)
         number = 1 + len(found) + np.arange(len(asked))
         found_ends[asked, 2 * k] = number
@@ -60,4 +70,4 @@ def find_strips(
         of_strip[asked] = first.branch
         seen.append(of_strip)
 
-    return found_ends, found
+    return found_ends, found, is_given_up

@@ -211,8 +211,9 @@ def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
     )
 
     text = Message(
-        "Light is chaotic in {share} of the view: {rays} there, {n} in all. Four times the"
-        " Effort takes four times as many rays, and halves their noise.",
+        "Light is chaotic, or has more borders than Effort allows for, in {share} of the view:"
+        " {rays} there, {n} in all. Four times the Effort takes up to four times as many rays,"
+        " and halves their noise.",
         share=percent(error.sampled),
         rays=rays,
         n=error.n_samples,

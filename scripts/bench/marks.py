@@ -9,6 +9,9 @@ over all display pixels alike, and *as seen*: weighed by how much the viewer see
 is the share of the rays that Mitsuba's loop takes elsewhere: it goes astray where a mesh overlaps
 itself, and is no judge there. `--finer` gives Kiriko more viewer pixels, for the same display: it
 takes longer, and errs less where borders run.
+
+With `--effort 1 4 16`, instead: what *Effort* costs and gains, of the mesh as drawn: processor
+seconds of one thread, rays, the shares of the view that are sampled and unresolved, and the errors.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 
@@ -114,6 +117,29 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
     )
 
 
+def print_efforts(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
+    """Print a line for each Effort."""
+    a_rig = glass_rig(mesh, ior=index, image=zone_plate())
+    drawn = replace(a_rig.glasses[0], mesh=replace(mesh, surface="facets"))
+    theirs = replace(a_rig.glasses[0], mesh=smooth_all_over(mesh))
+    judge = Judge(replace(a_rig, glasses=(theirs,)), arguments.reference, is_sphere=False)
+
+    kernel.use_threads(1)
+    for effort in arguments.effort:
+        started = thread_time()
+        solution = finish(
+            Session().solve(replace(a_rig, glasses=(drawn,)), Settings(effort=effort))
+        )
+        seconds = thread_time() - started
+        error = solution.first.map_error
+        print(
+            f"{name:<16}{effort:8d}{seconds:9.2f}{solution.n_rays:9d}"
+            f"{100 * error.sampled:11.2f}{100 * error.unresolved:13.2f}"
+            f"{judge.error(solution.source):9.4f}{judge.seen_error(solution.source):9.4f}",
+            flush=True,
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -131,7 +157,18 @@ def main() -> None:
         help="times finer a viewer for Kiriko, each way",
     )
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
+    parser.add_argument(
+        "--effort", nargs="+", type=int, metavar="N", help="what these cost and gain, instead"
+    )
     arguments = parser.parse_args()
+    if arguments.effort:
+        print(
+            f"{'glass':<16}{'effort':>8}{'CPU s':>9}{'rays':>9}{'sampled %':>11}"
+            f"{'unresolved %':>13}{'error':>9}{'as seen':>9}"
+        )
+        print_all(print_efforts, arguments)
+        return
+
     print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
     heads = (
         "Mitsuba",
@@ -146,9 +183,14 @@ def main() -> None:
         "apart",
     )
     print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
+    print_all(print_glass, arguments)
+
+
+def print_all(print_one: Callable[..., None], arguments: argparse.Namespace) -> None:
+    """Print what there is to tell of each glass."""
     with tempfile.TemporaryDirectory() as folder:
         for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():
-            print_glass(name, mesh, index, arguments)
+            print_one(name, mesh, index, arguments)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,8 @@ from kiriko.core import kernel
 from kiriko.core.light import trace
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
-from kiriko.core.map.bisection import Edges, last_on_branch, rays_of_border
+from kiriko.core.map.allowance import Allowance
+from kiriko.core.map.bisection import Edges, last_on_branch, n_digits
 from kiriko.core.map.edges import find_borders
 from kiriko.core.map.points import Points, trace_points
 from kiriko.core.map.searches import ask, traced
@@ -58,19 +59,24 @@ def test_borders_of_many_edges_are_those_of_each_alone():
         points = finish(trace_points(plan, view))
         far = 1 + np.flatnonzero(points.branch[1:] != points.branch[0])
         near = np.zeros(len(far), np.int64)
-        found, strips, of_strips = finish(traced(plan, find_borders(plan, points, near, far)))
-        alone = [
-            finish(traced(plan, find_borders(plan, points, near[k : k + 1], far[k : k + 1])))
-            for k in range(0, len(far), 5)
-        ]
-        nothing, no_strips, _ = finish(traced(plan, find_borders(plan, points, near[:0], far[:0])))
+
+        def of(some):
+            allowance = Allowance(plan, view[:0])
+            return finish(
+                traced(plan, find_borders(plan, points, near[some], far[some], allowance))
+            )
+
+        found, strips, of_strips, is_given_up = of(slice(None))
+        alone = [of(slice(k, k + 1)) for k in range(0, len(far), 5)]
+        nothing, no_strips, *_ = of(slice(0))
 
     assert len(far) >= 10
     assert (found.branch == points.branch[0]).all()
-    for k, (border, strips_of_it, _) in zip(range(0, len(far), 5), alone, strict=True):
+    for k, (border, strips_of_it, *_) in zip(range(0, len(far), 5), alone, strict=True):
         assert are_same(border, found.at(np.array([k])))
         assert np.array_equal(strips_of_it > 0, strips[k : k + 1] > 0)
     assert len(of_strips) == (strips > 0).sum()
+    assert not is_given_up.any()
     assert are_same(nothing, Points.none())
     assert no_strips.shape == (0, strips.shape[1])
 
@@ -94,4 +100,4 @@ def test_a_border_takes_as_many_rays_as_are_told(n_borders, tolerance, is_off):
             end=np.ones(n_borders),
         )
         n_rays = sum(traced(plan, last_on_branch(plan, points, edges)))
-        assert n_rays == n_borders * rays_of_border(plan, n_borders)
+        assert n_rays == n_borders * n_digits(plan)

@@ -155,9 +155,9 @@ class KirikoScene(bpy.types.PropertyGroup):
     )
     effort: IntProperty(
         name="Effort",
-        description="Most rays for a viewer pixel where light is chaotic, a square number: four"
-        " times as many halve the"
-        " noise there, and take up to four times as long",
+        description="Rays that sample a viewer pixel where light is chaotic, a square number; none"
+        " takes more than 24 times as many for its borders. Less is a faster, rougher draft; four"
+        " times as many halve the noise, and take up to four times as long",
         default=16,
         min=1,
         max=4096,

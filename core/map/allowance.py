@@ -1,0 +1,73 @@
+"""How many rays may a viewer pixel take? So many times Effort, whatever the glass is.
+
+Rays are counted where they start. Before borders are looked for, or a cell is quartered, the most
+rays are known that this takes in each pixel; where they are more than are left, no ray of them is
+traced. So the bound holds for every pixel, and what is sampled instead depends on no other part of
+the view, on no batch and on no machine.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..light.plan import Plan
+
+
+@dataclass(frozen=True)
+class AllowanceRule:
+    """The most rays of a viewer pixel.
+
+    times_effort : so many times Effort
+    apart : of these, kept for rays that make no map: those that measure it, and look for glare
+    """
+
+    times_effort: int = 24
+    apart: int = 4
+
+
+ALLOWANCE = AllowanceRule()
+
+
+class Allowance:
+    """The rays that are left to each viewer pixel, and those of them that are kept for samples."""
+
+    def __init__(self, plan: Plan, view: Floats) -> None:
+        """After rays at viewer px (n, 2)."""
+        viewer, rule = plan.viewer, ALLOWANCE
+        self.size = (viewer.width, viewer.height)
+        self.along = plan.settings.samples_along
+        self.kept = self.along**2
+
+        most = rule.times_effort * plan.settings.effort - rule.apart
+        # places on the lower and the right border are those of pixels beyond
+        self.left = np.full((viewer.width + 1) * (viewer.height + 1), most, np.int64)
+        self.take(view)
+
+    def keep(self, quarterings: int) -> None:
+        """Keep the rays that sample a pixel, also one quartered so often: a quarter takes one."""
+        self.kept = max(self.along**2, 4**quarterings)
+
+    def take(self, view: Floats, n_rays: Ints | int = 1) -> None:
+        """Rays (n,) at viewer px (n, 2) are traced, or will be."""
+        n_rays = np.broadcast_to(n_rays, len(view))
+        np.subtract.at(self.left, self._pixel(view), n_rays)
+
+    def lacks(self, view: Floats, n_rays: Ints | int = 1) -> Bools:
+        """Which rays (n,) at viewer px (n, 2) are more than their pixel has left, if each pixel
+        takes them row by row?
+        """
+        pixel = self._pixel(view)
+        order = np.lexsort((*view.T, pixel))
+        pixel = pixel[order]
+        asked = np.cumsum(np.broadcast_to(n_rays, len(view))[order])
+        before = np.append(0, asked)[np.searchsorted(pixel, pixel)]
+
+        found = np.empty(len(view), bool)
+        found[order] = asked - before > self.left[pixel] - self.kept
+        return found
+
+    def _pixel(self, view: Floats) -> Ints:
+        """Numbers (n,) of the pixels of viewer px (n, 2)."""
+        column, row = np.clip(np.floor(view), 0, self.size).astype(np.int64).T
+        return row * (self.size[0] + 1) + column

@@ -1,0 +1,154 @@
+"""No viewer pixel takes more rays than Effort allows, whatever the glass; its light stays right.
+
+Rays are counted where they start, as they are asked of the viewer.
+"""
+
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from kiriko.core import kernel
+from kiriko.core.light.planning import make_plan
+from kiriko.core.map import sampling
+from kiriko.core.map.allowance import ALLOWANCE, Allowance
+from kiriko.core.map.view_map import NO_ERROR
+from kiriko.core.rig import Viewer
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig, bottle, box, cube_rig, glass_rig, icosphere, rig, torus
+from known.work import solve
+
+
+def nested():
+    """A ball in a box that is turned: every edge is seen several times."""
+    a_rig = rig(box([0.04] * 3, degrees_about_z=20.0), pixels=40)
+    return replace(a_rig, glasses=a_rig.glasses + ball_rig(2).glasses)
+
+
+HARD = {
+    "hollow bottle": lambda: glass_rig(bottle(), pixels=40),
+    "hollow bottle, a display of much finer pixels": lambda: glass_rig(bottle(), pixels=24),
+    "torus": lambda: glass_rig(torus(0.04, 0.015), pixels=40),
+    "1280 flat facets": lambda: rig(icosphere(0.025, 3, smooth=False), pixels=40),
+    "80 flat facets": lambda: rig(icosphere(0.025, 1, smooth=False), pixels=40),
+    "cube": lambda: cube_rig(pixels=40),
+    "ball in a box": nested,
+}
+
+
+@contextmanager
+def counted(viewer):
+    """Count the rays (h + 1, w + 1) that start in each pixel meanwhile, places on lower and
+    right borders in one more.
+    """
+    size = viewer.width, viewer.height
+    counts = np.zeros((size[1] + 1, size[0] + 1), int)
+    rays_of = Viewer.rays
+
+    def rays(viewer, xy):
+        column, row = np.clip(np.floor(xy), 0, size).astype(int).T
+        np.add.at(counts, (row, column), 1)
+        return rays_of(viewer, xy)
+
+    Viewer.rays = rays
+    try:
+        yield counts
+    finally:
+        Viewer.rays = rays_of
+
+
+def unmeasured(*_):
+    """No errors, by no rays."""
+    yield 0
+    return NO_ERROR
+
+
+def rays_of_pixels(a_rig, settings):
+    """Rays of each pixel for its map alone."""
+    plan = make_plan(a_rig, settings)
+    with counted(plan.viewer) as counts, patch.object(sampling, "measure", unmeasured):
+        found = finish(sampling.sample(plan))
+    assert counts.sum() == found.n_rays
+    return counts
+
+
+@cache
+def hard(name):
+    return HARD[name]()
+
+
+@pytest.mark.parametrize("effort", [1, 4, 16, 64])
+@pytest.mark.parametrize("name", HARD)
+def test_no_pixel_takes_more_rays_than_are_allowed(name, effort):
+    """For its map, less than the rays kept for others, at the default and at a fine tolerance."""
+    most = ALLOWANCE.times_effort * effort - ALLOWANCE.apart
+    assert rays_of_pixels(hard(name), Settings(effort=effort)).max() <= most
+    fine = Settings(effort=effort, tolerance=0.001)
+    assert rays_of_pixels(hard(name), fine).max() <= most
+
+
+def test_a_pixel_may_take_all_that_it_is_allowed():
+    """Where borders are many and Effort is little, nearly all rays are taken."""
+    most = ALLOWANCE.times_effort * 2 - ALLOWANCE.apart
+    assert rays_of_pixels(hard("hollow bottle"), Settings(effort=2)).max() > 0.9 * most
+
+
+def test_numpy_and_the_kernel_take_the_same_rays():
+    """In each pixel, where many have none left."""
+    name, settings = "hollow bottle, a display of much finer pixels", Settings(effort=4)
+    by_kernel = rays_of_pixels(hard(name), settings)
+    with kernel.off():
+        assert np.array_equal(rays_of_pixels(hard(name), settings), by_kernel)
+
+
+def test_less_effort_takes_fewer_rays_and_samples_more():
+    """All is sampled that borders cross at the least Effort, and told as not resolved."""
+    rays, sampled = [], []
+    for effort in (1, 4, 16, 64):
+        solution = solve(hard("hollow bottle"), effort=effort)
+        error = solution.first.map_error
+        rays.append(solution.n_rays)
+        sampled.append(error.sampled)
+        assert error.noise == pytest.approx(error.sampled / Settings(effort=effort).samples_along)
+        assert error.unresolved >= error.noise
+    assert sorted(rays) == rays
+    assert rays[0] < rays[2] / 2
+    assert sampled[0] > 2 * sampled[2]
+
+
+@cache
+def by_default(name):
+    return solve(hard(name))
+
+
+@pytest.mark.parametrize("effort", [1, 4, 64])
+@pytest.mark.parametrize("name", ["hollow bottle", "cube", "ball in a box"])
+def test_the_light_is_the_same_at_any_effort(name, effort):
+    """In all, to 4 % of that by the default, as facets are cut there; no pixel is seen more than
+    whole.
+    """
+    found = solve(hard(name), effort=effort)
+    much = by_default(name)
+    assert found.first.view_coverage.max() <= 1 + 1e-9
+    assert found.weight.sum() == pytest.approx(much.weight.sum(), rel=0.04)
+
+
+def test_an_allowance_is_taken_row_by_row():
+    """Of rays that are asked for at once the first are allowed, as many as are left."""
+    plan = make_plan(ball_rig(1, pixels=8), Settings(effort=1))
+    allowance = Allowance(plan, np.array([[2.5, 3.5]]))
+    left = ALLOWANCE.times_effort - ALLOWANCE.apart - 1
+    view = np.array([[2.5, 3.9], [2.1, 3.1], [2.9, 3.1], [7.0, 7.0]])
+    n_rays = np.array([1, left - 3, 2, left])
+    # one is kept for the sample
+    assert allowance.lacks(view, n_rays).tolist() == [True, False, False, False]
+    assert allowance.lacks(view[:1], left).tolist() == [True]
+    assert allowance.lacks(view[:1], left - 1).tolist() == [False]
+    allowance.take(view[:3], n_rays[:3])
+    assert allowance.lacks(view).tolist() == [True, True, True, False]
+    allowance.keep(2)
+    assert allowance.lacks(view[3:], left - 15 + 1 + 1).tolist() == [True]
