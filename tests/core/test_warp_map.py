@@ -154,7 +154,8 @@ def test_chosen_place_is_that_of_the_source_image(folded, is_plane):
         solution = solve(replace(folded.rig, pictures=(picture,)), ghosts="strongest")
     found = drain(warp_map(solution.first))
     places = np.stack([found.st[..., 0] * 64, (1 - found.st[..., 1]) * 64], axis=2)
-    sure = (solution.display_coverage > 1 - 1e-6) & (found.multiplicity > 0)
+    # quads of two sizes leave up to 1e-4 of a pixel between them
+    sure = (solution.display_coverage > 1 - 1e-4) & (found.multiplicity > 0)
     sure &= ((places > 3) & (places < 61)).all(axis=2)
     off = np.abs(solution.source[..., :2] - places)[sure].max(axis=1)
     assert sure.sum() > 90
