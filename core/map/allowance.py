@@ -1,5 +1,8 @@
 """How many rays may a viewer pixel take? So many times Effort, whatever the glass is.
 
+Where the display has more pixels than the viewer's image they are for each of those that there are
+for a viewer's pixel: fewer, and samples in the place of cells, would leave holes between them.
+
 Rays are counted where they start. Before borders are looked for, or a cell is quartered, the most
 rays are known that this takes in each pixel; where they are more than are left, no ray of them is
 traced. So the bound holds for every pixel, and what is sampled instead depends on no other part of
@@ -18,7 +21,7 @@ from ..light.plan import Plan
 class AllowanceRule:
     """The most rays of a viewer pixel.
 
-    times_effort : so many times Effort
+    times_effort : so many times Effort, for each display pixel that there is for one of the viewer
     apart : of these, kept for rays that make no map: those that measure it, and look for glare
     """
 
@@ -27,6 +30,13 @@ class AllowanceRule:
 
 
 ALLOWANCE = AllowanceRule()
+
+
+def most_rays(plan: Plan) -> int:
+    """The most rays that a viewer pixel of a plan may take."""
+    viewer, display = plan.viewer, plan.rig.display
+    ratio = display.width * display.height // (viewer.width * viewer.height)
+    return ALLOWANCE.times_effort * plan.settings.effort * max(1, ratio)
 
 
 class Allowance:
@@ -39,7 +49,7 @@ class Allowance:
         self.along = plan.settings.samples_along
         self.kept = self.along**2
 
-        most = rule.times_effort * plan.settings.effort - rule.apart
+        most = most_rays(plan) - rule.apart
         # places on the lower and the right border are those of pixels beyond
         self.left = np.full((viewer.width + 1) * (viewer.height + 1), most, np.int64)
         self.take(view)

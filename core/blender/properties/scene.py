@@ -156,8 +156,8 @@ class KirikoScene(bpy.types.PropertyGroup):
     effort: IntProperty(
         name="Effort",
         description="Rays that sample a viewer pixel where light is chaotic, a square number; none"
-        " takes more than 24 times as many for its borders. Less is a faster, rougher draft; four"
-        " times as many halve the noise, and take up to four times as long",
+        " takes more than 24 times as many, unless the display is finer. Less is a faster, rougher"
+        " draft; four times as many halve the noise, and take up to four times as long",
         default=16,
         min=1,
         max=4096,
