@@ -3,7 +3,7 @@
 #include "kiriko.h"
 
 #define LEAST 1e-100 /* as in flat_picture.py */
-#define UPRIGHT 1e-3 /* as in picture.py; the next three as in pyramid.py, READS */
+#define UPRIGHT 1e-3 /* as in picture.py; the next three as in reads.py, READS */
 #define SIDE 0.9
 #define POINT_SIDE 0.2
 #define MOST_READS 4

@@ -27,26 +27,26 @@ import argparse
 import ctypes
 import gc
 import sys
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Generator
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter, process_time, thread_time
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kiriko.core import kernel
 from kiriko.core.image.ghosts import Paths
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.choices import measure_choices
-from kiriko.core.rig import Mesh, Rig, Viewer
+from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve import painting, progress, reach
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
+from known.counted_rays import counted_rays
 from known.guessed_rays import factors, guessed
 from known.reference_rigs import glass_rig
 
@@ -190,26 +190,6 @@ def print_light(arguments: argparse.Namespace) -> None:
         print(f"{name:<16}{100 * glare.share:8.1f}{share:12.1f}{told}  {glare.where}", flush=True)
 
 
-@contextmanager
-def counted(width: int, height: int) -> Iterator[NDArray[np.int64]]:
-    """Count the rays (h + 1, w + 1) that start in each viewer
-    pixel meanwhile, right and lower edges included.
-    """
-    counts = np.zeros((height + 1, width + 1), np.int64)
-    rays_of = Viewer.rays
-
-    def rays(viewer: Viewer, xy: NDArray) -> tuple[NDArray, NDArray]:
-        column, row = np.clip(np.floor(xy), 0, (width, height)).astype(np.int64).T
-        counts.ravel()[:] += np.bincount(row * (width + 1) + column, minlength=counts.size)
-        return rays_of(viewer, xy)
-
-    Viewer.rays = rays
-    try:
-        yield counts
-    finally:
-        Viewer.rays = rays_of
-
-
 def print_rays(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice on the rays of a viewer pixel."""
     print(
@@ -221,7 +201,7 @@ def print_rays(arguments: argparse.Namespace) -> None:
         mesh = made(name)
         for choice in arguments.surface:
             a_rig = rig_of(name, replace(mesh, surface=choice))
-            with counted(a_rig.viewer.width, a_rig.viewer.height) as counts:
+            with counted_rays(a_rig.viewer) as counts:
                 finish(Session().solve(a_rig, Settings(effort=arguments.effort)))
             several = counts[counts > 1]
             most = "".join(

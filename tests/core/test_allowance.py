@@ -3,7 +3,6 @@
 Rays are counted where they start, as they are asked of the viewer.
 """
 
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from unittest.mock import patch
@@ -16,9 +15,9 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.map import sampling
 from kiriko.core.map.allowance import ALLOWANCE, Allowance, most_rays
 from kiriko.core.map.view_map import NO_ERROR
-from kiriko.core.rig import Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
+from known.counted_rays import counted_rays
 from known.reference_rigs import ball_rig, bottle, box, cube_rig, glass_rig, icosphere, rig, torus
 from known.work import solve
 
@@ -41,27 +40,6 @@ HARD = {
 }
 
 
-@contextmanager
-def counted(viewer):
-    """Count the rays (h + 1, w + 1) that start in each pixel meanwhile, places on lower and
-    right borders in one more.
-    """
-    size = viewer.width, viewer.height
-    counts = np.zeros((size[1] + 1, size[0] + 1), int)
-    rays_of = Viewer.rays
-
-    def rays(viewer, xy):
-        column, row = np.clip(np.floor(xy), 0, size).astype(int).T
-        np.add.at(counts, (row, column), 1)
-        return rays_of(viewer, xy)
-
-    Viewer.rays = rays
-    try:
-        yield counts
-    finally:
-        Viewer.rays = rays_of
-
-
 def unmeasured(*_):
     """No errors, by no rays."""
     yield 0
@@ -71,7 +49,7 @@ def unmeasured(*_):
 def rays_of_pixels(a_rig, settings):
     """Rays of each pixel for its map alone."""
     plan = make_plan(a_rig, settings)
-    with counted(plan.viewer) as counts, patch.object(sampling, "measure", unmeasured):
+    with counted_rays(plan.viewer) as counts, patch.object(sampling, "measure", unmeasured):
         found = finish(sampling.sample(plan))
     assert counts.sum() == found.n_rays
     return counts
