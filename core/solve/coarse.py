@@ -1,6 +1,6 @@
 """First pictures: a rig seen by a viewer of few pixels is solved in a fraction of the time."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -9,12 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import KirikoError
+from ..errors import KirikoError, RigError
 from ..light.kept import Kept
 from ..rig import Display, Rig
 from ..settings import Settings
 from ..steps import at, finish
 from ..viewer import Viewer
+from .picture_coverage import check_seen
 from .session import Session
 from .solution import Solution
 
@@ -31,8 +32,14 @@ class Coarse:
     quartered twice where borders cross them took a bottle twice as long, and erred as much. A rig
     done before its first picture would be made needs none: the ball's is.
 
-    viewer_px : of the longer side of one viewer; several share the pixels that it would have
-    least_px : of each of many viewers
+    Of three viewers or more the one in the middle tells most, and the others light what it does not
+    see. Nine that shared its pixels took more than twice as long, and erred more. Two do share.
+
+    viewer_px : of the longer side of one viewer, or the one in the middle; else, and in later
+        pictures, several share the pixels that it would have
+    beside_px : of the longer side of those around it, and of all that share at the least
+    beside_weight : they count so many times less than the one in the middle
+    most_viewers : in a first picture, those furthest apart
     display_px : of the longer side
     finer : how much finer each picture is than the one before
     saves : how much finer the rig itself is, at the least, each way
@@ -41,7 +48,9 @@ class Coarse:
     """
 
     viewer_px: int = 36
-    least_px: int = 8
+    beside_px: int = 12
+    beside_weight: float = 0.01
+    most_viewers: int = 5
     display_px: int = 512
     tolerance_px: float = 2.0
     finer: int = 8
@@ -61,9 +70,7 @@ def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
 
     coarse_rig = replace(
         rig,
-        viewers=tuple(
-            _with_fewer_pixels(viewer, -(-_longer_side(viewer) // side)) for viewer in rig.viewers
-        ),
+        viewers=tuple(_of_side(viewer, side) for viewer in rig.viewers),
         displays=(_with_fewer_pixels(display, n),),
     )
 
@@ -73,6 +80,58 @@ def coarser(rig: Rig, settings: Settings, side: int) -> tuple[Rig, Settings]:
         margin=-(-settings.margin // n),
     )
     return coarse_rig, coarse_settings
+
+
+def coarsest(rig: Rig, settings: Settings) -> tuple[Rig, Settings]:
+    """The rig and the settings of the first picture.
+
+    Where one viewer counts more than all others by far, there is
+    nothing to settle that they disagree about.
+    """
+    if len(rig.viewers) < 3:
+        return coarser(rig, settings, shared_side(rig))
+
+    beside, settings = coarser(rig, settings, COARSE.beside_px)
+    middle, *others = _spread(rig.viewers)
+    blind = {k for k, viewer in enumerate(beside.viewers) if not _is_seen(rig, viewer)}
+
+    # none is left out that the rig would be refused for
+    chosen = blind.union(others[: COARSE.most_viewers - 1]) - {middle}
+    viewers = [
+        replace(beside.viewers[k], weight=COARSE.beside_weight * beside.viewers[k].weight)
+        for k in sorted(chosen)
+    ]
+    viewers.append(_of_side(rig.viewers[middle], COARSE.viewer_px))
+    return replace(beside, viewers=tuple(viewers)), replace(settings, disagreement="blended")
+
+
+def _spread(viewers: Sequence[Viewer]) -> list[int]:
+    """Numbers of viewers: first the one next to the middle of all, as they
+    count, then always the one that is furthest from all before.
+    """
+    places = np.array([viewer.position for viewer in viewers])
+    middle = np.average(places, axis=0, weights=[viewer.weight for viewer in viewers])
+    found = [int(np.linalg.norm(places - middle, axis=1).argmin())]
+    away = np.full(len(places), np.inf)
+    while len(found) < len(places):
+        away = np.minimum(away, np.linalg.norm(places - places[found[-1]], axis=1))
+        away[found] = -1.0
+        found.append(int(away.argmax()))
+    return found
+
+
+def _is_seen(rig: Rig, viewer: Viewer) -> bool:
+    """Does a viewer see the picture, with no glass in the way?"""
+    try:
+        check_seen(rig.place_of(viewer), viewer)
+    except RigError:
+        return False
+    return True
+
+
+def _of_side(viewer: Viewer, side: int) -> Viewer:
+    """A viewer of about `side` pixels."""
+    return _with_fewer_pixels(viewer, -(-_longer_side(viewer) // side))
 
 
 def _with_fewer_pixels(part: Sized, n: int) -> Sized:
@@ -85,9 +144,9 @@ def _longer_side(part: Viewer | Display) -> int:
     return max(part.width, part.height)
 
 
-def first_side(rig: Rig) -> int:
-    """Of the first picture, px."""
-    return max(COARSE.least_px, round(COARSE.viewer_px / len(rig.viewers) ** 0.5))
+def shared_side(rig: Rig) -> int:
+    """Of viewers that share the pixels of one of a first picture, px."""
+    return max(COARSE.beside_px, round(COARSE.viewer_px / len(rig.viewers) ** 0.5))
 
 
 def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
@@ -95,9 +154,9 @@ def ladder(rig: Rig, settings: Settings) -> list[tuple[Rig, Settings]]:
     itself, those before take a fraction of its time.
     """
     rungs = []
-    side = first_side(rig)
+    side = shared_side(rig)
     while COARSE.saves * side <= max(map(_longer_side, rig.viewers)):
-        rungs.append(coarser(rig, settings, side))
+        rungs.append(coarser(rig, settings, side) if rungs else coarsest(rig, settings))
         side *= COARSE.finer
     return [*rungs, (rig, settings)]
 
@@ -123,7 +182,7 @@ def check_light(kept: Kept, rig: Rig, settings: Settings) -> None:
     """
     session = Session(kept)
     try:
-        finish(session.glance(*coarser(rig, settings, first_side(rig))))
+        finish(session.glance(*coarser(rig, settings, shared_side(rig))))
     except KirikoError:  # in words of its own, and a coarse rig may miss light
         finish(session.solve(rig, settings))
 

@@ -8,6 +8,7 @@ from itertools import count
 import numpy as np
 import pytest
 
+from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.errors import RigError
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.planning import make_plan
@@ -206,3 +207,87 @@ def test_what_cannot_be_solved_shows_nothing(impatient):
             drain(in_sight(rig, Session(), shown, **settings))
         assert str(found.value) == str(plain.value)
         assert not shown
+
+
+def nine(**options):
+    """A rig with a 3 x 3 grid of viewers, 60 mm each way."""
+    alone = a_rig(**options)
+    offsets = evenly((3, 3, 1), (0.06, 0.06, 0.0))
+    viewers = [viewer_at(alone.viewer, alone.picture_place, offset) for offset in offsets]
+    named = [replace(viewer, name=f"{k}") for k, viewer in enumerate(viewers)]
+    return replace(alone, viewers=tuple(named))
+
+
+def eroded(mask):
+    """A mask without the pixels next to others."""
+    padded = np.pad(mask, 1)
+    h, w = mask.shape
+    around = [padded[y : y + h, x : x + w] for y in range(3) for x in range(3)]
+    return np.logical_and.reduce(around)
+
+
+def test_a_first_picture_is_that_of_the_viewer_in_the_middle():
+    """Of nine viewers it has the middle one as if it were alone, and those at the corners."""
+    rig = nine()
+    first, settings = coarse.coarsest(rig, Settings(margin=3))
+    sizes = {viewer.name: (viewer.width, viewer.height) for viewer in first.viewers}
+    assert sizes == {"4": (32, 32)} | dict.fromkeys("0268", (12, 12))
+    assert {viewer.name: viewer.weight for viewer in first.viewers}["4"] == 1
+    assert settings == Settings(tolerance=2.0, margin=3, disagreement="blended")
+
+
+def test_who_counts_more_is_nearer_to_the_middle():
+    """Of three viewers in a row the last takes the middle's place where it counts for ten."""
+    row = replace(nine(), viewers=nine().viewers[3:6])
+    heavy = replace(row, viewers=(*row.viewers[:2], replace(row.viewers[2], weight=10.0)))
+    for rig, name in ((row, "4"), (heavy, "5")):
+        weights = {
+            viewer.name: viewer.weight for viewer in coarse.coarsest(rig, Settings())[0].viewers
+        }
+        assert max(weights, key=weights.get) == name
+
+
+def test_two_viewers_share_the_pixels_of_one():
+    """Neither is in the middle, and they are settled as in the rig itself."""
+    two = replace(nine(), viewers=nine().viewers[:2])
+    first, settings = coarse.coarsest(two, Settings())
+    assert [viewer.width for viewer in first.viewers] == [23, 23]
+    assert settings.disagreement == "sharp"
+
+
+def test_a_first_picture_shows_what_only_others_see():
+    """The viewer in the middle sees the middle of the display alone: beside it the others light
+    what the result lights, and where it sees anything the picture is its own, to a hundredth.
+    """
+    rig = nine()
+    narrow = replace(rig.viewers[4], window=tuple(0.3 * np.array(rig.viewers[4].window)))
+    rig = replace(rig, viewers=(*rig.viewers[:4], narrow, *rig.viewers[5:]))
+    image = np.ones((8, 8, 4), np.float32)
+    image[:4] = 0.5, 0.25, 1.0, 1.0
+    rig = replace(rig, pictures=(replace(rig.picture, image=image),))
+
+    def glance(viewers):
+        first, settings = coarse.coarsest(rig, Settings())
+        return drain(Session().glance(replace(first, viewers=viewers(first.viewers)), settings))
+
+    every = glance(lambda viewers: viewers)
+    alone = glance(lambda viewers: viewers[-1:])
+    is_lit = solve(rig).source.any(axis=2)
+    assert alone.any(axis=2)[is_lit].mean() < 0.5
+    assert every.any(axis=2)[is_lit].mean() > 0.95  # to the outline, known to a coarse pixel
+    inner = eroded(alone.any(axis=2))
+    assert np.abs(every - alone)[inner].max() < 0.02
+
+
+def test_a_viewer_who_sees_no_picture_is_not_left_out():
+    """So nothing is shown of a rig that is refused for it, as for no other fault."""
+    rig = nine()
+    away = replace(rig.viewers[1], axes=rig.viewers[1].axes * [[1], [-1], [-1]], name="away")
+    rig = replace(rig, viewers=(rig.viewers[0], away, *rig.viewers[2:]))
+    first, settings = coarse.coarsest(rig, Settings())
+    assert "away" in {viewer.name for viewer in first.viewers}
+    with pytest.raises(RigError) as found:
+        drain(Session().glance(first, settings))
+    with pytest.raises(RigError) as plain:
+        solve(rig)
+    assert str(found.value) == str(plain.value)
