@@ -12,6 +12,9 @@
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
 #define STRIPE 1024     /* pixels */
 
+/* The four numbers of a pixel, which lie anywhere in memory. */
+typedef float Colour __attribute__((vector_size(16), aligned(4), may_alias));
+
 /* A picture's sizes, and how many pixels of each there are for one of the picture. */
 typedef struct {
     const Level *levels;
@@ -126,7 +129,7 @@ typedef struct {
 static Side find_side(double length) {
     double apart = clip(length / POINT_SIDE - 1, 0, 1), more = clip(length / SIDE - 2, 0, 1);
     if (apart <= 0) return (Side){.n = 1, .step = {0}};
-    double far = sqrt(apart / (1 + 0.25 * more * more)), near = 0.5 * more * far;
+    double far = apart < 1 || more > 0 ? sqrt(apart / (1 + 0.25 * more * more)) : 1, near = 0.5 * more * far;
     if (more <= 0) return (Side){.n = 2, .step = {-far, far}};
     return (Side){.n = 4, .step = {-far - near, -far + near, far - near, far + near}};
 }
@@ -166,17 +169,25 @@ static void read_share(const Reader *reader, const Footprint *f, Taps *taps) {
     }
 }
 
-/* Add what a tap reads to a display pixel. */
-static void add_tap(const Level *levels, const Tap *tap, double *total, int64_t n_pixels, int64_t pixel) {
-    const Level *level = levels + tap->level;
-    const float *upper = level->pixels + tap->row * level->stride + 4 * (int64_t)tap->column;
-    const float *lower = level->height > 1 ? upper + level->stride : upper;
-    int64_t right = level->width > 1 ? 4 : 0;
-    const float *at[4] = {upper, upper + right, lower, lower + right};
-    float colour[4] = {0, 0, 0, 0};
-    for (int k = 0; k < 4; k++)
-        for (int channel = 0; channel < 4; channel++) colour[channel] += tap->weight[k] * at[k][channel];
-    for (int channel = 0; channel < 3; channel++) total[channel * n_pixels + pixel] += (double)colour[channel];
+/* Add what some taps read, one after another, to a display pixel. */
+static inline void add_taps(const Level *levels, const Tap *taps, int64_t n, double *total, int64_t n_pixels) {
+    double red = total[0], green = total[n_pixels], blue = total[2 * n_pixels];
+    for (const Tap *tap = taps; tap < taps + n; tap++) {
+        const Level *level = levels + tap->level;
+        const float *upper = level->pixels + tap->row * level->stride + 4 * (int64_t)tap->column;
+        const float *lower = level->height > 1 ? upper + level->stride : upper;
+        int64_t right = level->width > 1 ? 4 : 0;
+        Colour colour = tap->weight[0] * *(const Colour *)upper;
+        colour += tap->weight[1] * *(const Colour *)(upper + right);
+        colour += tap->weight[2] * *(const Colour *)lower;
+        colour += tap->weight[3] * *(const Colour *)(lower + right);
+        red += (double)colour[0];
+        green += (double)colour[1];
+        blue += (double)colour[2];
+    }
+    total[0] = red;
+    total[n_pixels] = green;
+    total[2 * n_pixels] = blue;
 }
 
 /* Shares that are painted, or whose taps are counted or kept for the next picture: a pixel's one after another. */
@@ -204,11 +215,11 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
         Taps taps; /* of which only the first n are set */
         taps.n = 0;
         read_share(&canvas->reader, &footprint, &taps);
+        if (canvas->total) {
+            add_taps(canvas->reader.levels, taps.tap, taps.n, canvas->total + pixel, n_pixels);
+            continue;
+        }
         for (int k = 0; k < taps.n; k++) {
-            if (canvas->total) {
-                add_tap(canvas->reader.levels, taps.tap + k, canvas->total, n_pixels, pixel);
-                continue;
-            }
             taps.tap[k].pixel = (int32_t)pixel;
             int64_t *n = canvas->n + (pixel - canvas->low);
             if (canvas->taps) canvas->taps[*n] = taps.tap[k];
@@ -258,7 +269,7 @@ typedef struct {
 static void paint_kept(void *context, int64_t first, int64_t last) {
     const Kept *kept = context;
     for (int64_t i = kept->first[first]; i < kept->first[last]; i++)
-        add_tap(kept->levels, kept->taps + i, kept->total, kept->n_pixels, kept->taps[i].pixel);
+        add_taps(kept->levels, kept->taps + i, 1, kept->total + kept->taps[i].pixel, kept->n_pixels);
 }
 
 /* The same as kiriko_paint, by taps that were found; `first` has those of each stripe of pixels, and one more. */
