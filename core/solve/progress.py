@@ -64,6 +64,7 @@ class Pace:
     search : what each of a map's searches takes besides, however few its rays are, for
         each pause that the first squares took: in small batches all events take their time
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
+    after_view_pixel : of the work after tracing but for measuring, a viewer pixel, lit or not
     covered_pixel, covered_point : to find how much of the picture is shown, a viewer
         pixel and a point of the map
     """
@@ -75,7 +76,8 @@ class Pace:
     painted_pixel: float
     painted_cell: float
     painted_share: float
-    covered_pixel: float = 0.1e-6
+    after_view_pixel: float = 0.1e-6
+    covered_pixel: float = 0.06e-6
     covered_point: float = 0.05e-6
 
     def through(self, plan: Plan) -> GlassPace:
@@ -87,9 +89,9 @@ class Pace:
 
 STAGES = Stages()
 PACE = Pace(
-    flat=GlassPace(1.0, 0.9e-6, 0.05e-6, 0.005, 2e3),
-    curved=GlassPace(1.5, 1.7e-6, 1.5e-6, 0.0, 5e3),
-    bent=GlassPace(1.5, 0.57e-6, 1e-6, 0.07, 13e3),
+    flat=GlassPace(1.0, 0.9e-6, 0.05e-6, 0.005, 1e3),
+    curved=GlassPace(1.5, 1.7e-6, 1.2e-6, 0.0, 2.5e3),
+    bent=GlassPace(1.5, 0.57e-6, 1e-6, 0.03, 12e3),
     search=0.25e-3,
     painted_pixel=0.06e-6,
     painted_cell=0.3e-6,
@@ -206,7 +208,7 @@ class Ahead:
         n_pixels = viewer.width * viewer.height
         painted = times_slower() * (
             self._through.after_pixel * rays.lit * max(n_pixels, display.width * display.height)
-            + self._of.covered_pixel * n_pixels
+            + self._of.after_view_pixel * n_pixels
             + self._through.after_ray * rays.expected
         )
         of_ray = (so_far + to_trace) / rays.expected
