@@ -11,7 +11,7 @@ from .. import kernel
 from ..arrays import Floats, is_frozen
 from ..errors import RigError
 from .picture import POINTS_AT_ONCE, PicturePoints
-from .reads import reads_of
+from .reads import READS, Reads, reads_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,14 @@ class Taps:
     weight: NDArray[np.float32]
 
 
-def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
+def find_taps(
+    points: PicturePoints, weight: Floats, size: tuple[int, int], reads: Reads = READS
+) -> Taps:
     """How colours are read, times weight (n,), at points of a picture of a size (width, height).
 
     A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all,
     a variance of 4^k / 4 - 1 / 12 of the picture's pixels. A footprint is read at as many places of
-    the full size as its sides need, and from four along each on at smaller sizes: two levels are
+    the full size as its sides need, and beyond the most of them at smaller sizes: two levels are
     mixed so that with the places' variance it is the footprint's.
     """
     sizes = _level_sizes(size)
@@ -49,7 +51,9 @@ def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> T
     seen = np.flatnonzero(weight > 0).astype(np.int32)
 
     for first in range(0, len(seen), POINTS_AT_ONCE):
-        some, x, y, part, variance = reads_of(points, seen[first : first + POINTS_AT_ONCE], weight)
+        some, x, y, part, variance = reads_of(
+            points, seen[first : first + POINTS_AT_ONCE], weight, reads
+        )
         relative = 1 + 4 * variance
         lower = np.minimum((np.frexp(relative)[1] - 1) // 2, last)
         upper_part = np.clip((np.ldexp(relative, -2 * lower) - 1) / 3, 0, 1) * (lower < last)
@@ -156,9 +160,9 @@ class Pyramid:
                     value += numbers[step + channel :].take(at) * weight
         return values
 
-    def sample(self, points: PicturePoints) -> Floats:
+    def sample(self, points: PicturePoints, reads: Reads = READS) -> Floats:
         """Linear colours (n, 3) at points, over black."""
-        taps = find_taps(points, points.cover, self.levels[0].shape[1::-1])
+        taps = find_taps(points, points.cover, self.levels[0].shape[1::-1], reads)
         n = len(points.xy)
         return np.stack([np.bincount(taps.point, value, n) for value in self.read(taps)], axis=1)
 

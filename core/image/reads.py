@@ -3,10 +3,11 @@
 A footprint is the image of a small part of the viewer's image: about a parallelogram. It is divided
 into parts, which are read at their middles between the picture's pixels. So a share is read as
 finely as the picture is, and nothing of the picture is made blurred. Only footprints of more pixels
-than are read leave a rest to smaller sizes of the picture (pyramid.py).
+than are read leave a rest to smaller sizes of the picture (pyramid.py). The tolerance says how many
+reads a footprint is worth (`reads_at`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -22,26 +23,46 @@ from .picture import PicturePoints
 class Reads:
     """Into how many parts footprints are divided, each of which is read at its middle.
 
-    The error of a source image falls with them until what is left is the shape of shares that the
-    border of a display pixel cut.
+    The error of a source image falls with them until what is left is that of the map, and the shape
+    of shares that the border of a display pixel cut.
 
     Parameters
     ----------
-    side : picture px; up to twice as long a side is read at two places, a longer one at four, which
-        are as far apart from three times on
+    side : picture px; up to twice as long a side is read at two places, up to four times as long at
+        four, a longer one at eight
+    apart : sides beyond two over which each of two places becomes two, and twice as many beyond
+        four: gradually, but soon, for until then they read nearly the same
     point_side : picture px; a shorter side is a point, and one of twice as much as long as it is
-    most_reads : along a side
+    most_reads : along a side, 4 or 8
+    fine_tolerance_px : display px; these reads are for finer tolerances
+    coarse_side, coarse_reads : in place of side and most_reads for others
     """
 
     side: float = 0.9
+    apart: float = 0.25
     point_side: float = 0.2
-    most_reads: int = 4
+    most_reads: int = 8
+    fine_tolerance_px: float = 0.2
+    coarse_side: float = 1.0
+    coarse_reads: int = 4
 
 
 READS = Reads()
 
-# signs of the far and the near step of each read along a side, by their number
-STEPS_BY_NUMBER = {1: ((0, 0),), 2: ((-1, 0), (1, 0)), 4: ((-1, -1), (-1, 1), (1, -1), (1, 1))}
+# signs of the far, the near and the nearest step of each read along a side, by their number
+STEPS_BY_NUMBER = {
+    1: ((0, 0, 0),),
+    2: ((-1, 0, 0), (1, 0, 0)),
+    4: tuple((far, near, 0) for far, near in product((-1, 1), repeat=2)),
+    8: tuple(product((-1, 1), repeat=3)),
+}
+
+
+def reads_at(tolerance: float) -> Reads:
+    """The reads that a tolerance, display px, is worth."""
+    if tolerance < READS.fine_tolerance_px:
+        return READS
+    return replace(READS, side=READS.coarse_side, most_reads=READS.coarse_reads)
 
 
 class FootprintReads(NamedTuple):
@@ -60,17 +81,18 @@ class FootprintReads(NamedTuple):
 class _Side(NamedTuple):
     """How footprints are read along a side of theirs.
 
-    number : (n,) of places, 1, 2 or 4
-    far, near : (n,) standard deviations, from the middle to each pair of them or to each of two,
-        and from there to each of four
+    number : (n,) of places, 1, 2, 4 or 8
+    steps : far, near and nearest (n,), standard deviations: from the middle to each half of them,
+        from there to each quarter, and to each of eight
     """
 
     number: NDArray[np.integer]
-    far: Floats
-    near: Floats
+    steps: tuple[Floats, Floats, Floats]
 
 
-def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> FootprintReads:
+def reads_of(
+    points: PicturePoints, some: NDArray[np.int32], weight: Floats, reads: Reads
+) -> FootprintReads:
     """Where some points are read.
 
     Reads come apart gradually, so that a footprint that rounding changes is read at the same places
@@ -81,9 +103,9 @@ def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> 
     part = weight[some]
     axes = points.axes[:, some]
     sides = [np.sqrt(12 * (axes[k] * axes[k] + axes[k + 1] * axes[k + 1])) for k in (0, 2)]
-    first, second = (_along(side) for side in sides)
+    first, second = (_along(side, reads) for side in sides)
 
-    left = _left_to_levels(axes, np.minimum(*sides))
+    left = _left_to_levels(axes, np.minimum(*sides), reads)
     rows = np.flatnonzero(left > 0)
     axes[:, rows] = _without(axes[:, rows], left[rows])
 
@@ -93,7 +115,10 @@ def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> 
         if len(rows) == 0:
             continue
         steps_along, steps_across = (
-            [far * side.far[rows] + near * side.near[rows] for far, near in STEPS_BY_NUMBER[number]]
+            [
+                sum(sign * step[rows] for sign, step in zip(signs, side.steps, strict=True))
+                for signs in STEPS_BY_NUMBER[number]
+            ]
             for side, number in ((first, n), (second, m))
         )
         first_x, first_y, second_x, second_y = axes[:, rows]
@@ -103,20 +128,23 @@ def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> 
     return FootprintReads(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
-def _along(side: Floats) -> _Side:
+def _along(side: Floats, reads: Reads) -> _Side:
     """How sides (n,), picture px, are read: as many places as they need, with their variance."""
-    apart = np.clip(side / READS.point_side - 1, 0, 1)
-    more = np.clip(side / READS.side - 2, 0, 1)
-    far = np.sqrt(apart / (1 + 0.25 * more * more))
-    return _Side(np.where(more > 0, 4, np.where(apart > 0, 2, 1)), far, 0.5 * more * far)
+    two = np.clip(side / reads.point_side - 1, 0, 1)
+    relative = side / reads.side
+    four = np.clip((relative - 2) / reads.apart, 0, 1)
+    eight = np.clip((relative / 2 - 2) / reads.apart, 0, 1) * (reads.most_reads > 4)
+    far = np.sqrt(two / (1 + four * four / 4 + eight * eight / 16))
+    number = np.where(eight > 0, 8, np.where(four > 0, 4, np.where(two > 0, 2, 1)))
+    return _Side(number, (far, four * far / 2, eight * far / 4))
 
 
-def _left_to_levels(axes: Floats, shorter: Floats) -> Floats:
+def _left_to_levels(axes: Floats, shorter: Floats, reads: Reads) -> Floats:
     """The variance (n,) along each axis that smaller sizes of the picture add to each of the most
     reads, of footprints with axes (4, n) and a shorter side (n,).
     """
-    each = shorter / READS.most_reads
-    left = np.maximum(each * each - READS.side * READS.side, 0) / 12
+    each = shorter / reads.most_reads
+    left = np.maximum(each * each - reads.side * reads.side, 0) / 12
     # no more than the footprint has in its narrowest direction, which is not that of its sides
     # where they are askew
     first_x, first_y, second_x, second_y = axes

@@ -20,6 +20,7 @@ from .flat_picture import flat_way
 from .picture import picture_from_view
 from .pyramid import Pyramid, Taps, find_taps
 from .pyramids import pyramids_of
+from .reads import READS, Reads
 
 Strokes = Taps | kernel.FlatStrokes
 
@@ -73,7 +74,9 @@ class Painting:
         return grow(image, covered, margin, is_free)
 
 
-def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
+def find_strokes(
+    place: PicturePlace, viewer: Viewer, shares: Shares, reads: Reads = READS
+) -> Strokes:
     """How the sums area * T * colour of display pixels are read
     from a picture in its place: taps whose points are display pixels.
 
@@ -83,13 +86,13 @@ def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes
     """
     way = flat_way(place, viewer) if kernel.library() is not None else None
     if way is not None:
-        return kernel.FlatStrokes(shares, way, (place.width, place.height))
+        return kernel.FlatStrokes(shares, way, (place.width, place.height), reads)
 
     points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:
         weight *= shares.throughput
-    taps = find_taps(points, weight, (place.width, place.height))
+    taps = find_taps(points, weight, (place.width, place.height), reads)
     return replace(taps, point=shares.display_index[taps.point])
 
 

@@ -178,6 +178,8 @@ typedef struct {
     int64_t n;
     double matrix[9];                  /* from viewer px to the picture's UV */
     double low[2], high[2], size[2];   /* of the picture, in UV; its pixels */
+    double side;                       /* picture px, and at how many places a share is read along a side at the most: */
+    int64_t most_reads;                /* as in reads.py */
 } Strokes;
 
 /* A picture at one of its sizes. */

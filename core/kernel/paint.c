@@ -4,9 +4,9 @@
 
 #define LEAST 1e-100 /* as in flat_picture.py */
 #define UPRIGHT 1e-3 /* as in picture.py; the next three as in reads.py, READS */
-#define SIDE 0.9
+#define APART 0.25
 #define POINT_SIDE 0.2
-#define MOST_READS 4
+#define MOST_READS 8
 #define MOST_LEVELS 64
 #define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
@@ -74,7 +74,7 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     return across * along >= 0.5 && f->weight > 0;
 }
 
-/* What a share reads of a picture: at most four places along each side, each on two levels. */
+/* What a share reads of a picture: at most eight places along each side, each on two levels. */
 typedef struct {
     Tap tap[MOST_TAPS];
     int n;
@@ -126,18 +126,25 @@ typedef struct {
     double step[MOST_READS];
 } Side;
 
-static Side find_side(double length) {
-    double apart = clip(length / POINT_SIDE - 1, 0, 1), more = clip(length / SIDE - 2, 0, 1);
-    if (apart <= 0) return (Side){.n = 1, .step = {0}};
-    double far = apart < 1 || more > 0 ? sqrt(apart / (1 + 0.25 * more * more)) : 1, near = 0.5 * more * far;
-    if (more <= 0) return (Side){.n = 2, .step = {-far, far}};
-    return (Side){.n = 4, .step = {-far - near, -far + near, far - near, far + near}};
+static Side find_side(double length, const Strokes *strokes) {
+    double two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
+    double four = clip((relative - 2) / APART, 0, 1);
+    double eight = strokes->most_reads > 4 ? clip((relative / 2 - 2) / APART, 0, 1) : 0;
+    Side side;
+    side.n = eight > 0 ? 8 : four > 0 ? 4 : two > 0 ? 2 : 1;
+    double far = two < 1 || four > 0 ? sqrt(two / (1 + four * four / 4 + eight * eight / 16)) : 1;
+    const double steps[3] = {far, four * far / 2, eight * far / 4};
+    for (int k = 0; k < side.n; k++) {
+        side.step[k] = 0;
+        for (int i = 0, half = side.n / 2; half > 0; i++, half /= 2) side.step[k] += k & half ? steps[i] : -steps[i];
+    }
+    return side;
 }
 
 /* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
    shorter, so that the places have the rest. */
-static double leave_to_levels(double *first, double *second, double shorter) {
-    double each = shorter / MOST_READS, left = (each * each - SIDE * SIDE) / 12;
+static double leave_to_levels(double *first, double *second, double shorter, const Strokes *strokes) {
+    double each = shorter / (double)strokes->most_reads, left = (each * each - strokes->side * strokes->side) / 12;
     if (!(left > 0)) return 0;
     double of_first = first[0] * first[0] + first[1] * first[1], of_second = second[0] * second[0] + second[1] * second[1];
     double area = first[0] * second[1] - first[1] * second[0], both = of_first + of_second;
@@ -155,12 +162,12 @@ static double leave_to_levels(double *first, double *second, double shorter) {
 }
 
 /* Read a share at as many places as its sides need. */
-static void read_share(const Reader *reader, const Footprint *f, Taps *taps) {
+static void read_share(const Strokes *strokes, const Reader *reader, const Footprint *f, Taps *taps) {
     double first[2] = {f->first[0], f->first[1]}, second[2] = {f->second[0], f->second[1]};
     double length = sqrt(12 * (first[0] * first[0] + first[1] * first[1]));
     double width = sqrt(12 * (second[0] * second[0] + second[1] * second[1]));
-    Side along = find_side(length), across = find_side(width);
-    Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width));
+    Side along = find_side(length, strokes), across = find_side(width, strokes);
+    Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width, strokes));
     double weight = f->weight / (along.n * across.n);
     for (int i = 0; i < along.n; i++) {
         double x = f->at[0] + along.step[i] * first[0], y = f->at[1] + along.step[i] * first[1];
@@ -214,7 +221,7 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
         if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
         Taps taps; /* of which only the first n are set */
         taps.n = 0;
-        read_share(&canvas->reader, &footprint, &taps);
+        read_share(strokes, &canvas->reader, &footprint, &taps);
         if (canvas->total) {
             add_taps(canvas->reader.levels, taps.tap, taps.n, canvas->total + pixel, n_pixels);
             continue;

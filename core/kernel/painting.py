@@ -16,6 +16,7 @@ from .structures import TAP, LevelStructure, Made, StrokesStructure
 
 if TYPE_CHECKING:
     from ..image.flat_picture import FlatWay
+    from ..image.reads import Reads
     from ..map.shares import Shares
 
 
@@ -34,9 +35,12 @@ class FlatStrokes:
     ----------
     way : from the viewer's pixels to the picture's UV
     size : (width, height) of the picture, px
+    reads : how finely shares are read
     """
 
-    def __init__(self, shares: "Shares", way: "FlatWay", size: tuple[int, int]) -> None:
+    def __init__(
+        self, shares: "Shares", way: "FlatWay", size: tuple[int, int], reads: "Reads"
+    ) -> None:
         self.made = made = Made(StrokesStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
@@ -60,6 +64,8 @@ class FlatStrokes:
             low=way.low,
             high=way.high,
             size=np.array(size, float),
+            side=reads.side,
+            most_reads=reads.most_reads,
         )
 
 

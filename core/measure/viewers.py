@@ -17,6 +17,7 @@ from ..image.flat_picture import view_of_picture
 from ..image.picture import cover_in_view
 from ..image.pyramid import Pyramid
 from ..image.pyramids import pyramids_of
+from ..image.reads import reads_at
 from ..image.source_image import Painting, find_strokes
 from ..light.landings import main_landings
 from ..light.trace import trace_all
@@ -252,7 +253,8 @@ def _asked_for(channel: Channel, pyramid: Pyramid) -> Floats:
     """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
     painting = Painting(channel.shares.display_size)
     place = channel.plan.rig.place_of(channel.viewer)
+    reads = reads_at(channel.view_map.tolerance)
     for shares in channel.shares:
         shown = channel.shown(shares)
-        painting.add(pyramid, find_strokes(place, channel.viewer, shown))
+        painting.add(pyramid, find_strokes(place, channel.viewer, shown, reads))
     return painting.finished(channel.coverage.weight).astype(float)

@@ -13,6 +13,7 @@ from ..image.asked import Asked, moved_in_view
 from ..image.ghosts import Paths
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
+from ..image.reads import Reads, reads_at
 from ..image.source_image import Painting, Strokes, find_strokes
 from ..map.pieces import Piece
 from ..map.share_batches import ShareBatches
@@ -33,6 +34,7 @@ MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
 class Placed:
     """The part of a channel that depends on the picture's place and size, but not on its colours.
 
+    reads : how finely shares are read
     seconds_to_paint : about, with all that comes with it
     cells, n_made : (n,) after how many cells how many shares are made, about
     coverage : complete when all shares were made once
@@ -45,6 +47,7 @@ class Placed:
     viewer: Viewer
     picture: PicturePlace
     shares: ShareBatches
+    reads: Reads
     seconds_to_paint: float
     cells: Floats
     n_made: Floats
@@ -164,7 +167,8 @@ def _add(
             yield told
 
         if strokes is None:
-            strokes = find_strokes(placed.picture, placed.viewer, placed.weighed(shown))
+            shown = placed.weighed(shown)
+            strokes = find_strokes(placed.picture, placed.viewer, shown, placed.reads)
             yield told
         if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
             placed.strokes.append(strokes)
@@ -188,15 +192,15 @@ def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Se
     # a guess at the shares that so many cells make
     cells, n_made = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
 
-    coverage = Coverage(shares.display_size, shares.view_size)
     return Placed(
         viewer=viewer,
         picture=picture,
         shares=shares,
+        reads=reads_at(view_map.tolerance),
         seconds_to_paint=seconds_to_paint(view_map),
         cells=cells,
         n_made=n_made,
-        coverage=coverage,
+        coverage=Coverage(shares.display_size, shares.view_size),
     )
 
 

@@ -9,10 +9,10 @@ from kiriko.core.arrays import frozen, is_frozen
 from kiriko.core.errors import RigError
 from kiriko.core.image import flat_picture
 from kiriko.core.image import picture as picture_module
-from kiriko.core.image import reads as reads_module
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from kiriko.core.image.pyramid import Pyramid
+from kiriko.core.image.reads import READS, reads_at, reads_of
 from kiriko.core.rig import Mesh, Picture, PicturePlace, Rig, Viewer
 from known.reference_rigs import lattice_image, rectangle
 
@@ -239,7 +239,13 @@ def test_a_picture_that_nobody_can_write_to_is_not_compared(monkeypatch):
     assert pyramid.is_of(whole)
 
 
-def level_by_level(image, points):
+# of a fine tolerance, and of a coarse one
+BOTH_READS = pytest.mark.parametrize(
+    "reads", [reads_at(0.1), reads_at(1.0)], ids=["fine", "coarse"]
+)
+
+
+def level_by_level(image, points, reads):
     """Colours (n, 3) of PicturePoints, one by one, from levels made
     of means of 2 x 2: the sizes are powers of two.
     """
@@ -274,8 +280,8 @@ def level_by_level(image, points):
 
     found = np.zeros((len(points.xy), 3))
     for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
-        axes, left = without_left(points.axes[:, i])
-        along = [along_side(np.hypot(*points.axes[k : k + 2, i])) for k in (0, 2)]
+        axes, left = without_left(points.axes[:, i], reads)
+        along = [along_side(np.hypot(*points.axes[k : k + 2, i]), reads) for k in (0, 2)]
         found[i] = cover * sum(
             v * w * at_size(*(middle + axes @ (s, t)), left)
             for s, v in along[0]
@@ -285,30 +291,31 @@ def level_by_level(image, points):
     return found
 
 
-def along_side(deviation):
+def along_side(deviation, reads):
     """Steps, in standard deviations, and weights of the reads along a side of a footprint: two that
-    come apart from a point, then each of them again. Their variance is the side's.
+    come apart from a point, then each of them again, and once more where there may be eight. Their
+    variance is the side's.
     """
     side = np.sqrt(12) * deviation
-    knobs = reads_module.READS
-    if side <= knobs.point_side:
+    if side <= reads.point_side:
         return [(0, 1)]
-    variance = min(side / knobs.point_side - 1, 1)
-    more = np.clip(side / knobs.side - 2, 0, 1)
-    steps = np.array([-2 - more, -2 + more, 2 - more, 2 + more] if more > 0 else [-2.0, 2.0])
+    variance = min(side / reads.point_side - 1, 1)
+    steps = np.array([-1.0, 1.0])
+    while 2 * len(steps) <= reads.most_reads and side > len(steps) * reads.side:
+        over = (side / (len(steps) * reads.side) - 1) * 2 / reads.apart
+        steps = np.array([2 * step + end * min(over, 1) for step in steps for end in (-1, 1)])
     steps *= np.sqrt(variance / (steps**2).mean())
     return [(step, 1 / len(steps)) for step in steps]
 
 
-def without_left(axes):
+def without_left(axes, reads):
     """Axes of a footprint, as a matrix, of which a variance is left to levels, and that variance:
     what a read stands for of the shorter side, over that at which there are as many as it takes.
     """
     axes = axes.reshape(2, 2).T
-    knobs = reads_module.READS
     shorter = np.sqrt(12) * np.hypot(*axes).min()
     most = 0.75 * np.linalg.det(axes) ** 2 / max((axes**2).sum(), 1e-100)
-    left = min(max((shorter / knobs.most_reads) ** 2 - knobs.side**2, 0) / 12, most)
+    left = min(max((shorter / reads.most_reads) ** 2 - reads.side**2, 0) / 12, most)
     if left > 0:
         axes = axes @ np.linalg.cholesky(np.eye(2) - left * np.linalg.inv(axes.T @ axes))
     return axes, left
@@ -332,7 +339,8 @@ def footprints(random, n, most=2.0):
     return np.stack([a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c])
 
 
-def test_points_are_read_as_one_by_one():
+@BOTH_READS
+def test_points_are_read_as_one_by_one(reads):
     """Any places and footprints, beyond the picture's edges and
     larger than it, too: single precision, 1e-6.
     """
@@ -345,29 +353,30 @@ def test_points_are_read_as_one_by_one():
         axes_of(footprints(random, n)),
     )
     np.testing.assert_allclose(
-        Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6
+        Pyramid(image).sample(points, reads), level_by_level(image, points, reads), atol=1e-6
     )
 
 
-def all_reads(axes):
+def all_reads(axes, reads):
     """Places (n, 2), weights (n,) and variances (n,) of the
     reads of one point at the origin of weight 1.
     """
     points = picture_module.PicturePoints(np.zeros((1, 2)), np.ones(1), np.reshape(axes, (4, 1)))
-    number, x, y, part, left = reads_module.reads_of(points, np.zeros(1, np.int32), np.ones(1))
+    number, x, y, part, left = reads_of(points, np.zeros(1, np.int32), np.ones(1), reads)
     assert (number == 0).all()
     return np.stack([x, y], axis=1), part, left
 
 
-def test_reads_reach_as_far_as_the_footprint():
+@BOTH_READS
+def test_reads_reach_as_far_as_the_footprint(reads):
     """All reads of a point together have its weight, its middle and its footprint's covariance, to
     rounding; sides that are nearly points have up to theirs.
     """
     random = np.random.default_rng(10)
-    counts = np.zeros(17, int)
+    counts = np.zeros(65, int)
     n_levels = 0
-    for axes in axes_of(footprints(random, 600, 1.5)).T:
-        places, weights, left = all_reads(axes)
+    for axes in axes_of(footprints(random, 1200, 1.5)).T:
+        places, weights, left = all_reads(axes, reads)
         counts[len(places)] += 1
         n_levels += left[0] > 0
         first, second = np.reshape(axes, (2, 2))
@@ -379,18 +388,25 @@ def test_reads_reach_as_far_as_the_footprint():
 
         missing = np.linalg.eigvalsh(covariance - found)
         sides = np.sqrt(12) * np.hypot(*np.reshape(axes, (2, 2)).T)
-        short = sides[sides < 2 * reads_module.READS.point_side]
+        short = sides[sides < 2 * reads.point_side]
         assert missing.min() > -1e-9 * size - 1e-15
         assert missing.max() < (short**2).sum() / 12 + 1e-9 * size + 1e-15
 
-    assert (counts[[1, 2, 4, 8, 16]] > 20).all()
+    numbers = 2 ** np.arange(2 * np.log2(reads.most_reads) + 1).astype(int)
+    assert (counts[numbers] > 20).all()
+    assert counts[numbers].sum() == 1200
     assert n_levels > 50
 
 
-def test_reads_do_not_jump():
+@BOTH_READS
+def test_reads_do_not_jump(reads):
     """From a point to a line, to a footprint that is read at many places, and on to one that leaves
     a part to levels, reads come apart gradually.
     """
+    n = 4001
+    t = np.linspace(0, 1, n)
+    unit = reads.most_reads * reads.side / 3.6  # picture px: footprints of 3.6 leave none yet
+    n_left = 0
     for path in (
         lambda t: (0.2 + t, 0.0, 0.2),
         lambda t: (0.1 + t, 0.0, 0.1 + t),
@@ -399,19 +415,23 @@ def test_reads_do_not_jump():
         lambda t: (0.02 * t, 0.0, 0.01 * t),
         lambda t: (0.9 + 0.3 * t, 0.1 * t, 0.95 + 0.3 * t),
     ):
-        before = None
-        for t in np.linspace(0, 1, 4001):
-            places, weights, left = all_reads(axes_of(np.reshape(path(t), (3, 1))))
-            # all moments up to the fourth along some directions tell where the weight is
-            along = places @ np.array([[1, 0], [0, 1], [0.6, 0.8], [0.8, -0.6]]).T
-            moments = np.concatenate([weights @ along**k for k in (1, 2, 3, 4)] + [left[:1]])
-            assert before is None or np.abs(moments - before).max() < 2e-3
-            before = moments
+        axes = unit * axes_of(np.stack([path(t)[k] + 0 * t for k in range(3)]))
+        points = picture_module.PicturePoints(np.zeros((n, 2)), np.ones(n), axes)
+        number, x, y, part, left = reads_of(points, np.arange(n, dtype=np.int32), np.ones(n), reads)
+        # all moments up to the fourth along some directions tell where the weight is
+        moments = [np.bincount(number, part * left, n) / unit**2]
+        for along_x, along_y in ((1, 0), (0, 1), (0.6, 0.8), (0.8, -0.6)):
+            along = (along_x * x + along_y * y) / unit
+            moments += [np.bincount(number, part * along**k, n) for k in (1, 2, 3, 4)]
+        assert np.abs(np.diff(moments, axis=1)).max() < 2e-3
+        n_left += left.max() > 0
+    assert n_left == 2
 
 
-def test_whole_quads_are_read_along_their_sides():
+@BOTH_READS
+def test_whole_quads_are_read_along_their_sides(reads):
     """A square of the viewer's image on a picture that is turned and seen askew: read at the
-    middles of sixteen parts of its image, which is a parallelogram.
+    middles of 16 or 64 parts of its image, which is a parallelogram.
     """
     by_x, by_y = np.array([1.3, 0.9]), np.array([-0.7, 1.5])
     side = 2.0
@@ -419,17 +439,18 @@ def test_whole_quads_are_read_along_their_sides():
     axes = picture_module._axes(covariance, by_x[:, None], by_y[:, None])
     shorter = np.hypot(*axes.reshape(2, 2).T).min() * np.sqrt(12)
     assert shorter == pytest.approx(side * np.hypot(*by_x))
-    factor = 3.9 * reads_module.READS.side / shorter  # before any of it is left to levels
-    places, weights, left = all_reads(axes * factor)
+    n = reads.most_reads
+    factor = 0.975 * n * reads.side / shorter  # before any of it is left to levels
+    places, weights, left = all_reads(axes * factor, reads)
     assert left[0] == 0
-    steps = np.array([-3, -1, 1, 3]) / 8
+    steps = (np.arange(n) + 0.5) / n - 0.5
     expected = [side * factor * (s * by_x + t * by_y) for s in steps for t in steps]
     order = np.lexsort(np.round(places, 6).T)
     expected = np.array(expected)
     expected = expected[np.lexsort(np.round(expected, 6).T)]
-    # of the uniform rule's variance 15 / 16 are the places', which have all of it
-    np.testing.assert_allclose(places[order], expected * np.sqrt(16 / 15), atol=1e-12)
-    np.testing.assert_allclose(weights, 1 / 16, atol=1e-15)
+    # of the uniform rule's variance 15 / 16, or 63 / 64, are the places', which have all of it
+    np.testing.assert_allclose(places[order], expected * np.sqrt(n * n / (n * n - 1)), atol=1e-12)
+    np.testing.assert_allclose(weights, 1 / n**2, atol=1e-15)
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():
@@ -469,8 +490,8 @@ def test_rounding_moves_no_read_of_a_line(degrees):
     s = np.sin(np.radians(degrees))
     for long in (0.2, 1.0, 18.0, 300.0):
         covariance = np.array([long * c * c + 0.1, long * c * s, long * s * s + 0.1])[:, None]
-        expected, *_ = all_reads(axes_of(covariance))
+        expected, *_ = all_reads(axes_of(covariance), READS)
         for _ in range(20):
             rounded = covariance * (1 + 1e-7 * random.uniform(-1, 1, (3, 1)))
-            places, *_ = all_reads(axes_of(rounded))
+            places, *_ = all_reads(axes_of(rounded), READS)
             assert np.abs(places - expected).max() < 1e-5 * np.sqrt(long)

@@ -68,7 +68,7 @@ def rings(number, size=512):
 
 
 @pytest.mark.parametrize(
-    ("number", "most", "falls_to"), [(24, 1e-3, 0.9), (60, 3.2e-3, 0.98)], ids=["24", "60"]
+    ("number", "most", "falls_to"), [(24, 0.8e-3, 0.8), (60, 2.2e-3, 0.7)], ids=["24", "60"]
 )
 def test_fine_rings_in_a_ball_are_off_by_little_and_by_less_at_a_finer_tolerance(
     number, most, falls_to
@@ -77,7 +77,8 @@ def test_fine_rings_in_a_ball_are_off_by_little_and_by_less_at_a_finer_tolerance
     against the closed form's integral of the picture between its pixels over display pixels.
 
     It is the rms over a seventh of all pixels. One read each along the picture's axes was off by
-    0.0027 and 0.0092. What is left are chords of quads, and the shapes of cut shares.
+    0.0027 and 0.0092. What is left at 0.1 px are reads of the longest sides, shares that are cut,
+    and a dozen pixels beside the ball's edge, where the map itself is 0.02 px off.
     """
     a_rig = ball_rig(5, pixels=128, display_pixels=128, image=rings(number))
     index = np.arange(3, 128 * 128, 7)
