@@ -182,8 +182,13 @@ def rays_of_cut(
         )
         rays += _of_edges(plan, n_edges, n_lit, of_edge, of_lit)
 
+    return Rays(rays, rays).and_more(rays_of_samples(plan, points, chaotic))
+
+
+def rays_of_samples(plan: Plan, points: Points, chaotic: Sequence[Ints]) -> Rays:
+    """To sample chaotic cells (c, 4)."""
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    rays += plan.settings.effort * sum(float((side**2).sum()) for side in sides)
+    rays = plan.settings.effort * sum(float((side**2).sum()) for side in sides)
     return Rays(rays, rays)
 
 

@@ -21,7 +21,7 @@ from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import CHECK, measure
 from .points import Paths, Points, is_in_image, is_seen, trace_points
-from .ray_guess import RAYS, Rays, RaysAhead, begun, rays_of_finest
+from .ray_guess import RAYS, Rays, RaysAhead, begun, rays_of_finest, rays_of_samples
 from .samples import sample_cells
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
@@ -258,6 +258,7 @@ class Sampling:
 
         steps = cut(self.plan, self.points, cells, square, self.ahead, self.quarterings)
         pieces = yield from steps
+        self.ahead.expect(rays_of_samples(self.plan, pieces.points, [pieces.chaotic]))
         chaotic = pieces.points.view[pieces.chaotic]
         sampling = sample_cells(self.plan, chaotic)
         samples, sample_area = yield from self.ahead.searching(sampling)

@@ -89,9 +89,9 @@ class Pace:
 
 STAGES = Stages()
 PACE = Pace(
-    flat=GlassPace(1.0, 0.9e-6, 0.05e-6, 0.005, 1e3),
-    curved=GlassPace(1.5, 1.7e-6, 1.2e-6, 0.0, 2.5e3),
-    bent=GlassPace(1.5, 0.57e-6, 1e-6, 0.05, 12e3),
+    flat=GlassPace(1.0, 0.8e-6, 0.05e-6, 0.005, 1e3),
+    curved=GlassPace(1.5, 1.7e-6, 1.4e-6, 0.0, 2.5e3),
+    bent=GlassPace(1.5, 0.57e-6, 1e-6, 0.045, 12e3),
     search=0.25e-3,
     painted_pixel=0.06e-6,
     painted_cell=0.3e-6,
@@ -101,7 +101,7 @@ NUMPY_PACE = Pace(
     flat=GlassPace(2.0, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
     curved=GlassPace(3.0, 4.6e-6, 5.5e-6, 0.03, 1e3),
     bent=GlassPace(4.0, 1.8e-6, 4.0e-6, 0.1, 2e3),
-    search=0.6e-3,
+    search=0.5e-3,
     painted_pixel=0.05e-6,
     painted_cell=0.3e-6,
     painted_share=0.7e-6,
