@@ -41,6 +41,8 @@ class Mesh:
         the artist gave none; they only say where the surface is smooth, and its own normals are
         found from the vertices
     rounding : m, by which vertices may be off because they were rounded
+    polygon : (t,) int or None, the polygon that each triangle is a part of: edges between two of
+        one polygon are its diagonals, which nobody drew. None: each triangle is one of its own
     """
 
     vertices: Floats
@@ -51,10 +53,11 @@ class Mesh:
     surface: SurfaceChoice = "smooth"
     has_mean_normals: bool = False
     rounding: float = 0.0
+    polygon: Ints | None = None
 
     def flat(self) -> "Mesh":
         """The same triangles, each flat whatever its shading."""
-        return replace(self, corner_normals=None, is_smooth=None)
+        return replace(self, corner_normals=None, is_smooth=None, polygon=None)
 
     @property
     def corners(self) -> Floats:

@@ -203,6 +203,14 @@ def read_local(
     return local.welded() if has_open_edges(mesh) and np.isfinite(vertices).all() else local
 
 
+def polygons_of(loops: NDArray[np.int32]) -> Ints:
+    """The polygon (t,) that each triangle is a part of, by its loops (t, 3): those of one polygon
+    follow each other, and each shares loops with the one before.
+    """
+    shared = loops[1:, :, None] == loops[:-1, None]
+    return np.cumsum(np.r_[False, ~shared.any(axis=(1, 2))][: len(loops)])
+
+
 def in_world(
     local: LocalMesh, matrix: Floats, surface: SurfaceChoice = "smooth"
 ) -> tuple[Mesh, int]:
@@ -249,7 +257,9 @@ def in_world(
     if is_smooth is not None:
         normals = world_normals(local.normals, linear).take(loops, axis=0)
 
+    # polygons tell which lines were drawn, where normals are to be found
     has_mean_normals = local.has_mean_normals and is_smooth is not None
+    polygon = polygons_of(loops) if has_mean_normals else None
     triangles = np.ascontiguousarray(triangles)
     return Mesh(
         vertices=vertices,
@@ -260,4 +270,5 @@ def in_world(
         surface=surface,
         has_mean_normals=has_mean_normals,
         rounding=rounding,
+        polygon=polygon,
     ), n_dropped

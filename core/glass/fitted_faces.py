@@ -10,8 +10,11 @@ from ..products import combine
 from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
 from .curved import FACES_AT_ONCE, MOST_OFFSET
+from .known import Known
+from .meshes import Edges
 from .quartics import (
     AT,
+    AT_NODES,
     FROM_NODES,
     N_NODES,
     N_TERMS,
@@ -145,26 +148,39 @@ class Faces:
     """Curved faces in the making.
 
     chosen (n,) numbers of their triangles; coefficients (n, 14, 3) m; own
-    (n, 15, 3) unit normals at nodes and corners; is_swollen (n,)
+    (n, 15, 3) unit normals at nodes and corners, and those that are meant, which are others where
+    it is known; is_swollen (n,)
     """
 
     chosen: Ints
     coefficients: Floats
     own: Floats
+    meant: Floats
     is_swollen: Bools
 
     def at(self, which: Bools) -> "Faces":
+        own = self.own[which]
         return Faces(
-            self.chosen[which], self.coefficients[which], self.own[which], self.is_swollen[which]
+            self.chosen[which],
+            self.coefficients[which],
+            own,
+            own if self.meant is self.own else self.meant[which],
+            self.is_swollen[which],
         )
 
 
 def fit_faces(
-    v: Vertices, fields: Fields, corners: Floats, facets: Floats, chosen: Ints
+    v: Vertices,
+    fields: Fields,
+    corners: Floats,
+    facets: Floats,
+    chosen: Ints,
+    known: Known | None,
 ) -> Pauses[tuple[Faces, Bools]]:
     """Faces over chosen triangles (n,), and which of them stay near their facets."""
     coefficients = np.empty((len(chosen), N_TERMS, 3))
     own = np.empty((len(chosen), len(AT), 3))
+    meant = own if known is None else np.empty_like(own)
     is_whole, is_swollen = np.empty((2, len(chosen)), bool)
 
     for k in range(0, len(chosen), FACES_AT_ONCE):
@@ -172,13 +188,70 @@ def fit_faces(
         at = taken(corners, chosen[some])
         of_corner = v.of_corner[chosen[some]]
 
-        offsets = _node_offsets(v, fields, of_corner)
+        if known is None:
+            offsets = _node_offsets(v, fields, of_corner)
+        else:
+            is_known = known.is_face[chosen[some]]
+            which = np.flatnonzero(is_known)
+            places, normals = known.faces(chosen[some][which])
+            offsets = np.empty((N_NODES, 3, len(at)))
+            away = places[:, :N_NODES] - np.matmul(NODES, at[which])
+            offsets[..., which] = away.transpose(1, 2, 0)
+            if len(which) < len(at):
+                offsets[..., ~is_known] = _node_offsets(v, fields, of_corner[~is_known])
+
         own[some] = _normals_at_nodes(offsets, at)
         is_whole[some] = _is_whole(offsets, at, own[some], taken(facets, chosen[some]))
         is_swollen[some] = _is_swollen(offsets, at, taken(v.normal, of_corner))
+
+        if known is not None:
+            meant[some] = own[some]
+            meant[k + which] = normals
+            is_swollen[k + which] = False
 
         fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
         coefficients[some] = fitted.transpose(2, 0, 1)
         yield 0
 
-    return Faces(chosen, coefficients, own, is_swollen), is_whole
+    return Faces(chosen, coefficients, own, meant, is_swollen), is_whole
+
+
+def made_to_meet(
+    faces: Faces, known: Known, edges: Edges, corners: Floats, facets: Floats
+) -> Bools:
+    """Let faces (n,) whose neighbours are better known take places on the edges between from them.
+
+    Returns which stay near their facets (n,). edges : those of triangles with corners (t, 3, 3) and
+    normals facets (t, 3) across which the surface runs on
+    """
+    row = np.full(len(corners), -1)
+    row[faces.chosen] = np.arange(len(faces.chosen))
+    rank = known.rank[faces.chosen]
+    f, s = row[edges.first], row[edges.second]
+    is_between = (f >= 0) & (s >= 0)
+    is_between[is_between] = rank[f[is_between]] != rank[s[is_between]]
+    f, s = f[is_between], s[is_between]
+    sides = edges.corner_first[is_between], edges.corner_second[is_between]
+
+    # by the nodes of those that change, and of those that stay
+    is_lower = rank[f] < rank[s]
+    changed, better = np.where(is_lower, (f, s), (s, f))
+    mine, theirs = np.where(is_lower, sides, sides[::-1])
+    which, place = np.unique(changed, return_inverse=True)
+    offsets = np.matmul(AT_NODES, faces.coefficients[which])
+    along = np.arange(3)
+    there = np.matmul(AT_NODES, faces.coefficients[better])
+    there = there[np.arange(len(better))[:, None], 3 * theirs[:, None] + 2 - along]
+    offsets[place[:, None], 3 * mine[:, None] + along] = there
+
+    at = taken(corners, faces.chosen[which])
+    faces.coefficients[which] = np.matmul(FROM_NODES, offsets)
+    own = _normals_at_nodes(np.ascontiguousarray(offsets.transpose(1, 2, 0)), at)
+    is_own = rank[which] == 0
+    faces.own[which] = own
+    faces.meant[which[is_own]] = own[is_own]
+    is_whole = np.ones(len(faces.chosen), bool)
+    is_whole[which] = _is_whole(
+        offsets.transpose(1, 2, 0), at, own, taken(facets, faces.chosen[which])
+    )
+    return is_whole

@@ -110,7 +110,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     bends = length_of(differences[2])
     least = LINES.straight * taken(size, v.start)
     phase = np.divide(bends, np.maximum(bend, least), out=np.zeros(len(least)), where=least > 0)
-    off, *off_knots = (_rms(differences[1:], together) for together in (SMOOTH, *SPLINES))
+    off, *off_knots = (off_lines(differences[1:], together) for together in (SMOOTH, *SPLINES))
     off = np.where(is_line, [off, np.min(off_knots, axis=0)], np.inf)
     yield 0
 
@@ -152,7 +152,7 @@ def _around(off: Floats, before: Ints) -> Floats:
     return around
 
 
-def _rms(differences: Floats, together: tuple[tuple[int, ...], ...]) -> Floats:
+def off_lines(differences: Floats, together: tuple[tuple[int, ...], ...]) -> Floats:
     """Root of the mean square (p,) of sums of fourth differences (3, p, 3), each of which is 1 for
     vertices that are off by 1 at random.
     """

@@ -50,6 +50,11 @@ class Edges:
     is_same_way: Bools
     n_open: int
 
+    def at(self, which: Bools) -> "Edges":
+        """Some of them."""
+        columns = self.first, self.second, self.corner_first, self.corner_second, self.is_same_way
+        return Edges(*(column[which] for column in columns), self.n_open)
+
 
 def find_edges(triangles: Ints) -> Edges:
     """Match the edges of triangles (t, 3) by their vertex

@@ -46,7 +46,8 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     if any(
         getattr(before, name) != getattr(after, name) for name in ("surface", "has_mean_normals")
     ) or not all(
-        _is_same(getattr(before, name), getattr(after, name)) for name in ("triangles", "is_smooth")
+        _is_same(getattr(before, name), getattr(after, name))
+        for name in ("triangles", "is_smooth", "polygon")
     ):
         return None
 

@@ -17,7 +17,8 @@ from ..steps import Pauses
 from ..vectors import length_of
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
-from .fitted_faces import Faces, fit_faces
+from .fitted_faces import Faces, fit_faces, made_to_meet
+from .known import Known, looking_for_known
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
 from .trust import Parts, are_trusted, whole_shells
@@ -52,6 +53,7 @@ class Drawn:
     corner_normals : (t, 3, 3) unit; a flat triangle has its own three times
     facets : (t, 3) normals of the triangles, unit
     edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
+    polygon : (t,) that each triangle is a part of; None where each is one of its own
     """
 
     vertices: Floats
@@ -60,6 +62,7 @@ class Drawn:
     facets: Floats
     edges: Edges
     is_joined: Bools
+    polygon: Ints | None
 
 
 def make_curved(
@@ -85,14 +88,13 @@ def make_curved(
     # the vertices, with normals that may be found from their places
     corners = taken(drawn.vertices, drawn.triangles)
     asked = wanted
-    v, given, wanted, is_used = yield from _find_normals(drawn, wanted, has_mean_normals)
+    found = yield from _find_normals(drawn, wanted, has_mean_normals)
+    v = found.v
 
     # a face over each triangle that does not contradict itself
-    wanted, flat_face = _in_agreement(v, drawn, wanted, asked, is_used)
+    wanted, flat_face = _in_agreement(found, drawn, asked)
     yield 0
-    fields = yield from fitting_fields(v, _are_corners(v, wanted))
-    chosen = np.flatnonzero(wanted)
-    faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen)
+    size, faces, is_whole = yield from _fit(found, drawn, corners, wanted)
 
     if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
         swollen = flat_face[faces.chosen[faces.is_swollen]]
@@ -107,7 +109,7 @@ def make_curved(
     # normals that agree at the edges, and faces that are trusted for it
     area = areas_of(corners)
     at_corners = taken(v.normal, v.of_corner[faces.chosen])
-    agreed = yield from agreeing(faces.own, at_corners, area[faces.chosen], beside)
+    agreed = yield from agreeing(faces.meant, at_corners, area[faces.chosen], beside)
     yield 0
     is_doubted = np.zeros(n_triangles, bool)
 
@@ -117,7 +119,9 @@ def make_curved(
         yield 0
         shell = whole_shells(drawn.triangles, asked, faces)
         yield 0
-        is_trusted = yield from are_trusted(v, fields.size, faces, trial, Parts(flat_face, shell))
+        is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
+        parts = Parts(flat_face, shell, is_known[faces.chosen])
+        is_trusted = yield from are_trusted(v, size, faces, trial, parts)
         if not is_trusted.all():
             is_doubted[faces.chosen] = ~is_trusted
             faces = faces.at(is_trusted)
@@ -127,12 +131,12 @@ def make_curved(
         return None, is_doubted
 
     # drawn faces have the normals that were given: so have the faces around its vertices
-    normal = _with_given(v, given, beside.row < 0)
+    normal = _with_given(v, found.given, beside.row < 0)
     vertex = v.of_corner[faces.chosen]
 
     if len(faces.chosen) < n_triangles:
         yield 0
-        agreed = yield from agreeing(faces.own, taken(normal, vertex), area[faces.chosen], beside)
+        agreed = yield from agreeing(faces.meant, taken(normal, vertex), area[faces.chosen], beside)
 
     yield 0
     return _put_together(corners, vertex, normal, faces, agreed, beside), is_doubted
@@ -140,17 +144,20 @@ def make_curved(
 
 class _Meant(NamedTuple):
     """The vertices of a mesh, with the normals that were meant; those given (f, 3); the triangles
-    (t,) that are wanted still; and the vertices (f,) at the corners of those wanted before.
+    (t,) that are wanted still; the vertices (f,) at the corners of those wanted before; and where
+    the surface is known.
     """
 
     v: Vertices
     given: Floats
     wanted: Bools
     is_used: Bools
+    known: Known | None
 
 
 def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses[_Meant]:
     """Vertices whose normals are found where they were means; wanted are those they fit."""
+    asked = wanted
     least = np.einsum("tij,tj->ti", drawn.corner_normals, drawn.facets).min(axis=1)
     wanted = wanted & (least > FIT.least_cosine)
     v = find_vertices(
@@ -165,14 +172,39 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses
     is_used = _are_corners(v, wanted)
     yield 0
 
+    known = None
     if has_mean_normals:
-        v = replace(v, normal=(yield from finding_normals(v, is_used)))
+        if drawn.polygon is not None:
+            known = yield from looking_for_known(v, drawn.edges, drawn.polygon, asked)
+        exact = np.full_like(given, np.nan) if known is None else known.normal
+        v = replace(v, normal=(yield from finding_normals(v, is_used, exact)))
         yield 0
         cosine = np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), drawn.facets)
         wanted &= (cosine > FIT.least_cosine).all(axis=1)
+        if known is not None:
+            wanted |= asked & known.is_face
 
     yield 0
-    return _Meant(v, given, wanted, is_used)
+    return _Meant(v, given, wanted, is_used, known)
+
+
+def _fit(
+    found: _Meant, drawn: Drawn, corners: Floats, wanted: Bools
+) -> Pauses[tuple[Floats, Faces, Bools]]:
+    """The sizes (f,) of vertices' fields, faces over wanted triangles (t,), with corners (t, 3, 3)
+    of all, and which of them stay near their facets.
+    """
+    v, known = found.v, found.known
+    chosen = np.flatnonzero(wanted)
+    if known is None:
+        fields = yield from fitting_fields(v, _are_corners(v, wanted))
+        return fields.size, *(yield from fit_faces(v, fields, corners, drawn.facets, chosen, None))
+
+    fields = yield from fitting_fields(v, _are_corners(v, wanted & ~known.is_face))
+    faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen, known)
+    joined = drawn.edges.at(drawn.is_joined)
+    is_whole &= made_to_meet(faces, known, joined, corners, drawn.facets)
+    return fields.size, faces, is_whole
 
 
 def _are_corners(v: Vertices, wanted: Bools) -> Bools:
@@ -187,23 +219,26 @@ def _with_given(v: Vertices, given: Floats, is_drawn: Bools) -> Floats:
     return np.where(_are_corners(v, is_drawn)[:, None], given, v.normal)
 
 
-def _in_agreement(
-    v: Vertices, drawn: Drawn, wanted: Bools, asked: Bools, is_used: Bools
-) -> tuple[Bools, Ints]:
+def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Ints]:
     """Which wanted triangles (t,) have normals that fit their
     shape; and the flat face (t,) that each is a part of.
 
-    asked : (t,) triangles that were wanted to begin with; is_used : vertices at their corners
+    asked : (t,) triangles that were wanted to begin with
     """
+    v, wanted = found.v, found.wanted
+
     # no edge of theirs turns as a bevel does
-    is_bad = contradicted(v, v.normal, is_used)
+    is_bad = contradicted(v, v.normal, found.is_used)
     if is_bad.any():
         n = len(v.at)
         start = v.start[is_bad]
         end = v.end[is_bad]
         bad = np.concatenate([start * n + end, end * n + start])
         along = v.of_corner * n + np.roll(v.of_corner, -1, axis=1)
-        wanted = wanted & ~np.isin(along, bad).any(axis=1)
+        is_bad = np.isin(along, bad).any(axis=1)
+        if found.known is not None:
+            is_bad &= ~found.known.is_face
+        wanted = wanted & ~is_bad
 
     # a flat face in parts is curved as a whole or not at all
     edges = drawn.edges

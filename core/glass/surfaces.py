@@ -145,6 +145,7 @@ def making_surface(
                 facets=normals,
                 edges=edges,
                 is_joined=is_joined,
+                polygon=None if mesh.polygon is None else mesh.polygon[chosen],
             )
             curved, is_doubted = yield from make_curved(
                 drawn, is_bent, mesh.has_mean_normals, mesh.surface == "automatic"

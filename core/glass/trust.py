@@ -14,12 +14,13 @@ from .vertices import Vertices
 
 
 class Parts(NamedTuple):
-    """The flat face (t,) that each triangle is a part of, and the whole shell (n,) of each curved
-    face, -1 where there is none.
+    """The flat face (t,) that each triangle is a part of; of each curved face (n,) the whole shell,
+    -1 where there is none, and whether it is on splines, and so known to be the surface meant.
     """
 
     flat_face: Ints
     shell: Ints
+    is_known: Bools
 
 
 def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
@@ -41,7 +42,7 @@ def are_trusted(
     All parts of a flat face, or none. size (f,) of the vertices' fields.
     """
     vertex = v.of_corner[faces.chosen]
-    is_near = trial.trusted(vertex)
+    is_near = trial.trusted(vertex) | parts.is_known
     if not is_near.all():
         yield 0
         lines = yield from look_along_lines(v, size)

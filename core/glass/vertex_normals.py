@@ -52,15 +52,17 @@ class NormalKnobs:
 NORMALS = NormalKnobs()
 
 
-def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
+def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]:
     """Normals (f, 3) of the surface through the vertices, where
-    the given ones are only means of the faces around.
+    the given ones are only means of the faces around, by those that are exact, NaN elsewhere.
 
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme:
     fourth order from one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at
     least halve the error.
     """
-    normal = v.normal.copy()
+    is_exact = ~np.isnan(exact[:, 0])
+    normal = np.where(is_exact[:, None], exact, v.normal)
+    wanted = wanted & ~is_exact
     if kernel.library() is not None:
         fit = kernel.Fit(v, tangent_planes(v))
         change = fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
@@ -80,6 +82,7 @@ def finding_normals(v: Vertices, wanted: Bools) -> Pauses[Floats]:
 
     # normals are found together: one far from the mean is no
     # better than the worst of its neighbours
+    is_near |= is_exact
     is_refused = ~(is_near | is_straight)
     has_refused = np.bincount(v.start, is_refused[v.end], len(v.at)) > 0
     is_believed = is_near | (is_straight & ~has_refused)

@@ -245,7 +245,10 @@ def evaluated(thing: bpy.types.Object, place: Matrix) -> Mesh:
 
 
 # of a mesh, as they are written
-PARTS = "vertices", "triangles", "corner_normals", "is_smooth", "has_mean_normals", "rounding"
+PARTS = (
+    *("vertices", "triangles", "corner_normals", "is_smooth", "has_mean_normals", "rounding"),
+    "polygon",
+)
 
 
 def main() -> None:

@@ -125,14 +125,14 @@ class Steps:
     @property
     def off(self) -> float:
         """How many times the rest of the time is longer or
-        shorter than the progress tells, from 10 % to 90 %.
+        shorter than the progress tells, from 10 % to 90 %; 1 where it tells nothing between.
         """
         told = np.array(self.told)
         seconds = np.array(self.seconds)
         some = (told >= 0.1) & (told <= 0.9)
         expected = seconds[:-1][some] * (1 / told[some] - 1)
         rest = seconds[-1] - seconds[:-1][some]
-        return float(np.maximum(expected / rest, rest / expected).max())
+        return float(np.maximum(expected / rest, rest / expected).max(initial=1.0))
 
 
 class Memory:

@@ -3,7 +3,8 @@ that was meant: what Subdivision goes towards, or the lathe of the same profile,
 
 `python3 scripts/dev.py meant [--glass NAME ...] [--levels N]`. Wine glass and bottle are Blender's,
 by so many levels of Subdivision; the judge is the limit of the same cage by known/catmull_clark.py.
-So are rings of 24 steps, with so many points around an uneven profile, made without Blender.
+So are rings of 24 steps, with so many points around an uneven profile, and bodies of so many steps
+that end on their axis, made without Blender.
 The vase is the curve of fourth degree through its profile's points, at so many of it and 32 steps
 around. Normals are means, and the judge's own are exact. Errors in display px, of random rays
 through the bench's viewer where the judge's map is smooth: a viewer pixel aside, each way, light
@@ -31,7 +32,14 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from known.catmull_clark import Cage, limit_mesh, ring_cage, uneven_profile
+from known.catmull_clark import (
+    LATHE,
+    Cage,
+    lathe_cage,
+    limit_mesh,
+    ring_cage,
+    uneven_profile,
+)
 from known.reference_rigs import glass_rig, mean_normals, split_quads
 
 from . import brought_glass as glasses
@@ -45,6 +53,7 @@ BENT = 1.0  # display px, from where light a pixel aside on both sides lets it b
 WALL = 0.002  # m, of the vase
 STEPS = 32
 RINGS = {4: 0, 5: 2, 6: 1, 8: 1}  # seeds of profiles of so many points
+LATHES = 12, 24
 
 
 def subdivided(name: str, levels: int) -> tuple[bpy.types.Object, Matrix]:
@@ -162,12 +171,21 @@ def all_meant(levels: int) -> dict[str, Meant]:
         for points, seed in RINGS.items()
         for cage in [ring_cage(uneven_profile(seed, points), 24)]
     }
+    lathes = {
+        f"lathe of {steps}": Meant(
+            kinds,
+            lambda k, cage=cage: mean_normals(limit_mesh(cage, k)),
+            lambda k, cage=cage: limit_mesh(cage, levels + k),
+        )
+        for steps in LATHES
+        for cage in [lathe_cage(LATHE, steps)]
+    }
     by_points = Meant(
         (5, 9, 17, 33),
         lambda points: vase(points, STEPS, own=False),
         lambda k: vase(64 * 2**k + 1, 2 * STEPS * 2**k, own=True),
     )
-    return by_levels | rings | {"vase": by_points}
+    return by_levels | rings | lathes | {"vase": by_points}
 
 
 def planned(mesh: Mesh, choice: str) -> Plan:

@@ -132,6 +132,47 @@ def test_normals_that_nobody_gave_are_means(read: Callable[[], Any]) -> None:
     assert not mesh.has_mean_normals
 
 
+def test_polygons_tell_which_edges_were_drawn(read: Callable[[], Any]) -> None:
+    """Triangles of one polygon follow each other, whichever way quads are split, and have the same
+    number in a mirrored mesh; polygons without area leave no gap that matters. Given normals need
+    none.
+    """
+    thing = smooth(
+        primitive("cone", segments=7, radius1=1.0, radius2=0.5, depth=1.0, cap_ends=True)
+    )
+    thing.scale.x = -1
+    mesh = read().rig.glasses[0].mesh
+    sizes = np.bincount(mesh.polygon)
+    assert sorted(sizes) == [2] * 7 + [5, 5]
+    assert (np.diff(mesh.polygon) >= 0).all()
+    for polygon, n in enumerate(sizes):
+        corners = mesh.triangles[mesh.polygon == polygon]
+        assert len(np.unique(corners)) == n + 2
+    thing.data.normals_split_custom_set_from_vertices(tilted(thing.data))
+    assert read().rig.glasses[0].mesh.polygon is None
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_subdivided_torus_lies_on_splines(
+    read: Callable[[], Any], kiriko: ModuleType, levels: int
+) -> None:
+    """With Blender's own vertices and polygons all of it is curved, and normals of faces agree, but
+    for float32.
+    """
+    major, minor = 16, 5
+    bpy.ops.mesh.primitive_torus_add(major_segments=major, minor_segments=minor)
+    thing = bpy.context.object
+    thing.data.shade_smooth()
+    thing.kiriko.role = "GLASS"
+    subdivide(thing).levels = levels
+    mesh = read().rig.glasses[0].mesh
+    assert mesh.polygon.max() + 1 == major * minor * 4**levels
+    make = importlib.import_module(f"{kiriko.__name__}.core.glass.surfaces").make_surface
+    surface = make(replace(mesh, surface="automatic"))
+    assert surface.n_curved == len(mesh.triangles)
+    assert surface.curved.jump.max() < 1e-5
+
+
 @pytest.mark.parametrize(
     "way", ["split", "float", "WEIGHTED_NORMAL", "NORMAL_EDIT", "DATA_TRANSFER", "BEVEL"]
 )

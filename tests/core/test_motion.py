@@ -42,11 +42,12 @@ def test_a_mirror_image_and_another_size_are_no_motion():
 
 
 @pytest.mark.parametrize(
-    "other", ["triangles", "is_smooth", "is_smooth, given", "surface", "has_mean_normals"]
+    "other",
+    ["triangles", "is_smooth", "is_smooth, given", "surface", "has_mean_normals", "polygon"],
 )
 def test_vertices_in_place_are_not_all(other):
     """Other triangles between the same vertices, other
-    shading, another surface that is meant: no motion.
+    shading, another surface that is meant, other polygons: no motion.
     """
     solid = box([0.05, 0.04, 0.03])
     changes = {
@@ -54,6 +55,7 @@ def test_vertices_in_place_are_not_all(other):
         "is_smooth": {"is_smooth": np.ones(len(solid.triangles), bool)},
         "surface": {"surface": "facets"},
         "has_mean_normals": {"has_mean_normals": True},
+        "polygon": {"polygon": np.arange(len(solid.triangles)) // 2},
     }
     before = (
         replace(solid, is_smooth=np.zeros(len(solid.triangles), bool)) if "," in other else solid

@@ -10,6 +10,9 @@ import numpy as np
 
 from kiriko.core.rig import Mesh
 
+# radius and height, m, of a body that ends on its axis
+LATHE = 1e-3 * np.array([(0, -18), (11, -15), (19, -7), (21, 2), (15, 11), (8, 14), (0, 18)])
+
 
 @dataclass(frozen=True, eq=False)
 class Cage:
@@ -113,7 +116,10 @@ def limit_mesh(cage, levels):
     places, normals = limit(cage)
     quads = cage.start.reshape(-1, 4)
     triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    return Mesh(places, triangles, normals[triangles], np.ones(len(triangles), bool))
+    polygon = np.arange(len(triangles)) // 2
+    return Mesh(
+        places, triangles, normals[triangles], np.ones(len(triangles), bool), polygon=polygon
+    )
 
 
 def ring_cage(profile, n):
@@ -125,6 +131,26 @@ def ring_cage(profile, n):
     on, up = np.roll(index, -1, axis=0), np.roll(index, -1, axis=1)
     quads = np.stack([index, on, np.roll(on, -1, axis=1), up], axis=-1)
     return Cage.of(grid.reshape(-1, 3), np.full(index.size, 4), quads.ravel())
+
+
+def lathe_cage(profile, n):
+    """A closed cage around the y axis, whose ends are fans of triangles around poles."""
+    ring = ring_cage(profile[1:-1], n)
+    m = len(profile) - 2
+    quads = ring.start.reshape(n, m, 4)[:, :-1].reshape(-1, 4)
+    index = np.arange(n * m).reshape(n, m)
+    on = np.roll(index, -1, axis=0)
+    below, above = np.full(n, n * m), np.full(n, n * m + 1)
+    fans = [
+        np.stack([below, on[:, 0], index[:, 0]], axis=1),
+        np.stack([above, index[:, -1], on[:, -1]], axis=1),
+    ]
+    poles = [[0, profile[0, 1], 0], [0, profile[-1, 1], 0]]
+    return Cage.of(
+        np.concatenate([ring.vertices, poles]),
+        np.repeat([4, 3], [len(quads), 2 * n]),
+        np.concatenate([quads.ravel(), *(fan.ravel() for fan in fans)]),
+    )
 
 
 def uneven_profile(seed, points):

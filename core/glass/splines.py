@@ -1,0 +1,212 @@
+"""The surface that Subdivision goes towards, where the vertices of a mesh lie on it as a grid.
+
+The limit of a grid of quads is a bicubic spline, and Blender puts vertices on it. So lines of edges
+are cubic splines, whose knots are two edges apart or more. Seven places along a line, with knots
+next to the one in the middle, are on such a spline where one sum of them is 0: of their fourth
+differences d_-1 - 4 d_0 + d_1. Derivatives at all seven follow from the places. Those along a line
+are splines along the lines across, which gives the mixed derivatives. Each quad is the bicubic of
+all that at its corners, exactly, whatever the cage was.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints, taken
+from ..products import combine
+from ..steps import Pauses
+from ..vectors import length_of, normalise
+from .grid_lines import off_lines
+from .quad_lines import QuadLines
+from .quartics import AT
+from .vertices import Vertices
+
+# of an edge, by which vertices may be off splines: Blender's float32 leaves up to 3e-5 after three
+# levels
+ROUNDING = 3e-5
+# share of the places on splines, at the least, beside which there are some that are off by so many
+# times more: 0.07 and more on subdivided meshes, 0.013 and less on balls of fine quads
+TOLD = 0.03
+CLEARLY = 10.0
+
+# fourth differences (3,) of seven places, and their sum, as `off_lines` takes it
+FOURTHS = np.array([np.roll([1.0, -4.0, 6.0, -4.0, 1.0, 0.0, 0.0], k) for k in range(3)])
+NEXT_TO_KNOTS = ((1, -4, 1),)
+
+
+def _derivative_weights() -> Floats:
+    """Weights (4, 7) of seven places for the derivative none to three edges before the middle one,
+    with knots next to that: of all that are exact the least, which rounding moves least.
+    """
+    t = np.arange(-3.0, 4)
+    places = [t**0, t, t**2, t**3, np.maximum(t - 1, 0) ** 3, np.maximum(t + 1, 0) ** 3]
+    slopes = [0 * t, t**0, 2 * t, 3 * t**2]
+    slopes += [3 * np.maximum(t - 1, 0) ** 2, 3 * np.maximum(t + 1, 0) ** 2]
+    return np.array(slopes)[:, 3::-1].T @ np.linalg.pinv(np.array(places)).T
+
+
+DERIVATIVES = _derivative_weights()
+
+
+def _blends() -> tuple[Floats, Floats, Floats]:
+    """Weights (3, 15, 16), by the corner off the diagonal, of the data at a quad's corners, for the
+    place and its two derivatives at the nodes and corners of a half of it.
+    """
+    t = np.stack([np.roll(AT, -k, axis=1)[:, 1:] for k in range(3)])[..., None, :]
+    values = np.concatenate(
+        [1 - 3 * t**2 + 2 * t**3, 3 * t**2 - 2 * t**3, t - 2 * t**2 + t**3, t**3 - t**2], axis=2
+    )
+    slopes = np.concatenate(
+        [6 * t**2 - 6 * t, 6 * t - 6 * t**2, 1 - 4 * t + 3 * t**2, 3 * t**2 - 2 * t], axis=2
+    )
+
+    def product(u: Floats, v: Floats) -> Floats:
+        return np.einsum("knu,knv->knuv", u[..., 0], v[..., 1]).reshape(3, len(AT), 16)
+
+    return product(values, values), product(slopes, values), product(values, slopes)
+
+
+PLACE, BY_U, BY_V = _blends()
+
+
+@dataclass(frozen=True, eq=False)
+class Splines:
+    """Where a mesh lies on such a surface.
+
+    is_face (t,) : triangles over which it is known; normal (f, 3) : unit, of the vertices at their
+    corners, NaN elsewhere; at (n, 3) m : where each line begins; along, mixed (n, 3) m : its
+    derivative there, and that of the line's across, along it
+    """
+
+    lines: QuadLines
+    is_face: Bools
+    normal: Floats
+    at: Floats
+    along: Floats
+    mixed: Floats
+
+    def faces(self, triangles: Ints) -> tuple[Floats, Floats]:
+        """Places and unit normals (n, 15, 3) of triangles (n,) at nodes and corners."""
+        data = _at_corners(self, triangles)
+        corner = self.lines.corner[triangles]
+        place, by_u, by_v = (np.matmul(blend[corner], data) for blend in (PLACE, BY_U, BY_V))
+        return place, normalise(np.cross(by_u, by_v))
+
+
+def _quad(lines: QuadLines, first: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+    """The lines (n,) along which quads run, from corner to corner; -1 where one is not known."""
+
+    def step(of: Ints, which: Ints) -> Ints:
+        return np.append(of, -1)[which]
+
+    second = step(lines.turned, first)
+    for _ in range(3):
+        second = step(lines.beside, second)
+    fourth = step(lines.turned, step(lines.beside, first))
+    third = step(lines.turned, step(lines.beside, fourth))
+    return first, second, third, fourth
+
+
+def _at_corners(s: Splines, triangles: Ints) -> Floats:
+    """Places and derivatives (n, 16, 3) at the corners of quads, as the weights ask for them."""
+    data = np.empty((len(triangles), 4, 4, 3))
+    for k, line in enumerate(_quad(s.lines, s.lines.face[triangles])):
+        beside = s.along[s.lines.beside[line]]
+        along = s.along[line]
+        u, v = (0, 1, 1, 0)[k], (0, 0, 1, 1)[k]
+        data[:, u, v] = s.at[line]
+        data[:, 2 + u, v] = (along, -beside, -along, beside)[k]
+        data[:, u, 2 + v] = (beside, along, -beside, -along)[k]
+        data[:, 2 + u, 2 + v] = (s.mixed[line], -s.mixed[line])[k % 2]
+
+    return data.reshape(-1, 16, 3)
+
+
+def looking_for_splines(v: Vertices, lines: QuadLines) -> Pauses[Splines | None]:
+    """Where a mesh of such lines lies on such a surface; None where it does nowhere."""
+    if not len(lines.pair):
+        return None
+
+    # places along lines, as far as they go, and which of these are on splines
+    start = v.start[lines.pair]
+    at = taken(v.at, start)
+    end = taken(v.at, v.end[lines.pair])
+    steps = _steps(lines)
+    ahead = [_at(end, step) for step in steps[:3]]
+    places = np.stack([*(there[lines.back] for there in ahead[::-1]), at, *ahead])
+    yield 0
+    fourths = combine(FOURTHS, places.reshape(7, -1)).reshape(3, *at.shape)
+    edge = length_of(places[4] - places[2]) / 2
+    with np.errstate(invalid="ignore", divide="ignore"):  # of vertices in one place
+        off = off_lines(fourths, NEXT_TO_KNOTS) / (ROUNDING * edge)
+    is_spline = _are_splines(off, lines, steps)
+    yield 0
+    if is_spline is None:
+        return None
+
+    # derivatives along each, and of those across along it: the lines across run the other way there
+    along = _derivatives(places, is_spline, lines, steps)
+    yield 0
+    across = along[lines.beside]
+    ahead = [_at(across, step) for step in steps[1:]]
+    places = np.stack([*(-there[lines.back] for there in ahead[::-1]), across, *ahead])
+    mixed = _derivatives(places, is_spline, lines, steps)
+    mixed = np.where(np.isnan(mixed), -mixed[lines.beside], mixed)
+    yield 0
+
+    # quads with all that at their corners
+    is_whole = np.isfinite(along + along[lines.beside] + mixed).all(axis=1)
+    is_whole = np.append(is_whole, False)
+    is_face = np.logical_and.reduce([is_whole[line] for line in _quad(lines, lines.face)])
+    if not is_face.any():
+        return None
+
+    normal = np.full_like(v.normal, np.nan)
+    is_corner = np.zeros(len(normal), bool)
+    is_corner[v.of_corner[is_face]] = True
+    some = np.flatnonzero(is_corner[start])
+    normal[start[some]] = normalise(np.cross(along[some], along[lines.beside[some]]))
+    return Splines(lines, is_face, normal, at, along, mixed)
+
+
+def _are_splines(off: Floats, lines: QuadLines, steps: list[Ints]) -> Bools | None:
+    """Which lines (n,) have places around their first that are on a spline, by how far these are
+    off, over what rounding leaves; None where the mesh may as well be any fine and smooth surface.
+
+    So are the places around a vertex two edges on or back: of a wave those around the middle of a
+    slope are near one, too. Those around the vertex between are not, but where all are near.
+    """
+    is_near = np.append(off <= 1, False)
+    is_far = np.append(off > CLEARLY, False)
+    two_on = is_near[steps[2]]
+    is_spline = is_near[:-1] & (two_on | two_on[lines.back])
+    n_told = (is_spline & is_far[steps[1]]).sum()
+    return is_spline if n_told > TOLD * is_spline.sum() else None
+
+
+def _steps(lines: QuadLines) -> list[Ints]:
+    """The lines (n,) that begin none to three vertices further on, -1 where there are none."""
+    steps = [np.arange(len(lines.on))]
+    for _ in range(3):
+        steps.append(np.append(lines.on, -1)[steps[-1]])
+    return steps
+
+
+def _at(values: Floats, which: Ints) -> Floats:
+    """Values (n, 3) of some, NaN of those that are -1."""
+    return np.where(which[:, None] < 0, np.nan, values[which])
+
+
+def _derivatives(places: Floats, is_spline: Bools, lines: QuadLines, steps: list[Ints]) -> Floats:
+    """The derivative (n, 3) along each line where it begins, by seven places (7, n, 3) around it,
+    or around a vertex up to three further on or back, that are on a spline; NaN where none are.
+    """
+    by_places = combine(DERIVATIVES, places.reshape(7, -1)).reshape(4, -1, 3)
+    by_places[:, ~is_spline] = np.nan
+    found = by_places[0]
+    for by_place, step in zip(by_places[1:], steps[1:], strict=True):
+        on = _at(by_place, step)
+        for by_line in (on, -on[lines.back]):
+            found = np.where(np.isnan(found), by_line, found)
+
+    return found

@@ -1,0 +1,230 @@
+"""The surface that Subdivision goes towards, around poles and wherever quads are no grid.
+
+Blender puts vertices on the limit of the mesh that Subdivision has come to. Its control points
+follow from them, and divided twice they tell places and normals at the nodes of curved faces. That
+a mesh is such a one its control points tell: divided from coarser ones, each point on an edge is a
+quarter of the sum of the two on the faces beside it and of the coarser ones at its ends, which
+follow from those around them. On no other mesh is it, whichever points are taken for those on
+edges, but where it is fine and smooth: there all ways are near, and none is believed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..steps import Pauses
+from ..vectors import length_of
+from .catmull_clark import Quads, finding_points
+from .meshes import components
+from .quad_lines import QuadLines
+from .quartics import AT
+from .vertices import Vertices
+
+# faces around those asked for, by which control points are found, and of those that are tested
+AROUND = 14
+TESTED = 3
+# faces around a vertex of more or fewer than four quads that may be no splines of two edges
+NEAR = 8
+# of an edge, by which control points may be off, and how many times less than by other ways
+ROUNDING = 1e-3
+CLEARLY = 10.0
+
+
+def _places_divided() -> Ints:
+    """The loop (5, 5), of the 64 that a quad has after two divisions, that starts at each place of
+    a grid over it: from its first corner along its first edge, and along its last.
+    """
+    found = np.full((5, 5), -1)
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    ways = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    for k in range(4):
+        for j in range(4):
+            for m in range(4):
+                # from the innermost face outward, by its origin and its first two ways
+                at = 2 * corners[j] + corners[m] @ np.stack([ways[j], ways[(j + 1) % 4]])
+                at = 4 * corners[k] + at @ np.stack([ways[k], ways[(k + 1) % 4]])
+                found[tuple(at)] = 16 * k + 4 * j + m
+
+    return found
+
+
+def _nodes_divided() -> Ints:
+    """The same loops (2, 3, 15) at nodes and corners of the halves of a quad, that at its first
+    corner and the other, by the corner off the diagonal.
+    """
+    grid = _places_divided()
+    at = np.stack([np.roll(np.rint(4 * AT).astype(int), -k, axis=1)[:, 1:] for k in range(3)])
+    return np.stack([grid[at[..., 0], at[..., 1]], grid[4 - at[..., 0], 4 - at[..., 1]]])
+
+
+NODES_DIVIDED = _nodes_divided()
+
+
+@dataclass(frozen=True, eq=False)
+class Subdivided:
+    """Where a mesh lies on such a surface.
+
+    is_face (t,) : triangles over which it is known; normal (f, 3) : unit, of the vertices at their
+    corners, NaN elsewhere; row (t,) of each of them, -1 of others; vertex (r, 15) : that of the
+    divided mesh at its nodes and corners, with places and unit normals (n, 3)
+    """
+
+    is_face: Bools
+    normal: Floats
+    row: Ints
+    vertex: Ints
+    places: Floats
+    normals: Floats
+
+    def faces(self, triangles: Ints) -> tuple[Floats, Floats]:
+        """Places and unit normals (n, 15, 3) of triangles (n,) at nodes and corners."""
+        vertex = self.vertex[self.row[triangles]]
+        return self.places[vertex], self.normals[vertex]
+
+
+def looking_for_subdivided(
+    v: Vertices, lines: QuadLines, polygon: Ints, asked: Bools
+) -> Pauses[Subdivided | None]:
+    """Where the triangles (t,) that are asked for lie on such a surface; None if nowhere."""
+    faces, halves = _faces(v, lines, polygon)
+    n = len(v.at)
+    n_triangles, in_halves, n_quads = (
+        np.bincount(x.ravel(), minlength=n) for x in (v.of_corner, v.of_corner[halves], faces)
+    )
+    # closed, and of quads alone
+    is_whole = (n_triangles == in_halves) & (n_triangles == np.diff(v.first))
+    is_near = is_whole & (n_quads != 4)
+    if not is_near.any():
+        return None
+
+    # faces near them, and around those
+    for _ in range(NEAR):
+        is_near = _grown(faces, is_near)
+    is_asked = asked[halves].any(axis=1) & is_near[faces].all(axis=1)
+    rings = [is_asked]
+    for _ in range(AROUND):
+        is_near = np.zeros(n, bool)
+        is_near[faces[rings[-1]]] = True
+        rings.append(is_near[faces].any(axis=1))
+
+    yield 0
+    if not is_asked.any():
+        return None
+
+    # their control points
+    used, start = np.unique(faces[rings[-1]], return_inverse=True)
+    quads = Quads(start.reshape(-1), len(used))
+    is_whole = is_whole[used]
+    is_inner = is_whole & (quads.valence == n_quads[used])
+    points = yield from finding_points(quads, v.at[used], is_inner)
+
+    is_tested = np.zeros(n, bool)
+    is_tested[faces[rings[TESTED]]] = True
+    group = components(quads.n, quads.start, quads.start[quads.after])
+    is_known = _are_divided(quads, points, is_tested[used] & is_inner, group)
+    is_known &= ~np.isin(group, group[~is_whole])
+    yield 0
+
+    kept = is_known[quads.start.reshape(-1, 4)[:, 0]] & is_asked[rings[-1]]
+    if not kept.any():
+        return None
+
+    normal = np.full_like(v.normal, np.nan)
+    is_corner = np.zeros(quads.n, bool)
+    is_corner[quads.start.reshape(-1, 4)[kept]] = True
+    normal[used] = quads.limit_normals(points, is_corner)
+    yield 0
+
+    loops, places, normals = yield from _divided_twice(quads, points, kept)
+    row = np.full(len(v.of_corner), -1)
+    found = halves[rings[-1]][kept]
+    row[found] = np.arange(found.size).reshape(found.shape)
+    corner = lines.corner[found]
+    nodes = NODES_DIVIDED[[0, 1], corner] + 64 * np.arange(len(found))[:, None, None]
+    vertex = loops[nodes].reshape(-1, len(AT))
+    return Subdivided(row >= 0, normal, row, vertex, places, normals)
+
+
+def _faces(v: Vertices, lines: QuadLines, polygon: Ints) -> tuple[Ints, Ints]:
+    """The vertices (q, 4) around each quad, and its halves (q, 2), the first at the first."""
+    halves = np.flatnonzero(lines.is_half)
+    halves = halves[np.argsort(polygon[halves], kind="stable")].reshape(-1, 2)
+    corner = lines.corner[halves]
+    apex, ahead, last = (
+        np.take_along_axis(v.of_corner[halves], (corner[..., None] + k) % 3, axis=2)[..., 0]
+        for k in range(3)
+    )
+    return np.stack([apex[:, 0], ahead[:, 0], apex[:, 1], last[:, 0]], axis=1), halves
+
+
+def _grown(faces: Ints, is_near: Bools) -> Bools:
+    """Vertices (n,), and those around the faces (q, 4) that touch them."""
+    grown = is_near.copy()
+    grown[faces[is_near[faces].any(axis=1)]] = True
+    return grown
+
+
+def _are_divided(quads: Quads, points: Floats, is_tested: Bools, group: Ints) -> Bools:
+    """Which control points (n,) are of a group (n,) that was divided from coarser ones."""
+    edges, corners = quads.around(points)
+    m = quads.valence
+    n = quads.n
+    start, end = quads.start, quads.start[quads.after]
+    opposite = end[quads.after]
+    edge = np.median(length_of(points[end] - points[start]))
+
+    # two kinds by turns along edges, and along diagonals
+    by_edge = components(2 * n, np.r_[start, start + n], np.r_[end + n, end])
+    by_corner = components(2 * n, np.r_[start, start + n], np.r_[opposite + n, opposite])
+    has_two = by_corner[:n] != by_corner[n:]
+    is_first = by_edge[:n] < by_edge[n:]
+    is_one = by_corner[:n] < by_corner[n:]
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean, across = edges / m[:, None], corners / m[:, None]
+        coarser = (m[:, None] * points - 4 * mean + across) / (m[:, None] - 3)
+    coarser[m == 3] = np.nan
+    at_three = length_of(3 * points - 4 * mean + across)
+
+    offs = []
+    for on_edge in (is_first, ~is_first):
+        for at_vertex in (is_one & ~on_edge, ~is_one & ~on_edge):
+            ends = np.where(at_vertex[:, None], coarser, points)
+            off = length_of(quads.around(ends)[0] - 4 * points)
+            off = np.where(on_edge, np.nan_to_num(off), 0.0)
+            off[np.where(on_edge, m != 4, ~has_two)] = np.inf
+            off = np.where(at_vertex & (m == 3), at_three, off)
+            worst = np.zeros(n)
+            np.maximum.at(worst, group[is_tested], off[is_tested])
+            offs.append(worst[group])
+
+    best, second = np.partition(offs, 1, axis=0)[:2]
+    is_clear = (second > CLEARLY * best) & (second > ROUNDING * edge)
+    return (by_edge[:n] != by_edge[n:]) & (best <= ROUNDING * edge) & is_clear
+
+
+def _divided_twice(
+    quads: Quads, points: Floats, kept: Bools
+) -> Pauses[tuple[Ints, Floats, Floats]]:
+    """The vertices (64 q,) at the loops of the quads that are kept, divided twice, and places and
+    unit normals on the limit (n, 3) of all.
+    """
+    faces = quads.start.reshape(-1, 4)
+    is_near = np.zeros(quads.n, bool)
+    is_near[faces[kept]] = True
+    is_near = _grown(faces, is_near)
+    near = is_near[faces].any(axis=1)
+
+    some, start = np.unique(faces[near], return_inverse=True)
+    fine, places = Quads(start.reshape(-1), len(some)), points[some]
+    for _ in range(2):
+        fine, places = fine.divided(places)
+        yield 0
+
+    loops = fine.start.reshape(-1, 64)[kept[near]].ravel()
+    is_used = np.zeros(fine.n, bool)
+    is_used[loops] = True
+    normals = fine.limit_normals(places, is_used)
+    yield 0
+    return loops, fine.limit(places), normals
