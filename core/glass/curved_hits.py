@@ -132,9 +132,11 @@ def _search_around(
 
     # the roots from all places on all of them
     i, j = np.nonzero(near >= 0)
+    k = near[i, j]
+    holds = are_in_boxes(faces, k, lines.at(odd[i]))
     n_starts = len(ROOTS.starts)
-    k = np.tile(near[i, j], n_starts)
-    i = np.tile(i, n_starts)
+    k = np.tile(k[holds], n_starts)
+    i = np.tile(i[holds], n_starts)
     u, v = np.repeat(np.array(ROOTS.starts), len(k) // n_starts, axis=0).T
     rays = odd[i]
     others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)

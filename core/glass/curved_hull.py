@@ -2,142 +2,242 @@
 
 A ray that meets a face, however close to a silhouette, meets this hull, too. It is the faces'
 own points, lifted along the normals of the vertices by more than the faces stand out of the
-chords between those points. Each face is cut into k^2 parts, as many as its turn needs.
+chords between those points. Each face is cut into as many parts as its turn needs, along the
+edges that turn.
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
-from ..products import combine
+from ..arrays import Bools, Floats, Ints
 from ..steps import Pauses
-from ..vectors import length_of
+from ..vectors import dot, length_of
 from .curved import HIGHER, CurvedFaces
-from .quartics import N_TERMS, grid, monomials
+from .quartics import monomials
 
 
 @dataclass(frozen=True)
 class HullKnobs:
     """How fine a hull is, tuned by `dev.py curved`: finer ones cost the engine more than they save.
 
-    angle : rad, by less than this the hull turns from one part to the next
-    most_parts : of an edge
-    parts_at_edges : of an edge where some are straight: there hull and face are one, and the hull
-        is no further in front than the faces are
-    usual : share of the faces whose turn counts; those that turn further are few
+    angle : rad, by less than this the hull turns from one part to the next, or, where a face runs
+        faster at one end than at the other, would turn if it were as far off to the side
+    halvings : of an edge, at most
+    halvings_at_edges : of the edges of faces that have a straight one, or meet one in a corner:
+        there hull and face are one, and the hull is no further in front than the faces are
     """
 
-    angle: float = np.radians(3)
-    most_parts: int = 8
-    parts_at_edges: int = 4
-    usual: float = 0.999
+    angle: float = np.radians(6)
+    halvings: int = 3
+    halvings_at_edges: int = 2
 
 
 HULL = HullKnobs()
-POINTS_AT_ONCE = 1 << 17  # on faces, that are worked on together: between two pauses
+PARTS_AT_ONCE = 1 << 14  # of faces cut as finely as can be, that are worked on together
+UNITS = 2**HULL.halvings  # that an edge is long where places are counted
 
-
-def count_parts(faces: CurvedFaces, angle: float, most: int) -> int:
-    """Into how many parts edges have to be cut to turn by
-    less than an angle (radians) each, but at most.
-    """
-    # offsets of the middles of edges from their chords
-    corners = faces.corners[faces.triangle]
-    at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
-    middles = combine(at_middles, faces.coefficient_table.reshape(N_TERMS, -1)).reshape(3, 3, -1)
-
-    edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).T
-    turn = 8 * np.linalg.norm(middles, axis=1) / edges  # of a parabola as high over its chord
-    return int(np.clip(np.ceil(np.quantile(turn.max(axis=0), HULL.usual) / angle), 1, most))
-
-
-def count_hull_parts(faces: CurvedFaces) -> int:
-    """Into how many parts edges are cut in the hull."""
-    least = HULL.parts_at_edges if faces.has_straight_edges else 1
-    return max(count_parts(faces, HULL.angle, HULL.most_parts), least)
+# terms at all places, and at those half way between
+_AT = np.stack(np.meshgrid(*2 * [np.arange(2 * UNITS + 1)], indexing="ij"), axis=-1)
+_TERMS = monomials(*np.moveaxis(_AT / (2 * UNITS), -1, 0))
+# of the three edges of a triangle, from one end to the other
+_WAYS = np.array([[1, 0], [-1, 1], [0, -1]])
 
 
 class Hull(NamedTuple):
-    """Triangles (p k^2, 3, 3), m, that lie just in front of p faces: k^2 for each.
+    """Triangles (p, 3, 3), m, that lie just in front of curved faces.
 
-    Next to straight edges, which faces share with flat ones, they lie on the faces instead.
+    triangle (p,) whose face each is in front of; places (p, 3, 2): u, v of its corners there. Next
+    to straight edges, which faces share with flat ones, they lie on the faces instead.
     """
 
-    k: int
     corners: Floats
+    triangle: Ints
+    places: NDArray[np.float32]
+
+
+def edge_turns(faces: CurvedFaces) -> tuple[Floats, Floats]:
+    """Offsets (p, 3, 3), m, of the middles of edges from the middles of their
+    chords, and by how much (p, 3), rad, edges turn whose middles are so far off.
+    """
+    at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
+    middles = np.matmul(at_middles, faces.coefficients)
+    corners = faces.corners[faces.triangle]
+    return middles, _turn(middles, np.roll(corners, -1, axis=1) - corners)
+
+
+def _turn(middles: Floats, chords: Floats) -> Floats:
+    """By how much (...) parabolas turn whose middles are so far off the middles of chords (..., 3).
+
+    Those that are off along the chord do not turn, but run faster at one end: there Newton's
+    method needs as near a start.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num(8 * length_of(middles) / length_of(chords))
+
+
+def _heights(middles: Floats, chords: Floats) -> Floats:
+    """How far points that are off the middles of chords (..., 3) are from these, to the side."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = np.nan_to_num(dot(middles, chords) / dot(chords, chords))
+
+    return length_of(middles - along[..., None] * chords)
 
 
 def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     """Make the hull of curved faces, with pauses."""
-    k = count_hull_parts(faces)
-    weights, parts = grid(k)
-    points, sag = yield from _find_points(faces, k)
+    # vertices and edges that are shared with flat faces stay
+    on_edge = faces.neighbour < 0
+    is_held = np.zeros(len(faces.vertex_normal), bool)
+    is_held[faces.vertex[on_edge]] = True
+    is_held[np.roll(faces.vertex, -1, axis=1)[on_edge]] = True
+
+    middles, turns = edge_turns(faces)
+    halvings = _count_halvings(faces, turns, is_held)
+    yield 0
+
+    # parts, and how far the faces stand out of them
+    at_once = max(1, PARTS_AT_ONCE // UNITS**2)
+    sag = np.zeros(len(turns))
+    portions = []
+    for first in range(0, len(turns), at_once):
+        some = slice(first, first + at_once)
+        face, places = _cut(faces, middles[some], halvings[some], first)
+        points, out = _find_points(faces, face, places)
+        np.maximum.at(sag, face, out)
+        portions.append((face, places, points))
+        yield 0
 
     # around each vertex all faces are lifted alike, or the hull would have gaps
     lift = np.zeros(len(faces.vertex_normal))
     np.maximum.at(lift, faces.vertex.ravel(), np.repeat(HIGHER * sag, 3))
     lifted = lift[:, None] * faces.vertex_normal
 
-    # vertices and edges that are shared with flat faces stay
-    on_edge = faces.neighbour < 0
-    is_held = np.zeros(len(lift), bool)
-    is_held[faces.vertex[on_edge]] = True
-    is_held[np.roll(faces.vertex, -1, axis=1)[on_edge]] = True
-
-    corners = np.empty((len(points), *parts.shape, 3))
-    for some in _portions(len(points), len(weights)):
-        raised = np.matmul(weights, lifted[faces.vertex[some]])
-        _hold_edges(raised, weights, is_held[faces.vertex[some]], on_edge[some])
-        corners[some] = (points[some] + raised)[:, parts]
+    for face, places, points in portions:
+        vertex = faces.vertex[face]
+        weights = _weights(places)
+        raised = np.matmul(weights, lifted[vertex])
+        _hold_edges(raised, weights, is_held[vertex], on_edge[face])
+        points += raised
         yield 0
 
-    return Hull(k, corners.reshape(-1, 3, 3))
+    face, places, points = map(np.concatenate, zip(*portions, strict=True))
+    return Hull(points, faces.triangle[face], (places / UNITS).astype(np.float32))
 
 
-def _portions(n_faces: int, n_points: int) -> list[slice]:
-    """Faces that are worked on together, of so many points each."""
-    at_once = max(1, POINTS_AT_ONCE // n_points)
-    return [slice(first, first + at_once) for first in range(0, n_faces, at_once)]
+def _count_halvings(faces: CurvedFaces, turns: Floats, is_held: Bools) -> Ints:
+    """How often each edge (p, 3) is halved: the same on both sides."""
+    n = np.ceil(np.log2(np.maximum(turns / HULL.angle, 1))).astype(int)
+    at_edge = is_held[faces.vertex].any(axis=1)
+    n[at_edge] = np.maximum(n[at_edge], HULL.halvings_at_edges)
+    row, edge = np.nonzero(faces.neighbour >= 0)
+    beside = faces.row[faces.neighbour[row, edge]], faces.neighbour_edge[row, edge]
+    both = np.maximum(n[row, edge], n[beside])
+    n[row, edge] = both
+    np.maximum.at(n, beside, both)
+    return np.minimum(n, HULL.halvings)
 
 
-def _find_points(faces: CurvedFaces, k: int) -> Pauses[tuple[Floats, Floats]]:
-    """Points (p, n, 3), m, of the faces at those of grid(k), and by how
-    much (p,), m, faces stand out of the chords between these at most.
+def _cut(faces: CurvedFaces, middles: Floats, halvings: Ints, first: int) -> tuple[Ints, Ints]:
+    """Parts of some faces, from the first on: of which face (m,)
+    each is, and places (m, 3, 2) of its corners, in units.
+
+    middles (f, 3, 3), m, off the chords of edges, which are halved so often (f, 3).
     """
-    weights, parts = grid(k)
-    fine = grid(2 * k)[0]
-    terms = monomials(fine[:, 1], fine[:, 2])
-    number = {tuple(steps): i for i, steps in enumerate(np.round(2 * k * fine).astype(int))}
+    n_faces = len(middles)
+    corners = faces.corners[faces.triangle[first : first + n_faces]]
+    sides = (corners[:, 1:] - corners[:, :1]) / UNITS
+    # a way across a face is off its chord by a quadratic form
+    form = np.stack(
+        [middles[:, 0], middles[:, 0] + middles[:, 2] - middles[:, 1], middles[:, 2]], axis=1
+    )
+    form /= UNITS**2
 
-    def among_fine(points: Floats) -> list[int]:
-        return [number[tuple(steps)] for steps in np.round(2 * k * points).astype(int)]
+    face = np.arange(n_faces)
+    places = np.broadcast_to(UNITS * np.array([[0, 0], [1, 0], [0, 1]]), (n_faces, 3, 2))
+    edges = np.broadcast_to(np.arange(3), (n_faces, 3))  # of the face, -1 where a way crosses it
+    done = []
+    for halved in range(HULL.halvings):
+        ways = np.roll(places, -1, axis=1) - places
+        is_cut = halvings[face[:, None], edges] > halved
+        inside, e = np.nonzero(edges < 0)
+        if len(inside):
+            du, dv = ways[inside, e].T[..., None].astype(float)
+            a, b, c = form[face[inside]].swapaxes(0, 1)
+            side_u, side_v = sides[face[inside]].swapaxes(0, 1)
+            turn = _turn(a * du * du + b * (du * dv) + c * dv * dv, side_u * du + side_v * dv)
+            is_cut[inside, e] = turn > HULL.angle
 
-    # both ends and the middle of each chord, among the points of the finer grid
-    coarse = among_fine(weights)
-    ends = [(weights[parts[:, e]], weights[parts[:, (e + 1) % 3]]) for e in range(3)]
-    chords = [(among_fine(a), among_fine((a + b) / 2), among_fine(b)) for a, b in ends]
+        n_cut = is_cut.sum(axis=1)
+        done.append((face[n_cut == 0], places[n_cut == 0]))
+        pieces = [
+            _cut_alike(face[which], places[which], edges[which], is_cut[which], n)
+            for n in (1, 2, 3)
+            for which in [n_cut == n]
+        ]
+        face, places, edges = map(np.concatenate, zip(*pieces, strict=True))
 
-    triangle = faces.triangle
-    points = np.empty((len(triangle), len(weights), 3))
-    sag = np.zeros(len(triangle))
+    done.append((face, places))
+    face, places = map(np.concatenate, zip(*done, strict=True))
+    return first + face, places
 
-    for some in _portions(len(triangle), len(fine)):
-        at = np.matmul(terms, faces.coefficients[some])
-        for i, m, j in chords:
-            missed = length_of(at[:, m] - (at[:, i] + at[:, j]) / 2).max(axis=1)
-            sag[some] = np.maximum(sag[some], missed)
-        points[some] = np.matmul(weights, faces.corners[triangle[some]]) + at[:, coarse]
-        yield 0
 
-    return points, sag
+# triangles that come of one whose first n edges are cut: corners, of which 3, 4 and 5 are the
+# middles of the edges; and edges, of which 3 runs across
+_PIECES = {
+    1: ([[0, 3, 2], [3, 1, 2]], [[0, 3, 2], [0, 1, 3]]),
+    2: ([[3, 1, 4], [0, 3, 4], [0, 4, 2]], [[0, 1, 3], [0, 3, 3], [3, 1, 2]]),
+    3: (
+        [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
+        [[0, 3, 2], [0, 1, 3], [3, 1, 2], [3, 3, 3]],
+    ),
+}
+
+
+def _cut_alike(
+    face: Ints, places: Ints, edges: Ints, is_cut: Bools, n: int
+) -> tuple[Ints, Ints, Ints]:
+    """The pieces of parts of which n edges each are cut (m, 3)."""
+    # turned so that those that are cut come first
+    start = np.zeros(len(face), int)
+    if n < 3:
+        start = (is_cut if n == 1 else ~is_cut).argmax(axis=1) + (n == 2)
+    turned = (start[:, None] + np.arange(3)) % 3
+    places = np.take_along_axis(places, turned[..., None], axis=1)
+    edges = np.take_along_axis(edges, turned, axis=1)
+
+    middles = (places + np.roll(places, -1, axis=1)) // 2
+    corners, sides = _PIECES[n]
+    pieces = np.concatenate([places, middles], axis=1)[:, corners]
+    across = np.concatenate([edges, np.full((len(edges), 1), -1)], axis=1)[:, sides]
+    return np.repeat(face, len(corners)), pieces.reshape(-1, 3, 2), across.reshape(-1, 3)
+
+
+def _weights(places: Ints) -> Floats:
+    """Barycentric weights (..., 3) of places (..., 2), in units."""
+    u, v = places[..., 0], places[..., 1]
+    return np.stack([UNITS - u - v, u, v], axis=-1) / UNITS
+
+
+def _find_points(faces: CurvedFaces, face: Ints, places: Ints) -> tuple[Floats, Floats]:
+    """Points (m, 3, 3), m, of faces at the corners of parts, and by
+    how much (m,), m, they stand out of the parts' edges at most.
+    """
+    twice = np.concatenate([2 * places, places + np.roll(places, -1, axis=1)], axis=1)
+    at = np.matmul(_TERMS[twice[..., 0], twice[..., 1]], faces.coefficients[face])
+    offsets, middles = at[:, :3], at[:, 3:]
+    points = np.matmul(_weights(places), faces.corners[faces.triangle[face]]) + offsets
+    chords = np.roll(points, -1, axis=1) - points
+    missed = middles - (offsets + np.roll(offsets, -1, axis=1)) / 2
+    return points, _heights(missed, chords).max(axis=1)
 
 
 def _hold_edges(raised: Floats, weights: Floats, is_held: Bools, on_edge: Bools) -> None:
-    """Take back how far points (n, m, 3) are raised at held corners and edges (n, 3)."""
-    for corner in range(3):
-        raised[is_held[:, corner], weights[:, corner].argmax()] = 0.0
-        # the edge that begins at this corner, where the weight of the one after the next is 0
-        along = weights[:, (corner + 2) % 3] == 0
-        raised[np.ix_(on_edge[:, corner], along)] = 0.0
+    """Take back how far points (m, 3, 3) are raised at held corners and edges (m, 3)."""
+    at_corner = weights == 1
+    raised[(at_corner & is_held[:, None]).any(axis=2)] = 0.0
+    # along the edge that begins at a corner the weight of the one after the next is 0
+    along = np.roll(weights == 0, -2, axis=2)
+    raised[(along & on_edge[:, None]).any(axis=2)] = 0.0

@@ -5,9 +5,20 @@ import numpy as np
 from ..arrays import Ints
 from ..rig import Mesh
 from ..vectors import normalise
-from .curved_hull import count_parts
+from .curved import CurvedFaces
+from .curved_hull import edge_turns
 from .quartics import grid
 from .surfaces import make_surface
+
+USUAL = 0.999  # share of the faces whose turn counts; those that turn further are few
+
+
+def count_parts(faces: CurvedFaces, angle: float, most: int) -> int:
+    """Into how many parts edges have to be cut to turn by
+    less than an angle (radians) each, but at most.
+    """
+    turns = edge_turns(faces)[1].max(axis=1)
+    return int(np.clip(np.ceil(np.quantile(turns, USUAL) / angle), 1, most))
 
 
 def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000) -> Mesh:

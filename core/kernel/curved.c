@@ -133,6 +133,40 @@ static bool find_root(const Curved *curved, int64_t triangle, double u, double v
     return false;
 }
 
+/* Two unit vectors perpendicular to a direction and to each other, as quartics.tangents. */
+static void tangents(const double *d, double axes[2][3]) {
+    double sign = copysign(1.0, d[2]), a = -1.0 / (sign + d[2]), b = d[0] * d[1] * a;
+    axes[0][0] = 1.0 + sign * d[0] * d[0] * a;
+    axes[0][1] = sign * b;
+    axes[0][2] = -sign * d[0];
+    axes[1][0] = b;
+    axes[1][1] = sign + d[1] * d[1] * a;
+    axes[1][2] = -d[1];
+}
+
+/* As seen along a ray, does the box around the Bezier points of a face hold it? */
+bool is_in_box(const Curved *curved, int64_t k, const double *o, const double *d) {
+    double c[N_TERMS][3], axes[2][3];
+    load_face(curved, k, c);
+    tangents(d, axes);
+    for (int a = 0; a < 2; a++) {
+        const double *axis = axes[a];
+        double seen[N_TERMS], low = 0, high = 0, at = 0; /* the first corner is where it begins */
+        for (int i = 0; i < N_TERMS; i++) seen[i] = dot(c[i], axis);
+        for (int j = 0; j < 3; j++) at += (o[j] - curved->corners[9 * k + j]) * axis[j];
+        for (int n = 1; n <= N_TERMS; n++) {
+            const double *row = curved->to_bezier + N_TERMS * n;
+            double point = 0;
+            for (int i = 0; i < N_TERMS; i++) point += row[i] * seen[i];
+            low = point < low ? point : low;
+            high = point > high ? point : high;
+        }
+        double slack = 2 * EDGE * (high - low);
+        if (!(low - slack <= at && at <= high + slack)) return false;
+    }
+    return true;
+}
+
 static double facing_along(const double c[N_TERMS][3], const double *d, double u, double v, double *by_u, double *by_v) {
     double at[3], normal[3];
     value_and_slopes(c, u, v, at, by_u, by_v);
@@ -177,7 +211,8 @@ static void search_around(const Curved *curved, const double *o, const double *d
     double wrong = hit->distance;
     Hit best = *hit;
     bool is_found = false;
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < n; i++) {
+        if (!is_in_box(curved, around[i], o, d)) continue;
         for (int s = 0; s < N_STARTS; s++) {
             Hit other;
             if (!find_root(curved, around[i], STARTS[s][0], STARTS[s][1], o, d, WALKS, &other)) continue;
@@ -187,6 +222,7 @@ static void search_around(const Curved *curved, const double *o, const double *d
             best = other;
             is_found = true;
         }
+    }
     *hit = best;
 }
 

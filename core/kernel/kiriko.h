@@ -65,14 +65,15 @@ typedef struct {
     int64_t *normal_row;    /* (p,) */
     double *normal_terms;   /* (q, 14, 3), NULL where each face refracts by its own normals */
     double *lower;          /* (14, 14), NULL for degree 4 */
+    double *to_bezier;      /* (15, 14) */
 } Curved;
 
 /* The triangles in front of curved faces: asked.py's Asked. */
 typedef struct {
     float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
     int64_t *owner;         /* (p,) by position */
-    double *parts;          /* (n_parts, 3, 3) */
-    int64_t n_whole, n_parts;
+    float *places;          /* (p - n_whole, 3, 2) u, v of the corners of parts, in the order of items */
+    int64_t n_whole;
     Tree tree;
 } Hull;
 
@@ -268,6 +269,7 @@ static inline void slab(const double *low, const double *high, const double *o, 
 }
 
 /* curved.c */
+bool is_in_box(const Curved *curved, int64_t k, const double *o, const double *d);
 bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                  const bool *leaves, double least, bool is_last, Hit *hit);
 

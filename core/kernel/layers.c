@@ -89,6 +89,7 @@ static void visit_face(void *context, int32_t position, double *far) {
         if (meet_facet(search, frame, k, search->slack, &found)) consider(search, &found, far);
         return;
     }
+    if (!is_in_box(curved, k, search->o, search->d)) return;
     for (int s = 0; s < search->layer->n_starts; s++) {
         const double *at = STARTS[s];
         if (meet_curved(curved, k, at[0], at[1], search->o, search->d, search->leaves, search->layer->tolerance, true,
@@ -210,9 +211,10 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
             } else {
                 double u = shot.u, v = shot.v;
                 if (!is_whole) {
-                    const double *w = hull->parts + 9 * ((asked_for - hull->n_whole) % hull->n_parts);
-                    u = (1 - shot.u - shot.v) * w[1] + shot.u * w[4] + shot.v * w[7];
-                    v = (1 - shot.u - shot.v) * w[2] + shot.u * w[5] + shot.v * w[8];
+                    const float *at_corner = hull->places + 6 * (asked_for - hull->n_whole);
+                    double w = 1 - shot.u - shot.v;
+                    u = w * at_corner[0] + shot.u * at_corner[2] + shot.v * at_corner[4];
+                    v = w * at_corner[1] + shot.u * at_corner[3] + shot.v * at_corner[5];
                 }
                 is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
             }

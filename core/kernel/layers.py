@@ -8,7 +8,7 @@ import numpy as np
 
 from ..arrays import Ints
 from ..glass.curved import CurvedFaces
-from ..glass.quartics import LOWER
+from ..glass.quartics import LOWER, TO_BEZIER
 from ..light.rescue import count_starts
 from ..steps import Pauses, finish
 from .structures import (
@@ -33,6 +33,7 @@ def _make_whole(curved: CurvedFaces) -> Made:
         made.point(name, getattr(curved, name), np.int64)
     if curved.has_given_normals:
         made.point("normal_terms", curved.normal_terms, float)
+    made.point("to_bezier", TO_BEZIER, float)
     return made
 
 

@@ -20,10 +20,10 @@ TreeStructure = _structure("TreeStructure", nodes=_P, items=_P)
 CurvedStructure = _structure(
     "CurvedStructure",
     corners=_P, row=_P, coefficients=_P, neighbour=_P, neighbour_edge=_P, vertex=_P,
-    vertex_normal=_P, normal_row=_P, normal_terms=_P, lower=_P,
+    vertex_normal=_P, normal_row=_P, normal_terms=_P, lower=_P, to_bezier=_P,
 )  # fmt: skip
 HullStructure = _structure(
-    "HullStructure", corners=_P, owner=_P, parts=_P, n_whole=_I, n_parts=_I, tree=TreeStructure
+    "HullStructure", corners=_P, owner=_P, places=_P, n_whole=_I, tree=TreeStructure
 )
 LayerStructure = _structure(
     "LayerStructure",

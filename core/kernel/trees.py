@@ -115,8 +115,8 @@ def _making_hull(asked: Asked) -> Pauses[Made]:
     made = Made(HullStructure)
     made.point("corners", asked.corners[items], np.float32)
     made.point("owner", asked.owner[items], np.int64)
-    made.point("parts", asked.parts, float)
-    made.set(n_whole=asked.n_whole, n_parts=len(asked.parts), tree=tree.structure)
+    made.point("places", asked.places, np.float32)
+    made.set(n_whole=asked.n_whole, tree=tree.structure)
     made.keep(tree)
     return made
 

@@ -36,16 +36,16 @@ LEAVING = LeavingKnobs()
 @dataclass(frozen=True, eq=False)
 class Asked:
     """Triangles that are asked for hits: n_whole whole ones of a
-    layer, then the others in k parts each, cut alike.
+    layer, then the others in parts.
 
     corners (p, 3, 3) in units of the layer's radius, from its centre; owner (p,): the layer's
-    triangle; parts (k, 3, 3): barycentric corners of the parts in their triangle
+    triangle; places (p - n_whole, 3, 2): u, v of the corners of parts in their triangle
     """
 
     corners: NDArray[np.float32]
     owner: Ints
     n_whole: int
-    parts: Floats
+    places: NDArray[np.float32]
     given: Any = None  # a ray engine that is there already
 
     @cached_property
@@ -64,8 +64,8 @@ class Asked:
         u, v = (column[chosen].astype(float) for column in (found.u, found.v))
         in_parts = np.flatnonzero(prim >= self.n_whole)
         if len(in_parts):
-            part = self.parts[(prim[in_parts] - self.n_whole) % len(self.parts)]
-            u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts])[:, 1:].T
+            part = self.places[prim[in_parts] - self.n_whole].astype(float)
+            u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts]).T
         return Spots(self.owner[prim], u, v)
 
     def are_left(self, found: Found, directions: Floats, far: Floats) -> Bools:

@@ -17,7 +17,6 @@ from ..glass.curved_hull import Hull, making_hull
 from ..glass.curved_roots import Lines, Spots
 from ..glass.meshes import Frames, box_of
 from ..glass.motion import Motion
-from ..glass.quartics import grid
 from ..products import combine
 from ..steps import Pauses, finish
 from ..vectors import dot
@@ -51,14 +50,12 @@ class Layer:
         # just in front of them, several for each
         owner = np.arange(len(corners))
         n_whole = len(corners)
-        parts = np.eye(3)[None]
+        places = np.empty((0, 3, 2), np.float32)
         if curved is not None:
             hull = hull or finish(making_hull(curved))
-            k = hull.k
-            weights, of_one = grid(k)
             flat = np.flatnonzero(curved.row < 0)
-            owner = np.concatenate([flat, np.repeat(curved.triangle, k * k)])
-            parts = weights[of_one]
+            owner = np.concatenate([flat, hull.triangle])
+            places = hull.places
             n_whole = len(flat)
             corners = np.concatenate([corners[flat], hull.corners])
 
@@ -68,7 +65,7 @@ class Layer:
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
         self.asked = Asked(
-            ((corners - self.centre) / self.radius).astype(np.float32), owner, n_whole, parts
+            ((corners - self.centre) / self.radius).astype(np.float32), owner, n_whole, places
         )
 
     def moved(self, motion: Motion) -> "Layer":

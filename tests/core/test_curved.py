@@ -13,13 +13,12 @@ from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
 from kiriko.core import kernel
 from kiriko.core.glass import vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
-from kiriko.core.glass.curved_hull import count_parts
 from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.paraboloids import Paraboloids
 from kiriko.core.glass.quartics import POWERS, grid
 from kiriko.core.glass.surfaces import make_surface, making_surface
-from kiriko.core.glass.tessellate import tessellate
+from kiriko.core.glass.tessellate import count_parts, tessellate
 from kiriko.core.light import rescue
 from kiriko.core.light.asked import LeavingKnobs
 from kiriko.core.light.hits import Hits, Question
