@@ -5,6 +5,8 @@ side that cannot be, the other one of the two is looked for: first by the ray's 
 face, then from many places on the faces around.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
@@ -56,8 +58,18 @@ def find_roots(
         odd = odd[found.distance[odd] > least]
 
     if not is_last:
-        for first in range(0, len(odd), ROOTS.searched_at_once):
-            _search_around(faces, found, odd[first : first + ROOTS.searched_at_once], lines, leaves)
+        # light on its way in meets the front before the back it was found to meet; within, the
+        # back is beyond. A ray that grazes may meet the surface where no root was found
+        lost = np.flatnonzero(~found.is_met)
+        wrong = found.distance[odd]
+        least_of = np.concatenate([np.where(leaves[odd], wrong, -np.inf), np.full(len(lost), least)])
+        most = np.concatenate([np.where(leaves[odd], np.inf, wrong), np.full(len(lost), np.inf)])
+        rays = np.concatenate([odd, lost])
+        near = np.concatenate([found.triangle[odd], spots.triangle[lost]])
+        for first in range(0, len(rays), ROOTS.searched_at_once):
+            some = slice(first, first + ROOTS.searched_at_once)
+            search = _Search(rays[some], near[some], least_of[some], most[some])
+            _search_around(faces, found, search, lines, leaves)
 
     return found
 
@@ -115,20 +127,21 @@ def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
     return holds | (np.asarray(faces.slack(faces.row[k])) > EDGE)
 
 
-def _search_around(
-    faces: CurvedFaces, found: Roots, odd: Ints, lines: Lines, leaves: Bools
-) -> None:
-    """Replace roots on the wrong side by the nearest on the
-    right one, from many places on the faces around.
-    """
-    # the faces around, ring by ring
-    rings = [found.triangle[odd, None]]
-    for _ in range(ROOTS.rings):
-        row = faces.row[rings[-1]]
-        around = np.where((rings[-1] >= 0)[..., None], faces.neighbour[row], -1)
-        rings.append(around.reshape(len(odd), -1))
+class _Search(NamedTuple):
+    """Rays (n,) that are looked for on triangles (n,) and around, between two distances (n,), m."""
 
-    near = np.concatenate(rings, axis=1)
+    rays: Ints
+    near: Ints
+    least: Floats
+    most: Floats
+
+
+def _search_around(
+    faces: CurvedFaces, found: Roots, search: _Search, lines: Lines, leaves: Bools
+) -> None:
+    """Put the nearest roots on the right side, from many places on the faces around."""
+    odd = search.rays
+    near = _faces_around(faces, search.near)
 
     # the roots from all places on all of them
     i, j = np.nonzero(near >= 0)
@@ -141,14 +154,33 @@ def _search_around(
     rays = odd[i]
     others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)
 
-    # light on its way in meets the front before the back it
-    # was found to meet; within, the back is beyond
-    beyond = (others.distance - found.distance[rays]) * np.where(leaves[rays], 1.0, -1.0) > 0
-    good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & beyond)
+    is_between = (others.distance > search.least[i]) & (others.distance < search.most[i])
+    good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & is_between)
 
     # nearest last, so that it is the one that stays
     good = good[np.argsort(-others.distance[good], kind="stable")]
     found.put(rays[good], others, good)
+
+
+def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:
+    """Triangles (n, m): those (n,) given, and the curved ones around their corners; -1 for none."""
+    found = [triangles]
+    for corner in range(3):
+        is_open = np.ones(len(triangles), bool)  # not yet once around
+        for way in (1, 0):
+            k = np.where(is_open, triangles, -1)
+            at = np.full(len(k), corner)  # of the face, where the corner is
+            for _ in range(ROOTS.turns):
+                row, edge = faces.row[k], (at + 2 + way) % 3
+                beside = np.where(k >= 0, faces.neighbour[row, edge], -1)
+                is_open &= beside != triangles
+                at = (faces.neighbour_edge[row, edge] + way) % 3
+                k = np.where(is_open, beside, -1)
+                if (k < 0).all():
+                    break
+                found.append(k)
+
+    return np.stack(found, axis=1)
 
 
 def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:

@@ -42,6 +42,7 @@ class Paraboloids(CurvedFaces):
         columns |= {
             "row": row,
             "neighbour": np.concatenate([faces.neighbour, none]),
+            "neighbour_edge": np.concatenate([faces.neighbour_edge, none]),
             "normal_row": np.concatenate([faces.normal_row, none[:, 0]]),
             "bent_row": np.concatenate([faces.bent_row, none[:, 0]]),
         }

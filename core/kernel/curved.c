@@ -11,7 +11,7 @@
 #define ASIDE 0.6
 #define WALKS 8
 #define LINE 64 /* bytes that memory hands over together */
-#define MOST_AROUND 13 /* a face, its neighbours, and theirs */
+#define MOST_TURNS 32 /* faces around a corner of one, either way */
 
 /* Coefficients of points relative to the first corner. */
 static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
@@ -193,37 +193,48 @@ static void across(const Curved *curved, int64_t k, const double *d, double *u, 
     *v += way * or_zero(b);
 }
 
-/* Replace a root on the wrong side by the nearest on the right one, from many places on the faces around. */
-static void search_around(const Curved *curved, const double *o, const double *d, bool leaves, Hit *hit) {
-    int64_t around[MOST_AROUND];
-    int n = 1, first = 0;
-    around[0] = hit->triangle;
-    for (int ring = 0; ring < 2; ring++) {
-        int last = n;
-        for (; first < last; first++)
-            for (int e = 0; e < 3; e++) {
-                int64_t k = curved->neighbour[3 * curved->row[around[first]] + e];
-                bool is_known = k < 0;
-                for (int i = 0; i < n && !is_known; i++) is_known = around[i] == k;
-                if (!is_known && n < MOST_AROUND) around[n++] = k;
-            }
+/* Rays are searched for the nearest root of the right side between two distances. */
+typedef struct {
+    const Curved *curved;
+    const double *o, *d;
+    bool leaves, is_found;
+    double least, most;
+    Hit *hit;
+} Around;
+
+static void search_face(Around *around, int64_t k) {
+    if (!is_in_box(around->curved, k, around->o, around->d)) return;
+    for (int s = 0; s < N_STARTS; s++) {
+        Hit other;
+        if (!find_root(around->curved, k, STARTS[s][0], STARTS[s][1], around->o, around->d, WALKS, &other)) continue;
+        double t = other.distance;
+        if (other.enters == around->leaves || !(t > around->least && t < around->most)) continue;
+        *around->hit = other;
+        around->most = t;
+        around->is_found = true;
     }
-    double wrong = hit->distance;
-    Hit best = *hit;
-    bool is_found = false;
-    for (int i = 0; i < n; i++) {
-        if (!is_in_box(curved, around[i], o, d)) continue;
-        for (int s = 0; s < N_STARTS; s++) {
-            Hit other;
-            if (!find_root(curved, around[i], STARTS[s][0], STARTS[s][1], o, d, WALKS, &other)) continue;
-            /* light on its way in meets the front before the back it was found to meet; within, the back is beyond */
-            if (other.enters == leaves || !((other.distance - wrong) * (leaves ? 1.0 : -1.0) > 0)) continue;
-            if (is_found && other.distance >= best.distance) continue;
-            best = other;
-            is_found = true;
+}
+
+/* Search a face and those around its corners, from many places on each. */
+static bool search_around(Around *around, int64_t triangle) {
+    const Curved *curved = around->curved;
+    search_face(around, triangle);
+    for (int corner = 0; corner < 3; corner++) {
+        bool is_closed = false;
+        for (int way = 0; way < 2 && !is_closed; way++) {
+            int64_t k = triangle;
+            int at = corner; /* of the face, where the corner is */
+            for (int turn = 0; turn < MOST_TURNS; turn++) {
+                int64_t place = 3 * curved->row[k] + (way ? (at + 2) % 3 : at);
+                k = curved->neighbour[place];
+                is_closed = k == triangle;
+                if (k < 0 || is_closed) break;
+                at = ((int)curved->neighbour_edge[place] + !way) % 3;
+                search_face(around, k);
+            }
         }
     }
-    *hit = best;
+    return around->is_found;
 }
 
 /* Ask for the memory that tells by which normal a face refracts: it has come when the root is found. */
@@ -267,13 +278,21 @@ bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, con
                  const bool *leaves, double least, bool is_last, Hit *hit) {
     int walks = is_last ? 2 : WALKS;
     fetch_normals(curved, triangle);
-    if (!find_root(curved, triangle, u, v, o, d, walks, hit)) return false;
-    if (leaves && is_odd(hit, *leaves, least)) {
+    Around around = {.curved = curved, .o = o, .d = d, .leaves = leaves && *leaves, .hit = hit};
+    if (!find_root(curved, triangle, u, v, o, d, walks, hit)) {
+        /* a ray that grazes may meet the surface all the same */
+        around.least = least;
+        around.most = INFINITY;
+        if (is_last || !leaves || !search_around(&around, triangle)) return false;
+    } else if (leaves && is_odd(hit, *leaves, least)) {
         Hit other;
         double x = hit->u, y = hit->v;
         across(curved, hit->triangle, d, &x, &y);
         if (find_root(curved, hit->triangle, x, y, o, d, walks, &other) && other.enters != *leaves) *hit = other;
-        if (!is_last && is_odd(hit, *leaves, least) && hit->distance > least) search_around(curved, o, d, *leaves, hit);
+        /* light on its way in meets the front before the back it was found to meet; within, the back is beyond */
+        around.least = *leaves ? hit->distance : -INFINITY;
+        around.most = *leaves ? INFINITY : hit->distance;
+        if (!is_last && is_odd(hit, *leaves, least) && hit->distance > least) search_around(&around, hit->triangle);
     }
     bend(curved, hit);
     return true;

@@ -81,7 +81,7 @@ def test_edges_are_halved_no_more_often_than_their_turn_needs():
     curved, hull = hull_of(torus(0.018, 0.003, 80, 16))
     turns = np.sort(np.degrees(edge_turns(curved)[1]), axis=1)
     assert turns[:, 0].max() < 6 < 12 < turns[:, 1].min() < turns.max() < 24
-    assert (np.bincount(hull.triangle) == 9).all()
+    assert set(np.bincount(hull.triangle).tolist()) == {7, 9}
 
 
 def test_a_ball_of_many_faces_has_a_part_for_each():
