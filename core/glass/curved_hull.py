@@ -23,14 +23,16 @@ from .quartics import monomials
 class HullKnobs:
     """How fine a hull is, tuned by `dev.py curved`: finer ones cost the engine more than they save.
 
-    angle : rad, by less than this the hull turns from one part to the next, or, where a face runs
-        faster at one end than at the other, would turn if it were as far off to the side
+    angle : rad, by less than this the hull turns from one part to the next
+    uneven : a face that runs faster at one end than at the other counts as turning so much of what
+        it would if it were as far off to the side: Newton's method needs a near start there, too
     halvings : of an edge, at most
     halvings_at_edges : of the edges of faces that have a straight one, or meet one in a corner:
         there hull and face are one, and the hull is no further in front than the faces are
     """
 
-    angle: float = np.radians(6)
+    angle: float = np.radians(3)
+    uneven: float = 0.5
     halvings: int = 3
     halvings_at_edges: int = 2
 
@@ -59,8 +61,8 @@ class Hull(NamedTuple):
 
 
 def edge_turns(faces: CurvedFaces) -> tuple[Floats, Floats]:
-    """Offsets (p, 3, 3), m, of the middles of edges from the middles of their
-    chords, and by how much (p, 3), rad, edges turn whose middles are so far off.
+    """Offsets (p, 3, 3), m, of the middles of edges from their chords, and
+    by how much (p, 3), rad, the edges turn.
     """
     at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
     middles = np.matmul(at_middles, faces.coefficients)
@@ -69,13 +71,10 @@ def edge_turns(faces: CurvedFaces) -> tuple[Floats, Floats]:
 
 
 def _turn(middles: Floats, chords: Floats) -> Floats:
-    """By how much (...) parabolas turn whose middles are so far off the middles of chords (..., 3).
-
-    Those that are off along the chord do not turn, but run faster at one end: there Newton's
-    method needs as near a start.
-    """
+    """By how much (...) parabolas turn whose middles are so far off those of chords (..., 3)."""
+    off = np.maximum(_heights(middles, chords), HULL.uneven * length_of(middles))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nan_to_num(8 * length_of(middles) / length_of(chords))
+        return np.nan_to_num(8 * off / length_of(chords))
 
 
 def _heights(middles: Floats, chords: Floats) -> Floats:
@@ -181,7 +180,8 @@ def _cut(faces: CurvedFaces, middles: Floats, halvings: Ints, first: int) -> tup
 
     done.append((face, places))
     face, places = map(np.concatenate, zip(*done, strict=True))
-    return first + face, places
+    in_order = np.argsort(face, kind="stable")
+    return first + face[in_order], places[in_order]
 
 
 # triangles that come of one whose first n edges are cut: corners, of which 3, 4 and 5 are the

@@ -817,9 +817,7 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
         o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
     )
 
-    # on the torus, where a ray can touch it along a
-    # third-order contact, two of 20 000 are let through
-    assert (hits.distance > reach).sum() <= (2 if name.startswith("torus") else 0)
+    assert (hits.distance > reach).sum() == 0
 
 
 @pytest.mark.parametrize("name", ["ball 32 x 16", "ball of 80"])
