@@ -170,7 +170,7 @@ def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:
         for way in (1, 0):
             k = np.where(is_open, triangles, -1)
             at = np.full(len(k), corner)  # of the face, where the corner is
-            for _ in range(ROOTS.turns):
+            for _ in range(ROOTS.corner_turns):
                 row, edge = faces.row[k], (at + 2 + way) % 3
                 beside = np.where(k >= 0, faces.neighbour[row, edge], -1)
                 is_open &= beside != triangles

@@ -31,7 +31,7 @@ class RootKnobs:
     aside : in u, v: a root is not looked for further than this beyond an edge, but on the next face
     walks : faces that a root may wander over
     last_walks : the same where all faces near the ray are asked anyway
-    turns : faces around each corner of a face, either way, that are searched for another root
+    corner_turns : faces around each corner of a face, either way, that are searched for another root
     starts : u, v from which a face is searched for a root
     searched_at_once : rays for which the faces around are searched together, 50 roots each
     course_step : of u, v along the ray's course over a face, by which its turn is measured
@@ -45,7 +45,7 @@ class RootKnobs:
     aside: float = 0.6
     walks: int = 8
     last_walks: int = 2
-    turns: int = 32
+    corner_turns: int = 32
     starts: tuple[tuple[float, float], ...] = ((1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8))
     searched_at_once: int = 1 << 8
     course_step: float = 1e-3

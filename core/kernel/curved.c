@@ -11,7 +11,7 @@
 #define ASIDE 0.6
 #define WALKS 8
 #define LINE 64 /* bytes that memory hands over together */
-#define TURNS 32 /* faces around a corner of one, either way */
+#define CORNER_TURNS 32 /* faces around a corner of one, either way */
 
 /* Coefficients of points relative to the first corner. */
 static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
@@ -224,7 +224,7 @@ static bool search_around(Around *around, int64_t triangle) {
         for (int way = 0; way < 2 && !is_closed; way++) {
             int64_t k = triangle;
             int at = corner; /* of the face, where the corner is */
-            for (int turn = 0; turn < TURNS; turn++) {
+            for (int turn = 0; turn < CORNER_TURNS; turn++) {
                 int64_t place = 3 * curved->row[k] + (way ? (at + 2) % 3 : at);
                 k = curved->neighbour[place];
                 is_closed = k == triangle;
