@@ -46,6 +46,7 @@ def find_roots(
         return np.flatnonzero(is_odd & (leaves | (found.distance > least)))
 
     # first as far on the other side of where the ray touches the surface
+    lost = np.flatnonzero(~found.is_met)
     odd = find_odd()
     if len(odd):
         some = lines.at(odd)
@@ -59,17 +60,17 @@ def find_roots(
 
     if not is_last:
         # light on its way in meets the front before the back it was found to meet; within, the
-        # back is beyond. A ray that grazes may meet the surface where no root was found
-        lost = np.flatnonzero(~found.is_met)
+        # back is beyond
         wrong = found.distance[odd]
-        least_of = np.concatenate([np.where(leaves[odd], wrong, -np.inf), np.full(len(lost), least)])
-        most = np.concatenate([np.where(leaves[odd], np.inf, wrong), np.full(len(lost), np.inf)])
-        rays = np.concatenate([odd, lost])
-        near = np.concatenate([found.triangle[odd], spots.triangle[lost]])
-        for first in range(0, len(rays), ROOTS.searched_at_once):
-            some = slice(first, first + ROOTS.searched_at_once)
-            search = _Search(rays[some], near[some], least_of[some], most[some])
-            _search_around(faces, found, search, lines, leaves)
+        beyond = np.where(leaves[odd], wrong, -np.inf)
+        before = np.where(leaves[odd], np.inf, wrong)
+        around = _Around(odd, found.triangle[odd], beyond, before)
+        _search_around(faces, found, around, lines, leaves, len(ROOTS.starts))
+
+        # a ray that grazes may meet the surface where no root was found; most often it does not
+        nowhere = np.full((2, len(lost)), [[least], [np.inf]])
+        around = _Around(lost, spots.triangle[lost], *nowhere)
+        _search_around(faces, found, around, lines, leaves, ROOTS.few_starts)
 
     return found
 
@@ -127,7 +128,7 @@ def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
     return holds | (np.asarray(faces.slack(faces.row[k])) > EDGE)
 
 
-class _Search(NamedTuple):
+class _Around(NamedTuple):
     """Rays (n,) that are looked for on triangles (n,) and around, between two distances (n,), m."""
 
     rays: Ints
@@ -137,29 +138,33 @@ class _Search(NamedTuple):
 
 
 def _search_around(
-    faces: CurvedFaces, found: Roots, search: _Search, lines: Lines, leaves: Bools
+    faces: CurvedFaces,
+    found: Roots,
+    around: _Around,
+    lines: Lines,
+    leaves: Bools,
+    n_starts: int,
 ) -> None:
-    """Put the nearest roots on the right side, from many places on the faces around."""
-    odd = search.rays
-    near = _faces_around(faces, search.near)
+    """Put the nearest roots on the right side, from so many places on each of the faces around."""
+    for first in range(0, len(around.rays), ROOTS.searched_at_once):
+        some = _Around(*(column[first : first + ROOTS.searched_at_once] for column in around))
+        near = _faces_around(faces, some.near)
 
-    # the roots from all places on all of them
-    i, j = np.nonzero(near >= 0)
-    k = near[i, j]
-    holds = are_in_boxes(faces, k, lines.at(odd[i]))
-    n_starts = len(ROOTS.starts)
-    k = np.tile(k[holds], n_starts)
-    i = np.tile(i[holds], n_starts)
-    u, v = np.repeat(np.array(ROOTS.starts), len(k) // n_starts, axis=0).T
-    rays = odd[i]
-    others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)
+        # the roots from all places on all of them
+        i, j = np.nonzero(near >= 0)
+        k = near[i, j]
+        holds = are_in_boxes(faces, k, lines.at(some.rays[i]))
+        k = np.tile(k[holds], n_starts)
+        i = np.tile(i[holds], n_starts)
+        u, v = np.repeat(np.array(ROOTS.starts[:n_starts]), len(k) // n_starts, axis=0).T
+        rays = some.rays[i]
+        others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)
+        is_between = (others.distance > some.least[i]) & (others.distance < some.most[i])
+        good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & is_between)
 
-    is_between = (others.distance > search.least[i]) & (others.distance < search.most[i])
-    good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & is_between)
-
-    # nearest last, so that it is the one that stays
-    good = good[np.argsort(-others.distance[good], kind="stable")]
-    found.put(rays[good], others, good)
+        # nearest last, so that it is the one that stays
+        good = good[np.argsort(-others.distance[good], kind="stable")]
+        found.put(rays[good], others, good)
 
 
 def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
+from ..products import combine
 from ..steps import Pauses
 from ..vectors import dot, length_of
 from .curved import HIGHER, CurvedFaces
-from .quartics import monomials
+from .quartics import N_TERMS, monomials
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class HullKnobs:
 
 
 HULL = HullKnobs()
-PARTS_AT_ONCE = 1 << 14  # of faces cut as finely as can be, that are worked on together
+PARTS_AT_ONCE = 1 << 14  # that are worked on together: between two pauses
 UNITS = 2**HULL.halvings  # that an edge is long where places are counted
 
 # terms at all places, and at those half way between
@@ -65,7 +66,8 @@ def edge_turns(faces: CurvedFaces) -> tuple[Floats, Floats]:
     by how much (p, 3), rad, the edges turn.
     """
     at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
-    middles = np.matmul(at_middles, faces.coefficients)
+    middles = combine(at_middles, faces.coefficient_table.reshape(N_TERMS, -1))
+    middles = np.ascontiguousarray(middles.reshape(3, 3, -1).transpose(2, 0, 1))
     corners = faces.corners[faces.triangle]
     return middles, _turn(middles, np.roll(corners, -1, axis=1) - corners)
 
@@ -98,14 +100,12 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     yield 0
 
     # parts, and how far the faces stand out of them
-    at_once = max(1, PARTS_AT_ONCE // UNITS**2)
     sag = np.zeros(len(turns))
     portions = []
-    for first in range(0, len(turns), at_once):
-        some = slice(first, first + at_once)
-        face, places = _cut(faces, middles[some], halvings[some], first)
+    for some in _portions(halvings):
+        face, places = _cut(faces, middles[some], halvings[some], some.start)
         points, out = _find_points(faces, face, places)
-        np.maximum.at(sag, face, out)
+        sag[some] = np.maximum.reduceat(out, np.searchsorted(face, np.arange(some.start, some.stop)))
         portions.append((face, places, points))
         yield 0
 
@@ -133,10 +133,15 @@ def _count_halvings(faces: CurvedFaces, turns: Floats, is_held: Bools) -> Ints:
     n[at_edge] = np.maximum(n[at_edge], HULL.halvings_at_edges)
     row, edge = np.nonzero(faces.neighbour >= 0)
     beside = faces.row[faces.neighbour[row, edge]], faces.neighbour_edge[row, edge]
-    both = np.maximum(n[row, edge], n[beside])
-    n[row, edge] = both
-    np.maximum.at(n, beside, both)
+    n[row, edge] = np.maximum(n[row, edge], n[beside])
     return np.minimum(n, HULL.halvings)
+
+
+def _portions(halvings: Ints) -> list[slice]:
+    """Faces that are worked on together, whose edges are halved so often (p, 3)."""
+    n_before = np.cumsum(4 ** halvings.max(axis=1, initial=0))
+    ends = np.flatnonzero(np.diff(n_before // PARTS_AT_ONCE, append=-1)) + 1
+    return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def _cut(faces: CurvedFaces, middles: Floats, halvings: Ints, first: int) -> tuple[Ints, Ints]:
@@ -171,14 +176,17 @@ def _cut(faces: CurvedFaces, middles: Floats, halvings: Ints, first: int) -> tup
 
         n_cut = is_cut.sum(axis=1)
         done.append((face[n_cut == 0], places[n_cut == 0]))
+        if not n_cut.any():
+            break
         pieces = [
             _cut_alike(face[which], places[which], edges[which], is_cut[which], n)
             for n in (1, 2, 3)
             for which in [n_cut == n]
         ]
         face, places, edges = map(np.concatenate, zip(*pieces, strict=True))
+    else:
+        done.append((face, places))
 
-    done.append((face, places))
     face, places = map(np.concatenate, zip(*done, strict=True))
     in_order = np.argsort(face, kind="stable")
     return first + face[in_order], places[in_order]

@@ -33,6 +33,7 @@ class RootKnobs:
     last_walks : the same where all faces near the ray are asked anyway
     corner_turns : faces around each corner of a face, either way, that are searched for another root
     starts : u, v from which a face is searched for a root
+    few_starts : of these, for a ray of which no root was found: most often there is none
     searched_at_once : rays for which the faces around are searched together, 50 roots each
     course_step : of u, v along the ray's course over a face, by which its turn is measured
     """
@@ -47,6 +48,7 @@ class RootKnobs:
     last_walks: int = 2
     corner_turns: int = 32
     starts: tuple[tuple[float, float], ...] = ((1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8))
+    few_starts: int = 2
     searched_at_once: int = 1 << 8
     course_step: float = 1e-3
 

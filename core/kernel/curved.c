@@ -12,6 +12,7 @@
 #define WALKS 8
 #define LINE 64 /* bytes that memory hands over together */
 #define CORNER_TURNS 32 /* faces around a corner of one, either way */
+#define FEW_STARTS 2
 
 /* Coefficients of points relative to the first corner. */
 static void load_face(const Curved *curved, int64_t k, double c[N_TERMS][3]) {
@@ -197,6 +198,7 @@ static void across(const Curved *curved, int64_t k, const double *d, double *u, 
 typedef struct {
     const Curved *curved;
     const double *o, *d;
+    int n_starts;
     bool leaves, is_found;
     double least, most;
     Hit *hit;
@@ -204,7 +206,7 @@ typedef struct {
 
 static void search_face(Around *around, int64_t k) {
     if (!is_in_box(around->curved, k, around->o, around->d)) return;
-    for (int s = 0; s < N_STARTS; s++) {
+    for (int s = 0; s < around->n_starts; s++) {
         Hit other;
         if (!find_root(around->curved, k, STARTS[s][0], STARTS[s][1], around->o, around->d, WALKS, &other)) continue;
         double t = other.distance;
@@ -281,6 +283,7 @@ bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, con
     Around around = {.curved = curved, .o = o, .d = d, .leaves = leaves && *leaves, .hit = hit};
     if (!find_root(curved, triangle, u, v, o, d, walks, hit)) {
         /* a ray that grazes may meet the surface all the same */
+        around.n_starts = FEW_STARTS;
         around.least = least;
         around.most = INFINITY;
         if (is_last || !leaves || !search_around(&around, triangle)) return false;
@@ -290,6 +293,7 @@ bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, con
         across(curved, hit->triangle, d, &x, &y);
         if (find_root(curved, hit->triangle, x, y, o, d, walks, &other) && other.enters != *leaves) *hit = other;
         /* light on its way in meets the front before the back it was found to meet; within, the back is beyond */
+        around.n_starts = N_STARTS;
         around.least = *leaves ? hit->distance : -INFINITY;
         around.most = *leaves ? INFINITY : hit->distance;
         if (!is_last && is_odd(hit, *leaves, least) && hit->distance > least) search_around(&around, hit->triangle);
