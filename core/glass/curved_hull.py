@@ -105,7 +105,8 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     for some in _portions(halvings):
         face, places = _cut(faces, middles[some], halvings[some], some.start)
         points, out = _find_points(faces, face, places)
-        sag[some] = np.maximum.reduceat(out, np.searchsorted(face, np.arange(some.start, some.stop)))
+        starts = np.searchsorted(face, np.arange(some.start, some.stop))
+        sag[some] = np.maximum.reduceat(out, starts)
         portions.append((face, places, points))
         yield 0
 

@@ -31,7 +31,7 @@ class RootKnobs:
     aside : in u, v: a root is not looked for further than this beyond an edge, but on the next face
     walks : faces that a root may wander over
     last_walks : the same where all faces near the ray are asked anyway
-    corner_turns : faces around each corner of a face, either way, that are searched for another root
+    corner_turns : faces around each corner of one, either way, that are searched for another root
     starts : u, v from which a face is searched for a root
     few_starts : of these, for a ray of which no root was found: most often there is none
     searched_at_once : rays for which the faces around are searched together, 50 roots each
