@@ -13,6 +13,9 @@ from .splines import Splines, looking_for_splines
 from .subdivided import Subdivided, looking_for_subdivided
 from .vertices import Vertices
 
+# a larger mesh is judged face by face, as any other: curved all over it would take twice the time
+MOST_TRIANGLES = 10_000
+
 
 @dataclass(frozen=True, eq=False)
 class Known:
@@ -40,8 +43,11 @@ def looking_for_known(
     v: Vertices, edges: Edges, polygon: Ints, asked: Bools
 ) -> Pauses[Known | None]:
     """Where it is known of a mesh whose triangles are parts of polygons (t,), of those that are
-    asked for (t,); None where it is nowhere.
+    asked for (t,); None where it is nowhere, and for a mesh of more than MOST_TRIANGLES.
     """
+    if len(polygon) > MOST_TRIANGLES:
+        return None
+
     lines = find_quad_lines(v, edges, polygon)
     yield 0
     splines = yield from looking_for_splines(v, lines)

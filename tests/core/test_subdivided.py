@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core import kernel
+from kiriko.core.glass import known as known_module
 from kiriko.core.glass.known import looking_for_known
 from kiriko.core.glass.meshes import find_edges, find_joined
 from kiriko.core.glass.quartics import AT_NODES
@@ -157,3 +158,11 @@ def test_a_ring_needs_no_more_than_splines():
     profile = 1e-3 * np.array([(12, -4), (20, -4), (28, -3), (28, 3), (20, 4), (12, 4)])
     mesh: Mesh = mean_normals(limit_mesh(ring_cage(profile, 12), 1))
     assert (looked_for(mesh)[1].rank == 2).all()
+
+
+def test_a_large_mesh_is_judged_as_any_other(monkeypatch):
+    mesh = mean_normals(limit_mesh(lathe_cage(LATHE, 12), 1))
+    monkeypatch.setattr(known_module, "MOST_TRIANGLES", len(mesh.triangles))
+    assert looked_for(mesh)[1] is not None
+    monkeypatch.setattr(known_module, "MOST_TRIANGLES", len(mesh.triangles) - 1)
+    assert looked_for(mesh)[1] is None
