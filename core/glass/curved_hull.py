@@ -61,15 +61,13 @@ class Hull(NamedTuple):
     places: NDArray[np.float32]
 
 
-def edge_turns(faces: CurvedFaces) -> tuple[Floats, Floats]:
-    """Offsets (p, 3, 3), m, of the middles of edges from their chords, and
-    by how much (p, 3), rad, the edges turn.
-    """
+def edge_turns(faces: CurvedFaces) -> Floats:
+    """By how much (p, 3), rad, edges turn."""
     at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
     middles = combine(at_middles, faces.coefficient_table.reshape(N_TERMS, -1))
     middles = np.ascontiguousarray(middles.reshape(3, 3, -1).transpose(2, 0, 1))
     corners = faces.corners[faces.triangle]
-    return middles, _turn(middles, np.roll(corners, -1, axis=1) - corners)
+    return _turn(middles, np.roll(corners, -1, axis=1) - corners)
 
 
 def _turn(middles: Floats, chords: Floats) -> Floats:
@@ -95,15 +93,16 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     is_held[faces.vertex[on_edge]] = True
     is_held[np.roll(faces.vertex, -1, axis=1)[on_edge]] = True
 
-    middles, turns = edge_turns(faces)
-    halvings = _count_halvings(faces, turns, is_held)
+    at_edge = is_held[faces.vertex].any(axis=1)
+    turns = edge_turns(faces)
+    halvings = _count_halvings(faces, turns, at_edge)
     yield 0
 
     # parts, and how far the faces stand out of them
     sag = np.zeros(len(turns))
     portions = []
     for some in _portions(halvings):
-        face, places = _cut(faces, middles[some], halvings[some], some.start)
+        face, places = _cut(faces, halvings[some], at_edge[some], some.start)
         points, out = _find_points(faces, face, places)
         starts = np.searchsorted(face, np.arange(some.start, some.stop))
         sag[some] = np.maximum.reduceat(out, starts)
@@ -127,10 +126,11 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     return Hull(points, faces.triangle[face], (places / UNITS).astype(np.float32))
 
 
-def _count_halvings(faces: CurvedFaces, turns: Floats, is_held: Bools) -> Ints:
-    """How often each edge (p, 3) is halved: the same on both sides."""
+def _count_halvings(faces: CurvedFaces, turns: Floats, at_edge: Bools) -> Ints:
+    """How often each edge (p, 3) is halved that turns by so much: the same
+    on both sides. at_edge (p,): does the face meet a straight edge?
+    """
     n = np.ceil(np.log2(np.maximum(turns / HULL.angle, 1))).astype(int)
-    at_edge = is_held[faces.vertex].any(axis=1)
     n[at_edge] = np.maximum(n[at_edge], HULL.halvings_at_edges)
     row, edge = np.nonzero(faces.neighbour >= 0)
     beside = faces.row[faces.neighbour[row, edge]], faces.neighbour_edge[row, edge]
@@ -145,21 +145,16 @@ def _portions(halvings: Ints) -> list[slice]:
     return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def _cut(faces: CurvedFaces, middles: Floats, halvings: Ints, first: int) -> tuple[Ints, Ints]:
+def _cut(faces: CurvedFaces, halvings: Ints, at_edge: Bools, first: int) -> tuple[Ints, Ints]:
     """Parts of some faces, from the first on: of which face (m,)
     each is, and places (m, 3, 2) of its corners, in units.
 
-    middles (f, 3, 3), m, off the chords of edges, which are halved so often (f, 3).
+    Edges are halved so often (f, 3), and ways across as they turn themselves, so
+    that parts of both sides do the same; at_edge (f,) as for `_count_halvings`.
     """
-    n_faces = len(middles)
+    n_faces = len(halvings)
     corners = faces.corners[faces.triangle[first : first + n_faces]]
     sides = (corners[:, 1:] - corners[:, :1]) / UNITS
-    # a way across a face is off its chord by a quadratic form
-    form = np.stack(
-        [middles[:, 0], middles[:, 0] + middles[:, 2] - middles[:, 1], middles[:, 2]], axis=1
-    )
-    form /= UNITS**2
-
     face = np.arange(n_faces)
     places = np.broadcast_to(UNITS * np.array([[0, 0], [1, 0], [0, 1]]), (n_faces, 3, 2))
     edges = np.broadcast_to(np.arange(3), (n_faces, 3))  # of the face, -1 where a way crosses it
@@ -169,11 +164,15 @@ def _cut(faces: CurvedFaces, middles: Floats, halvings: Ints, first: int) -> tup
         is_cut = halvings[face[:, None], edges] > halved
         inside, e = np.nonzero(edges < 0)
         if len(inside):
-            du, dv = ways[inside, e].T[..., None].astype(float)
-            a, b, c = form[face[inside]].swapaxes(0, 1)
-            side_u, side_v = sides[face[inside]].swapaxes(0, 1)
-            turn = _turn(a * du * du + b * (du * dv) + c * dv * dv, side_u * du + side_v * dv)
-            is_cut[inside, e] = turn > HULL.angle
+            across = face[inside]
+            du, dv = ways[inside, e].T[..., None]
+            side_u, side_v = sides[across].swapaxes(0, 1)
+            a, b = places[inside, e], places[inside, (e + 1) % 3]
+            u, v = np.stack([2 * a, a + b, 2 * b], axis=1).transpose(2, 0, 1)
+            at = np.matmul(_TERMS[u, v], faces.coefficients[first + across])
+            middles = at[:, 1] - (at[:, 0] + at[:, 2]) / 2
+            is_cut[inside, e] = _turn(middles, side_u * du + side_v * dv) > HULL.angle
+            is_cut[inside, e] |= at_edge[across] & (halved < HULL.halvings_at_edges)
 
         n_cut = is_cut.sum(axis=1)
         done.append((face[n_cut == 0], places[n_cut == 0]))

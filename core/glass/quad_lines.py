@@ -76,7 +76,8 @@ def find_quad_lines(v: Vertices, edges: Edges, polygon: Ints) -> QuadLines:
 def _halves(edges: Edges, polygon: Ints) -> tuple[Bools, Bools]:
     """Edges (t, 3) that are diagonals of polygons (t,), and triangles (t,) that are half a quad."""
     is_diagonal = np.zeros((len(polygon), 3), bool)
-    same = polygon[edges.first] == polygon[edges.second]
+    # a triangle that has a vertex twice is beside itself
+    same = (polygon[edges.first] == polygon[edges.second]) & (edges.first != edges.second)
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
         is_diagonal[t[same], e[same]] = True
 

@@ -17,7 +17,7 @@ def count_parts(faces: CurvedFaces, angle: float, most: int) -> int:
     """Into how many parts edges have to be cut to turn by
     less than an angle (radians) each, but at most.
     """
-    turns = edge_turns(faces)[1].max(axis=1)
+    turns = edge_turns(faces).max(axis=1)
     return int(np.clip(np.ceil(np.quantile(turns, USUAL) / angle), 1, most))
 
 

@@ -72,7 +72,7 @@ typedef struct {
 typedef struct {
     float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
     int64_t *owner;         /* (p,) by position */
-    float *places;          /* (p - n_whole, 3, 2) u, v of the corners of parts, in the order of items */
+    float *places;          /* (p - n_whole, 3, 2) u, v of the corners of parts, by their numbers */
     int64_t n_whole;
     Tree tree;
 } Hull;

@@ -166,3 +166,17 @@ def test_a_large_mesh_is_judged_as_any_other(monkeypatch):
     assert looked_for(mesh)[1] is not None
     monkeypatch.setattr(known_module, "MOST_TRIANGLES", len(mesh.triangles) - 1)
     assert looked_for(mesh)[1] is None
+
+
+def test_triangles_that_have_a_vertex_twice_do_no_harm():
+    """They are beside themselves, and no halves of quads."""
+    mesh = mean_normals(limit_mesh(lathe_cage(LATHE, 12), 1))
+    dice = np.random.default_rng(0)
+    n = len(mesh.triangles)
+    for _ in range(20):
+        order, first = dice.permutation(n), dice.integers(3, size=n)
+        triangles = mesh.triangles[order[:, None], (first[:, None] + np.arange(3)) % 3]
+        twice = dice.integers(n, size=40)
+        triangles[twice, 1] = triangles[twice, 0]
+        _, known = looked_for(replace(mesh, triangles=triangles, polygon=mesh.polygon[order]))
+        assert known is None or not known.is_face[twice].any()
