@@ -129,7 +129,6 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
     for k in range(0, len(own), FACES_AT_ONCE):
         some = slice(k, k + FACES_AT_ONCE)
         corners = at_corners[some]
-        facets = np.matmul(NODES[:N_ON_EDGES], corners)
         change = np.zeros_like(own[some])
         change[:, N_NODES:] = corners - own[some, N_NODES:]
 
@@ -158,7 +157,8 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
             alone = np.flatnonzero(triangle < 0)
             found[alone] = mine[alone]
             jump[k + alone, nodes] = 0.0
-            found[is_drawn] = facets[is_drawn, nodes]
+            facets = np.matmul(NODES[:N_ON_EDGES], corners[is_drawn])
+            found[is_drawn] = facets[:, nodes]
             change[:, nodes] = found - mine
 
         # others keep their own normals

@@ -29,12 +29,12 @@ class Quads:
     start: Ints
     n: int
 
-    @property
+    @cached_property
     def after(self) -> Ints:
         loops = np.arange(len(self.start))
         return loops - loops % 4 + (loops + 1) % 4
 
-    @property
+    @cached_property
     def before(self) -> Ints:
         loops = np.arange(len(self.start))
         return loops - loops % 4 + (loops + 3) % 4

@@ -28,8 +28,8 @@ class HullKnobs:
     uneven : a face that runs faster at one end than at the other counts as turning so much of what
         it would if it were as far off to the side: Newton's method needs a near start there, too
     halvings : of an edge, at most
-    halvings_at_edges : of the edges of faces that have a straight one, or meet one in a corner:
-        there hull and face are one, and the hull is no further in front than the faces are
+    halvings_at_edges : at least, of edges and ways across of faces that have a straight edge, or
+        meet one in a corner: there hull and face are one
     """
 
     angle: float = np.radians(3)
@@ -45,8 +45,6 @@ UNITS = 2**HULL.halvings  # that an edge is long where places are counted
 # terms at all places, and at those half way between
 _AT = np.stack(np.meshgrid(*2 * [np.arange(2 * UNITS + 1)], indexing="ij"), axis=-1)
 _TERMS = monomials(*np.moveaxis(_AT / (2 * UNITS), -1, 0))
-# of the three edges of a triangle, from one end to the other
-_WAYS = np.array([[1, 0], [-1, 1], [0, -1]])
 
 
 class Hull(NamedTuple):

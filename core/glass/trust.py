@@ -15,7 +15,7 @@ from .vertices import Vertices
 
 class Parts(NamedTuple):
     """The flat face (t,) that each triangle is a part of; of each curved face (n,) the whole shell,
-    -1 where there is none, and whether it is on splines, and so known to be the surface meant.
+    -1 where there is none, and whether it is known to be the surface meant (known.py).
     """
 
     flat_face: Ints
