@@ -9,10 +9,8 @@ import pytest
 
 from kiriko.core import kernel
 from kiriko.core.glass.grid_lines import look_along_lines
-from kiriko.core.glass.meshes import find_edges, find_joined
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import tangent_planes
-from kiriko.core.glass.vertices import find_vertices
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
@@ -20,6 +18,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.catmull_clark import limit_mesh, ring_cage, uneven_profile
 from known.marks import ORDER
+from known.on_limits import vertices_and_edges
 from known.reference_rigs import mean_normals, rig, smooth_mesh, split_quads, torus, uv_ellipsoid
 
 MAJOR, MINOR = 0.020, 0.005  # m
@@ -30,10 +29,7 @@ def looked_at(mesh):
     """How far the vertices (v,) are off smooth lines, m, how coarse these are, and how far off
     splines they are, m.
     """
-    edges = find_edges(mesh.triangles)
-    usable = np.ones(len(mesh.triangles), bool)
-    joined = find_joined(mesh.corner_normals, edges)
-    v = find_vertices(mesh.vertices, mesh.triangles, mesh.corner_normals, usable, edges, joined)
+    v, _ = vertices_and_edges(mesh)
     size = tangent_planes(v).size
     lines = finish(look_along_lines(v, size))
     return lines.scatter * size, lines.phase, lines.off_splines * size

@@ -8,22 +8,19 @@ import pytest
 from kiriko.core import kernel
 from kiriko.core.glass import known as known_module
 from kiriko.core.glass.known import looking_for_known
-from kiriko.core.glass.meshes import find_edges, find_joined
 from kiriko.core.glass.quartics import AT_NODES
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.glass.vertices import find_vertices
 from kiriko.core.rig import Mesh
 from kiriko.core.steps import finish
 from known.catmull_clark import LATHE, Cage, lathe_cage, limit_mesh, ring_cage
+from known.on_limits import off_limit, vertices_and_edges
 from known.reference_rigs import mean_normals
 
 
 def looked_for(mesh):
     """Its vertices, and where it is known."""
-    edges = find_edges(mesh.triangles)
-    joined = find_joined(mesh.corner_normals, edges)
+    v, edges = vertices_and_edges(mesh)
     usable = np.ones(len(mesh.triangles), bool)
-    v = find_vertices(mesh.vertices, mesh.triangles, mesh.corner_normals, usable, edges, joined)
     return v, finish(looking_for_known(v, edges, mesh.polygon, usable))
 
 
@@ -73,14 +70,9 @@ def test_faces_go_through_places_of_the_finer_limit_with_its_normals(name):
     mesh, finer = (limit_mesh(CAGES[name], level) for level in (1, 3))
     _, known = looked_for(mean_normals(mesh))
     some = np.flatnonzero(known.rank == 1)[::7]
-    places, normals = known.faces(some)
-    exact = np.empty_like(finer.vertices)
-    exact[finer.triangles] = finer.corner_normals
-    for place, normal in zip(places, normals, strict=True):
-        away = np.linalg.norm(place[:, None] - finer.vertices, axis=2)
-        nearest = away.argmin(axis=1)
-        assert away[np.arange(15), nearest].max() < 1e-13
-        assert np.abs(exact[nearest] - normal).max() < 1e-10
+    off, turned = off_limit(*known.faces(some), finer)
+    assert off < 1e-13
+    assert turned < 1e-10
 
 
 @pytest.mark.parametrize("by", [1e-4, 1e-3])
