@@ -135,7 +135,7 @@ static bool find_root(const Curved *curved, int64_t triangle, double u, double v
 }
 
 /* Two unit vectors perpendicular to a direction and to each other, as quartics.tangents. */
-static void tangents(const double *d, double axes[2][3]) {
+void tangents(const double *d, double axes[2][3]) {
     double sign = copysign(1.0, d[2]), a = -1.0 / (sign + d[2]), b = d[0] * d[1] * a;
     axes[0][0] = 1.0 + sign * d[0] * d[0] * a;
     axes[0][1] = sign * b;
@@ -145,11 +145,10 @@ static void tangents(const double *d, double axes[2][3]) {
     axes[1][2] = -d[1];
 }
 
-/* As seen along a ray, does the box around the Bezier points of a face hold it? */
-bool is_in_box(const Curved *curved, int64_t k, const double *o, const double *d) {
-    double c[N_TERMS][3], axes[2][3];
+/* As seen along a ray, by its tangents, does the box around the Bezier points of a face hold it? */
+bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]) {
+    double c[N_TERMS][3];
     load_face(curved, k, c);
-    tangents(d, axes);
     for (int a = 0; a < 2; a++) {
         const double *axis = axes[a];
         double seen[N_TERMS], low = 0, high = 0, at = 0; /* the first corner is where it begins */
@@ -194,10 +193,11 @@ static void across(const Curved *curved, int64_t k, const double *d, double *u, 
     *v += way * or_zero(b);
 }
 
-/* Rays are searched for the nearest root of the right side between two distances. */
+/* A ray whose nearest root of the right side, between two distances, is looked for. */
 typedef struct {
     const Curved *curved;
     const double *o, *d;
+    double axes[2][3]; /* its tangents */
     int n_starts;
     bool leaves, is_found;
     double least, most;
@@ -205,7 +205,7 @@ typedef struct {
 } Around;
 
 static void search_face(Around *around, int64_t k) {
-    if (!is_in_box(around->curved, k, around->o, around->d)) return;
+    if (!is_in_box(around->curved, k, around->o, around->axes)) return;
     for (int s = 0; s < around->n_starts; s++) {
         Hit other;
         if (!find_root(around->curved, k, STARTS[s][0], STARTS[s][1], around->o, around->d, WALKS, &other)) continue;
@@ -220,6 +220,7 @@ static void search_face(Around *around, int64_t k) {
 /* Search a face and those around its corners, from many places on each. */
 static bool search_around(Around *around, int64_t triangle) {
     const Curved *curved = around->curved;
+    tangents(around->d, around->axes);
     search_face(around, triangle);
     for (int corner = 0; corner < 3; corner++) {
         bool is_closed = false;

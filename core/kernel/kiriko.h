@@ -269,7 +269,8 @@ static inline void slab(const double *low, const double *high, const double *o, 
 }
 
 /* curved.c */
-bool is_in_box(const Curved *curved, int64_t k, const double *o, const double *d);
+void tangents(const double *d, double axes[2][3]);
+bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]);
 bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,
                  const bool *leaves, double least, bool is_last, Hit *hit);
 

@@ -14,6 +14,7 @@ typedef struct {
     Sides *sides;
     const double *o, *d;
     const bool *leaves;
+    double axes[2][3]; /* the ray's tangents, where there are curved faces */
     double start;    /* from where the tree is asked, m */
     double least;    /* hits that are nearer are those of what was just met */
     double tolerance, slack;
@@ -89,7 +90,7 @@ static void visit_face(void *context, int32_t position, double *far) {
         if (meet_facet(search, frame, k, search->slack, &found)) consider(search, &found, far);
         return;
     }
-    if (!is_in_box(curved, k, search->o, search->d)) return;
+    if (!is_in_box(curved, k, search->o, search->axes)) return;
     for (int s = 0; s < search->layer->n_starts; s++) {
         const double *at = STARTS[s];
         if (meet_curved(curved, k, at[0], at[1], search->o, search->d, search->leaves, search->layer->tolerance, true,
@@ -104,6 +105,7 @@ static void search_faces(Search *search, double slack, double far) {
     double from[3];
     search->slack = slack;
     search->wrong = INFINITY;
+    if (layer->curved) tangents(search->d, search->axes);
     for (int j = 0; j < 3; j++) from[j] = (search->o[j] + search->start * search->d[j] - layer->centre[j]) / layer->radius;
     far = (far + search->tolerance - search->start) / layer->radius;
     visit_tree(&layer->over_faces, from, search->d, &far, visit_face, search);
