@@ -1,4 +1,4 @@
-"""Vertices of a mesh as the code finds them, and the limit of subdivision that faces are held to."""
+"""Vertices of a mesh as the code finds them; faces held to the limit of subdivision."""
 
 import numpy as np
 
