@@ -9,6 +9,7 @@ that it has with another meaning ("Display", the verb) needs that context where 
 
 import ast
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import bpy
@@ -47,6 +48,12 @@ def texts_of(locale: str) -> Texts:
             texts[entry["msgid"]] = entry["msgstr"]
 
     return {english: text for english, text in texts.items() if text}
+
+
+@cache
+def in_all(english: str) -> frozenset[str]:
+    """An English text, and what it is in each of the languages."""
+    return frozenset([english, *(texts_of(locale).get(english, english) for locale in locales())])
 
 
 def entries_of(locale: str, filled: Iterable[Message] = ()) -> dict[tuple[str, str], str]:

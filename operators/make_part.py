@@ -12,7 +12,6 @@ from ..core.bench.room import fit_display
 from ..core.blender.objects import Workbench
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.rig_objects import (
-    has_lost_plate,
     in_units,
     make_display,
     make_picture,
@@ -153,7 +152,7 @@ class KIRIKO_OT_go_without_plate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_lost = has_lost_plate(context.scene)
+        is_lost = needed.has_lost_plate(context.scene)
         return needed.can_run(cls, [] if is_lost else [Message("The rig misses no plate")])
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -6,12 +6,13 @@ import bpy
 
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
-from ..core.blender.rig_objects import has_lost_plate
-from ..core.blender.rigs import elsewhere
+from ..core.blender.rig_objects import PLATE
+from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
 from ..core.blender.viewer import own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.messages import Message
 from ..core.rig import ROLES
+from ..languages import in_all
 from .telling import in_words
 
 NEEDED = {
@@ -123,6 +124,19 @@ def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
         return True
     # one of another file may have the same name: the name finds either
     return found is not None and bool(found.library or viewer.library)
+
+
+def has_lost_plate(scene: bpy.types.Scene) -> bool:
+    """Was the plate of a scene's active rig deleted? One whose role is None was put out of use.
+
+    Its name is one in the language of when it was made.
+    """
+    rig = active_rig(scene)
+    if rig is None or not rig.kiriko.has_plate:
+        return False
+    made = (mark_of(thing) for thing in scene.objects if RIG_MARK in thing)
+    names = [name for key, name in made if key == rig.kiriko.key]
+    return not any(plate in name for plate in in_all(PLATE) for name in names)
 
 
 def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:

@@ -10,30 +10,20 @@ import bpy
 from ..arrays import Floats
 from ..bench.placement import lattice
 from ..encoding import quantised
+from ..messages import Message
 from ..png import encoded
 from . import shaders
 from .eyes import EYES
 from .image import packed_image
 from .objects import Workbench
-from .own_words import data_name
-from .rigs import RIG_MARK, active_rig, mark_of
 from .viewport_look import be_seen_as_plate, be_seen_as_screen
 
-
-def has_lost_plate(scene: bpy.types.Scene) -> bool:
-    """Was the plate of a scene's active rig deleted? One whose role is None was put out of use."""
-    rig = active_rig(scene)
-    if rig is None or not rig.kiriko.has_plate:
-        return False
-    made = (mark_of(thing) for thing in scene.objects if RIG_MARK in thing)
-    return not any(
-        key == rig.kiriko.key and data_name("Kiriko Plate") in name for key, name in made
-    )
+PLATE = Message("Kiriko Plate")  # its name
 
 
 def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
     """A square plate."""
-    plate = made.rectangle("Kiriko Plate", frame, side, side)
+    plate = made.rectangle(PLATE, frame, side, side)
     plate.kiriko.role, plate.show_name = "PLATE", True
     plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
     return plate

@@ -135,6 +135,12 @@ def test_a_rig_with_names_in_japanese(
     assert {parts["PLATE"].name, scene.kiriko.viewer.name} == {"Kirikoプレート", "Kiriko視点"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
+    # a plate that is out of use is not lost, also once names are English again
+    parts["PLATE"].kiriko.role = "NONE"
+    assert not bpy.ops.kiriko.go_without_plate.poll()
+    monkeypatch.undo()
+    assert not bpy.ops.kiriko.go_without_plate.poll()
+
     assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
     assert [thing.name for thing in scene.objects] == ["Cube"]
     assert not any(c.name.startswith("Kiriko") for c in bpy.data.collections)
