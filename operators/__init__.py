@@ -23,6 +23,7 @@ from . import (
     fit_picture,
     fit_picture_size,
     fit_plate,
+    framing,
     glass_preset,
     keep_calibration,
     lattice_picture,
@@ -137,6 +138,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(in_own_words(cls))
     live.register()
+    framing.register()
     look_through.register()
     show_window.register()
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
@@ -159,6 +161,7 @@ def unregister() -> None:
     choose_rig.unregister()
     show_window.unregister()
     look_through.unregister()
+    framing.unregister()
     live.unregister()
     compared.unregister()
     work.forget()

@@ -1,17 +1,24 @@
 """Framing: a new rig is selected, and the 3D view shows all of it. Only where there is a window."""
 
+from typing import Any
+
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 from mathutils import Matrix
 
 from ..core.arrays import Floats
-from ..core.blender.changes import Change, change
+from ..core.blender.changes import Change, change, put_back
 from ..core.blender.framing import Framed, Window, framed, in_sight, turned
+from ..core.blender.kept import Changed
+from ..core.blender.remove_rig import spaces
 from ..core.blender.rigs import elsewhere
+from . import work
 from .windows import view_of
 
 BENCH = ("GLASS", "PLATE", "PICTURE", "DISPLAY")  # the viewer is so far that it would dwarf them
 LEAST_SEEN = 0.5  # of the corners of a new object: the view stays where as many are in sight
+_before: list[list[Any]] = []  # changes of views that rigs keep, as they are before undo or redo
 
 
 def select(context: bpy.types.Context, things: tuple[bpy.types.Object, ...]) -> None:
@@ -121,3 +128,47 @@ def corners(thing: bpy.types.Object) -> Floats:
     box = np.array(thing.bound_box) if thing.data is not None else np.zeros((1, 3))
     matrix = np.array(thing.matrix_world)
     return box @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _changes_of_views() -> list[list[Any]]:
+    """All that rigs keep of them: screen, path, value before and after."""
+    rigs = (group for group in bpy.data.collections if group.library is None)
+    return [change for rig in rigs for change in Changed.read(rig.kiriko.views).changes]
+
+
+@persistent
+def before_undo(*_: object) -> None:
+    """What rigs changed, while it is known."""
+    _before[:] = _changes_of_views()
+
+
+@persistent
+def on_undo(*_: object) -> None:
+    """Have views see as near and far as before a rig that is gone now, and as with one that is
+    back: undo leaves views alone.
+    """
+    there = _changes_of_views()
+    gone = [one for one in reversed(_before) if one not in there]
+    back = [one for one in there if one not in _before]
+    turned_round = [[screen, path, after, before] for screen, path, before, after in back]
+    for screen, *one in gone + turned_round:
+        for space in spaces(screen):
+            put_back(space, [tuple(one)])
+
+
+HANDLERS = (
+    ("undo_pre", before_undo),
+    ("redo_pre", before_undo),
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+)
+
+
+def register() -> None:
+    """Follow undo."""
+    work.listen(HANDLERS)
+
+
+def unregister() -> None:
+    """Follow it no more."""
+    work.stop_listening(HANDLERS)

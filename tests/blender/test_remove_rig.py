@@ -226,6 +226,44 @@ def test_undo_brings_the_rig_back(scene: bpy.types.Scene) -> None:
     assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
 
 
+def test_undo_of_add_rig_has_views_see_as_far_as_before(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """Undo leaves views alone. Redo has them see all of the rig again, and so has undo of Remove
+    Rig; what the artist chose meanwhile stays.
+    """
+    framing = importlib.import_module(f"{kiriko.__name__}.operators.framing")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    space = framing.view_of(bpy.context).spaces.active
+
+    def sees() -> tuple[float, float]:
+        return space.clip_start, space.clip_end
+
+    bpy.ops.ed.undo_push(message="before")
+    space.clip_start, space.clip_end = before = 2.0, 4.0
+    small_rig()
+    rig = scene.collection.children["Kiriko Rig"].kiriko
+    ((screen, changes),) = framing.frame_rig(bpy.context)  # as Add Rig does where there is a window
+    rig.views = kept.Changed(rig.key, [[screen, *change] for change in changes]).text()
+    framed = sees()
+    assert framed[0] < 2.0
+    assert framed[1] > 4.0
+
+    bpy.ops.ed.undo_push(message="Add Rig")
+    bpy.ops.ed.undo()
+    assert sees() == before
+    bpy.ops.ed.redo()
+    assert sees() == framed
+    bpy.ops.kiriko.remove_rig()
+    assert sees() == before
+    bpy.ops.ed.undo_push(message="Remove Rig")
+    bpy.ops.ed.undo()
+    assert sees() == framed
+    space.clip_end = 77.0
+    bpy.ops.ed.undo()
+    assert sees() == (2.0, 77.0)
+
+
 def test_there_is_a_way_to_add_another_rig(scene: bpy.types.Scene) -> None:
     """Removed and added anew the rig solves as before."""
     small_rig()
