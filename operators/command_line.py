@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
@@ -42,18 +42,19 @@ from .choose_rig import choose_by_name
 from .export import use_bundled_modules
 from .one_viewer import choose_alone
 from .save_copy import save_copy
-from .usage import UsageError, check, count
+from .usage import AS_IS, VALUES, UsageError, as_is, check, count
 from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
 NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")  # how a number below 0 begins, with an exponent or not
+OPTION = re.compile(r"--[a-z]|-h$")
 SET = "--set"
-AS_IS = "\0"  # before a word that is no option, whatever it begins with: no command line has it
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser that makes one sentence of a mistake, in place of the usage and an exit, and takes
-    -1e9 for a number, and any text for the value of --set. Python's own takes them for options.
+    -1e9 for a number, any text for the value of --set, and such as begins with one minus for values
+    of --values. Python's own takes them for options.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -61,12 +62,8 @@ class _Parser(argparse.ArgumentParser):
         self._negative_number_matcher = NEGATIVE
 
     def parse_args(self, args: Sequence[str], namespace: Any = None) -> Any:  # type: ignore[override]
-        """The options in some words, none of them --set's."""
-        words, n = [], 0
-        for word in args:
-            words.append(f"{AS_IS}{word}" if n else word)
-            n = n - 1 if n else 2 * (word == SET)  # its two words are as they are
-        return super().parse_args(words, namespace)
+        """The options in some words."""
+        return super().parse_args(list(_marked(args)), namespace)
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(
@@ -74,6 +71,16 @@ class _Parser(argparse.ArgumentParser):
             first=message[:1].upper(),
             rest=message[1:].rstrip("."),
         )
+
+
+def _marked(words: Iterable[str]) -> Iterator[str]:
+    """The words of a command line, those marked that are no options although they may look so."""
+    n_of_set, are_values = 0, False
+    for word in words:
+        is_value = are_values and OPTION.match(word) is None
+        yield f"{AS_IS}{word}" if n_of_set or is_value else word
+        n_of_set = n_of_set - 1 if n_of_set else 2 * (word == SET)
+        are_values = is_value or word == VALUES
 
 
 def parser() -> argparse.ArgumentParser:
@@ -97,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
     shared.add_argument(
         SET,
         nargs=2,
-        type=_as_is,
+        type=as_is,
         action="append",
         default=[],
         metavar=("PROPERTY", "VALUE"),
@@ -272,10 +279,6 @@ def _file_name(text: str) -> Path:
     if not text:
         raise argparse.ArgumentTypeError("a file needs a name")
     return Path(text)
-
-
-def _as_is(text: str) -> str:
-    return text.removeprefix(AS_IS)
 
 
 def _seconds(text: str) -> float:

@@ -18,6 +18,7 @@ from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
 from .job_check import check_rigs
 from .set_value import check_values, idle
+from .usage import VALUES, as_is
 from .viewer_reports import ALL, asked_for
 
 
@@ -42,7 +43,7 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
         help="a property that each task gives another value, such as kiriko.tolerance of the"
         ' scene or objects["Glass"].kiriko.ior',
     )
-    job.add_argument("--values", nargs="+", default=[], metavar="VALUE", help="its values")
+    job.add_argument(VALUES, nargs="+", type=as_is, default=[], metavar="VALUE", help="its values")
     job.add_argument(
         "--viewers",
         nargs="+",

@@ -1,8 +1,11 @@
-"""What a command line cannot mean."""
+"""What a command line means, and what it cannot mean."""
 
 import argparse
 
 from ..core.errors import KirikoError
+
+VALUES = "--values"
+AS_IS = "\0"  # before a word that is no option, whatever it begins with: no command line has it
 
 
 class UsageError(KirikoError):
@@ -22,6 +25,11 @@ NEEDED = {
     "job": {"--name": "--frames", "--chunk": "--frames"},
     "join": {"--name": "--frames"},
 }
+
+
+def as_is(text: str) -> str:
+    """A word that may look like an option."""
+    return text.removeprefix(AS_IS)
 
 
 def count(text: str) -> int:

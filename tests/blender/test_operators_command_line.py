@@ -209,6 +209,16 @@ def test_negative_numbers_may_have_exponents(
     assert refusal(capsys).startswith("kiriko: Overscan is -1e+09 %: set it from 0 to 100.")
 
 
+def test_values_may_begin_with_a_minus(kiriko: ModuleType) -> None:
+    """Such as names and paths: the next option ends them."""
+    parser = importlib.import_module(f"{kiriko.__name__}.operators.command_line").parser()
+    words = ["job", "--vary", "a.b", "--values", "-x", "-y", "z", "-", "--1", "--out", "-5"]
+    read = parser.parse_args(words)
+    assert (read.values, read.out) == (["-x", "-y", "z", "-", "--1"], Path("-5"))
+    with pytest.raises(Exception, match="nrecognized arguments: -y; try 'kiriko --help'"):
+        parser.parse_args(["job", "--out", "x", "--values", "1", "--frames", "2", "-y"])
+
+
 def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixture) -> None:
     """--help explains on stdout, exit code 0."""
     assert run("solve", "--help") == 0
