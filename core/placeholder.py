@@ -4,22 +4,29 @@ also on other machines, leave it out.
 A mark beside it tells whose it is, and is touched as long as the work goes on. So a placeholder is
 known to be left by a process that was killed: at once where that was one of this start of this
 machine, else when its mark has not been touched for a while. One without a mark is nobody's.
+
+Where files that are there are made anew, one that was made since the work began is done. So each
+process has a mark of its own as long as it takes part, which tells when that was.
 """
 
 import hashlib
 import os
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from math import inf
 from pathlib import Path
+from secrets import token_hex
 from time import monotonic
 
 from . import disk
 
 MARK = f"{disk.PREFIX}held-"  # how names of marks begin
+AT_WORK = "-at-work"  # how names of marks of processes end that take part
 PATIENCE = 600.0  # s after which a mark that was not touched is left
 BEAT = 10.0  # s between two touches
 
-_touched: dict[Path, float] = {}  # when this process touched its marks
+_touched: dict[Path, float] = {}  # by mark: when this process touched it
 
 
 def claim(path: Path) -> bool:
@@ -38,18 +45,50 @@ def claim(path: Path) -> bool:
             mark.unlink()
         if not _made(mark, text):
             return False
-    _touched[path] = monotonic()
+    _touched[mark] = monotonic()
     _made(path, "")
     return True
 
 
-def keep(path: Path) -> None:
-    """Tell that the work goes on; called often."""
-    now = monotonic()
-    if path in _touched and now > _touched[path] + BEAT:
-        _touched[path] = now
-        with suppress(OSError):
-            os.utime(_mark(path))
+@contextmanager
+def taking_part(folder: Path) -> Iterator[float]:
+    """Take part in the work on files of a folder.
+
+    Yields when the first of the processes that are at work there began, by the disk's clock: as the
+    time of a file's last change, s.
+
+    Raises
+    ------
+    ImageError
+        The folder cannot be written.
+    """
+    try:
+        began = now(folder)
+    except OSError as reason:
+        raise disk.unwritable_folder(folder, reason) from None
+    for other in folder.glob(f"*{AT_WORK}"):
+        if not is_left(other):
+            began = min(began, _began(other))
+            continue
+        with suppress(OSError):  # another process does the same
+            other.unlink()
+    mark = folder / f"{disk.own_name()}{token_hex(8)}{AT_WORK}"
+    _made(mark, f"{disk.own_name()}\n{began!r}")
+    _touched[mark] = monotonic()
+    try:
+        yield began
+    finally:
+        _remove(mark)
+
+
+def keep() -> None:
+    """Tell that the work of this process goes on; called often."""
+    moment = monotonic()
+    for mark, touched in _touched.items():
+        if moment > touched + BEAT:
+            _touched[mark] = moment
+            with suppress(OSError):
+                os.utime(mark)
 
 
 def give_up(path: Path) -> None:
@@ -57,9 +96,9 @@ def give_up(path: Path) -> None:
     with suppress(OSError):
         if path.stat().st_size == 0:
             path.unlink()
-    if _touched.pop(path, None) is not None:
-        with suppress(OSError):
-            _mark(path).unlink()
+    mark = _mark(path)
+    if mark in _touched:
+        _remove(mark)
 
 
 def remove_left(folder: Path) -> None:
@@ -78,11 +117,30 @@ def is_left(mark: Path) -> bool:
     try:
         if disk.is_of_the_gone(_text(mark)):
             return True
-        # by the clock of the disk, which may be another machine's
-        with tempfile.NamedTemporaryFile(prefix=disk.own_name(), dir=mark.parent) as now:
-            return os.fstat(now.fileno()).st_mtime - mark.stat().st_mtime > PATIENCE
+        return now(mark.parent) - mark.stat().st_mtime > PATIENCE
     except OSError:  # it is gone by now
         return False
+
+
+def now(folder: Path) -> float:
+    """The time, s, by the clock of a folder's disk, which may be another machine's; OSError where
+    it cannot be written.
+    """
+    with tempfile.NamedTemporaryFile(prefix=disk.own_name(), dir=folder) as file:
+        return os.fstat(file.fileno()).st_mtime
+
+
+def _began(mark: Path) -> float:
+    """When the work of the process with this mark began, s."""
+    with suppress(OSError, ValueError):  # it is gone by now, or being written
+        return float(_text(mark).partition("\n")[2])
+    return inf
+
+
+def _remove(mark: Path) -> None:
+    _touched.pop(mark)
+    with suppress(OSError):
+        mark.unlink()
 
 
 def _mark(path: Path) -> Path:
@@ -92,7 +150,7 @@ def _mark(path: Path) -> Path:
 
 
 def _text(mark: Path) -> str:
-    """Whose it is, and the name of the file; '' where it is being made."""
+    """Whose it is, and the name of the file or when work began; '' while it is being made."""
     return mark.read_text(encoding="utf-8", errors="surrogateescape")
 
 

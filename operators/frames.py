@@ -8,8 +8,9 @@ whose result stays as it is.
 
 import json
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -169,14 +170,19 @@ def solved(
     for folder in {path.parent for path in run.files.values()}:  # before any image is there
         disk.check_appendable(folder / run.log)
 
-    with frame_kept(scene), _news_for(keeps.shapes), _open_reel(keeps.shapes):
+    with (
+        frame_kept(scene),
+        _news_for(keeps.shapes),
+        _open_reel(keeps.shapes),
+        _made_since(run) as since,
+    ):
         for k, (frame, path) in enumerate(run.files.items()):
             yield k / n
-            if not _is_wanted(path, run, tally):
+            if not _is_wanted(path, run, tally, since):
                 continue
             try:
                 for done in within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n):
-                    placeholder.keep(path)
+                    placeholder.keep()
                     yield done
             finally:
                 if run.placeholders:
@@ -185,30 +191,47 @@ def solved(
     return tally
 
 
-def _is_wanted(path: Path, run: Run, tally: Tally) -> bool:
-    """Is a frame still to be solved, and by us?"""
-    if _is_made(path):
-        tally.there += not run.overwrite
-        return run.overwrite
+def _made_since(run: Run) -> AbstractContextManager[float]:
+    """Since when a file has to be there to stay, by the disk's clock, s."""
+    if not run.overwrite:
+        return nullcontext(-inf)
+    if not (run.placeholders and run.files):
+        return nullcontext(inf)
+    # those that another process has replaced, which shares the work
+    return placeholder.taking_part(next(iter(run.files.values())).parent)
+
+
+def _is_wanted(path: Path, run: Run, tally: Tally, since: float) -> bool:
+    """Is a frame still to be solved, and by us?
+
+    since : files that were made before are replaced
+    """
+    if _is_made(path, since):
+        tally.there += 1
+        return False
     if not run.placeholders:  # then an empty file was left by a process that was killed
         return True
     if not placeholder.claim(path):
         tally.others += 1
         return False
-    if _is_made(path) and not run.overwrite:  # meanwhile
+    if _is_made(path, since):  # meanwhile
         placeholder.give_up(path)
         tally.there += 1
         return False
     return True
 
 
-def _is_made(path: Path) -> bool:
-    """Is a file there that is no placeholder?"""
+def _is_made(path: Path, since: float) -> bool:
+    """Is a file there that is no placeholder, and was made since then?"""
     if not disk.is_there(path):
         return False
     try:
-        return path.stat().st_size > 0
-    except FileNotFoundError:  # a placeholder that was given up right now
+        found = path.stat()
+        if not (found.st_size > 0 and found.st_mtime > since):
+            return False
+        # a time that is still to come tells nothing
+        return since == -inf or found.st_mtime <= placeholder.now(path.parent)
+    except OSError:  # a placeholder that was given up right now, or a full disk, as writing tells
         return False
 
 

@@ -35,8 +35,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--placeholders",
         action="store_true",
-        help="an empty file for each frame while it is solved, which other processes leave out"
-        " (frames that are there are not shared: with --overwrite each process solves them)",
+        help="an empty file for each frame while it is solved, which other processes leave out;"
+        " with --overwrite these leave out frames of each other, too, while one is at work",
     )
     parser.add_argument(
         "--log",

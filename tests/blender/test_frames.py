@@ -438,6 +438,35 @@ def test_two_runs_with_placeholders_share_the_frames(
     assert all(path.stat().st_size > 100 for path in files.values())
 
 
+def test_two_runs_with_placeholders_share_frames_that_they_replace(
+    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    """Each is replaced once, by one of them, also where the other comes or ends before; a run after
+    them replaces all anew.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    finish = importlib.import_module(f"{kiriko.__name__}.core.steps").finish
+    files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", range(1, 5))
+    assert finish(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 4
+    os.utime(files[4], (4e9, 4e9))  # as of a machine whose clock is wrong
+    before = {path: path.stat().st_mtime_ns for path in files.values()}
+    run = frames.Run(files, "PNG8", overwrite=True, placeholders=True)
+
+    one = frames.solved(bpy.context, run)
+    while files[1].stat().st_mtime_ns == before[files[1]]:
+        next(one)
+    while not list(tmp_path.glob(".kiriko-held-*")):  # it has the second one at work
+        next(one)
+    told = finish(frames.solved(bpy.context, run))
+    assert (told.written, told.others, told.there) == (2, 1, 1)
+    told = finish(one)
+    assert (told.written, told.others, told.there) == (2, 0, 2)
+    assert all(path.stat().st_mtime_ns != time for path, time in before.items())
+    assert sorted(line["frame"] for line in log(tmp_path)) == sorted(2 * [1, 2, 3, 4])
+    assert list(tmp_path.glob(".*")) == []
+    assert finish(frames.solved(bpy.context, run)).written == 4
+
+
 def test_two_runs_that_write_the_same_frames_leave_whole_ones(
     frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -84,7 +85,7 @@ def test_elsewhere_a_place_is_free_when_it_was_not_touched_for_long(
     assert not placeholder.claim(path)
     os.utime(mark, (now, now - placeholder.PATIENCE - 60))
     monkeypatch.setattr(placeholder, "BEAT", -1.0)
-    placeholder.keep(path)
+    placeholder.keep()
     assert not placeholder.claim(path)
     os.utime(mark, (now, now - placeholder.PATIENCE - 60))
     assert placeholder.claim(path)
@@ -121,3 +122,47 @@ def test_what_is_whole_stays_where_its_mark_was_left(tmp_path: Path) -> None:
     os.utime(mark_of(path), (old, old))
     placeholder.remove_left(tmp_path)
     assert [one.name for one in tmp_path.iterdir()] == ["frame.png"]
+
+
+def test_work_began_with_the_first_of_those_at_work(tmp_path: Path) -> None:
+    """Whoever has ended since: a process that comes later than all of them begins anew."""
+    with ExitStack() as second:
+        with placeholder.taking_part(tmp_path) as began:
+            file = tmp_path / "frame.png"
+            file.touch()
+            assert began <= file.stat().st_mtime
+            os.utime(next(tmp_path.glob(f"*{placeholder.AT_WORK}")), (began - 9, began - 9))
+            time.sleep(0.05)  # longer than the clock of any disk that tests run on stands
+            assert second.enter_context(placeholder.taking_part(tmp_path)) == began
+        with placeholder.taking_part(tmp_path) as third:
+            assert third == began
+    file.unlink()
+    assert not list(tmp_path.iterdir())
+    with placeholder.taking_part(tmp_path) as anew:
+        assert anew > began
+    with (
+        pytest.raises(ImageError, match=r"The folder '.*no' cannot be written"),
+        placeholder.taking_part(tmp_path / "no"),
+    ):
+        pass
+
+
+def test_work_of_one_that_was_killed_is_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its mark tells by its age, which is that of the last step of a process at work, and goes."""
+    with ExitStack() as first:
+        began = first.enter_context(placeholder.taking_part(tmp_path))
+        (mark,) = tmp_path.iterdir()
+        old = began - placeholder.PATIENCE - 60
+        time.sleep(0.05)
+        os.utime(mark, (old, old))
+        monkeypatch.setattr(placeholder, "BEAT", -1.0)
+        placeholder.keep()
+        with placeholder.taking_part(tmp_path) as other:
+            assert other == began
+        os.utime(mark, (old, old))
+        with placeholder.taking_part(tmp_path) as other:
+            assert other > began
+            assert not mark.exists()
+    assert not list(tmp_path.iterdir())
