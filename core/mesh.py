@@ -64,7 +64,7 @@ class Mesh:
         """Corner positions (t, 3, 3), m."""
         return self.vertices[self.triangles]
 
-    @property
+    @cached_property
     def bounds(self) -> Floats:
         """Lower and upper corner of the axis-aligned box (2, 3), m."""
         used = self._used_vertices()

@@ -4,7 +4,7 @@ smooth: biquartic through 5 x 5 traced nodes.
 Nodes are numbered row by row from the upper left corner, a quarter of the cell's side apart.
 """
 
-from functools import cache
+from functools import cache, reduce
 
 import numpy as np
 
@@ -32,12 +32,12 @@ DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 def weights(t: Floats) -> Floats:
     """Lagrange's weights (..., 5) of five nodes along a side at places t (...) in 0..1."""
-    x = PARTS * np.asarray(t, float)[..., None]
-    k = np.arange(NODES_ALONG)
-    found = np.ones((*x.shape[:-1], NODES_ALONG))
-    for j in range(NODES_ALONG):
-        others = k != j
-        found[..., others] *= (x - j) / (k[others] - j)
+    x = PARTS * np.asarray(t, float)
+    off = [x - j for j in range(NODES_ALONG)]
+    found = np.empty((*x.shape, NODES_ALONG))
+    for k in range(NODES_ALONG):
+        others = (off[j] / (k - j) for j in range(NODES_ALONG) if j != k)
+        found[..., k] = reduce(np.multiply, others)
     return found
 
 

@@ -64,7 +64,7 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     """
     # landings and throughput on a grid of each cell
     values = np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
-    grid = interpolation.on_grid(values, m)
+    *xy, throughput = np.moveaxis(interpolation.on_grid(values, m), 3, 0)
 
     side = np.arange(m + 1) / m
     x, y = np.meshgrid(side, side)
@@ -73,13 +73,27 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
 
     return Piece(
         view=_quads_between(view),
-        display=_quads_between(grid[..., :2]),
-        throughput=_quads_between(grid[..., 2:])[..., 0].mean(axis=1),
+        display=_quads_between(np.stack(xy, axis=3)),
+        throughput=sum(_corners_of(throughput)).ravel() / 4,
         branch=np.repeat(points.branch[nodes[:, 0]], m * m),
     )
 
 
 def _quads_between(grid: Floats) -> Floats:
-    """Quads (n m^2, 4, c) between the points of grids (n, m + 1, m + 1, c), corners in order."""
-    corners = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
-    return np.stack(corners, axis=3).reshape(-1, 4, grid.shape[-1])
+    """Quads (n m^2, 4, 2) between the points of grids (n, m + 1, m + 1, 2), corners in order.
+
+    numpy copies points as complex numbers several times as fast as pairs of numbers.
+    """
+    points = np.ascontiguousarray(grid).view(complex)[..., 0]
+    n, rows, columns = points.shape
+    quads = np.empty((n, rows - 1, columns - 1, 4), complex)
+    for k, corner in enumerate(_corners_of(points)):
+        quads[..., k] = corner
+    return quads.view(float).reshape(-1, 4, 2)
+
+
+def _corners_of(grid: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Values (n, m, m) at each corner, in order, of quads between those of grids
+    (n, m + 1, m + 1).
+    """
+    return grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]

@@ -213,21 +213,20 @@ class Sampling:
         Inf on another branch.
         """
         n = len(squares)
+        n_checks = len(CHECKS)
         nodes = self._at_nodes(squares)
-        checks = first + np.arange(len(CHECKS) * n).reshape(n, len(CHECKS))
-
-        missed = np.zeros(n)
+        checks = slice(first, first + n_checks * n)
+        at_nodes = taken(self.points.xy, nodes)
+        expected = np.empty((n, n_checks, 2))
         for k, place in enumerate(CHECKS):
-            expected = interpolation.at_places(taken(self.points.xy, nodes), np.tile(place, (n, 1)))
-            xy = self.points.xy[checks[:, k]]
-            is_one = self.points.branch[checks[:, k]] == self.points.branch[nodes[:, 0]]
+            expected[:, k] = interpolation.at_places(at_nodes, np.tile(place, (n, 1)))
 
-            off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
-            missed = np.maximum(
-                missed, np.where(is_seen(expected, xy, self.display_size), off, 0.0)
-            )
-
-        return missed
+        expected = expected.reshape(-1, 2)
+        xy = self.points.xy[checks]
+        is_one = self.points.branch[checks] == self.points.branch[nodes[:, 0]].repeat(n_checks)
+        off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
+        off[~is_seen(expected, xy, self.display_size)] = 0.0
+        return off.reshape(n, n_checks).max(axis=1, initial=0.0)
 
     def _finished(self, smooth: Squares, finest: Squares) -> Generator[int, None, ViewMap]:
         """Cells of the pixels of the squares that were refused to the last, and the whole map."""
