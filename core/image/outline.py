@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .. import kernel
 from ..arrays import Floats, Ints, taken
 from ..map.pieces import Piece
 from ..products import turn
@@ -73,6 +74,9 @@ def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]
 
 def _across(lines: Floats, view: Floats) -> Ints:
     """Which polygons (n, k, 2) lie on both sides of the outline."""
+    if kernel.library() is not None:
+        return kernel.find_across(lines, view, ON_LINE)
+
     x, y = columns = np.ascontiguousarray(view[:, 0].T)
     reach = [
         max(np.abs(view[:, k, i] - columns[i]).max(initial=0) for k in range(1, view.shape[1]))

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 from ..steps import Pauses
-from .dividing import add, can_add, can_divide, divided
+from .dividing import add, add_at, can_add, can_divide, divided, find_across
 from .fitting import Fit
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
@@ -39,11 +39,13 @@ __all__ = [
     "HullEngine",
     "Ways",
     "add",
+    "add_at",
     "can_add",
     "can_divide",
     "can_follow",
     "decode",
     "divided",
+    "find_across",
     "finish",
     "follow",
     "halved",

@@ -92,6 +92,29 @@ def add(image: Floats, index: NDArray[np.integer], weights: Floats) -> None:
     loaded().kiriko_add(*where, weights.ctypes.data, len(weights), image.ctypes.data, image.size)
 
 
+def add_at(image: Floats, places: Floats, weights: Floats) -> None:
+    """Add weights (n,) to the pixels of an image (h, w), in one piece, that hold places (n, 2) on
+    it, px, or are nearest to them.
+    """
+    height, width = image.shape
+    given = [np.ascontiguousarray(values, float) for values in (places, weights)]
+    addresses = (values.ctypes.data for values in given)
+    loaded().kiriko_add_at(*addresses, len(weights), image.ctypes.data, width, height)
+
+
+def find_across(lines: Floats, polygons: Floats, on_line: float) -> NDArray[np.int64]:
+    """Which polygons (n, k, 2) lie on both sides of an outline, as `outline.py` tells it.
+
+    lines : (l, 3) of the outline; on_line : a corner nearer than that to a line is on it
+    """
+    lines, polygons = (np.ascontiguousarray(values, float) for values in (lines, polygons))
+    n, k, _ = polygons.shape
+    found = np.empty(n, np.int64)
+    of_lines = lines.ctypes.data, len(lines), on_line
+    n_found = loaded().kiriko_find_across(polygons.ctypes.data, n, k, *of_lines, found.ctypes.data)
+    return found[:n_found]
+
+
 def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats) -> Made:
     made = Made(DivisionStructure)
     width, height = display_size

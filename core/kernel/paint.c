@@ -7,6 +7,7 @@
 #define APART 0.25
 #define POINT_SIDE 0.2
 #define MOST_READS 8
+#define WELL_BELOW 0.999 /* of a limit: so far below it nothing need be worked out, whatever rounding does */
 #define MOST_LEVELS 64
 #define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
@@ -56,8 +57,13 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     bool is_upright = xx < UPRIGHT * yy;
     double near = is_upright ? yy : xx, far = is_upright ? xx : yy;
     const double *by_near = is_upright ? by_y : by_x, *by_far = is_upright ? by_x : by_y;
-    double reach = near > 0 ? sqrt(near) : 0, most = far > 0 ? sqrt(far) : 0;
-    double along_far = clip(xy / (reach > LEAST ? reach : LEAST), -most, most), rest = far - along_far * along_far;
+    double reach = near > 0 ? sqrt(near) : 0;
+    double along_far = xy / (reach > LEAST ? reach : LEAST);
+    if (!(along_far * along_far < WELL_BELOW * far)) {
+        double most = far > 0 ? sqrt(far) : 0;
+        along_far = clip(along_far, -most, most);
+    }
+    double rest = far - along_far * along_far;
     double across_far = rest > 0 ? sqrt(rest) : 0;
     for (int k = 0; k < 2; k++) {
         f->first[k] = reach * by_near[k] + along_far * by_far[k];
@@ -106,6 +112,7 @@ typedef struct {
 } Mix;
 
 static Mix find_mix(const Reader *reader, double variance) {
+    if (variance == 0) return (Mix){0, 0};
     double relative = 1 + 4 * variance; /* to that of the level */
     int64_t k = 0, last = reader->n_levels - 1;
     for (; k < last && relative >= 4; k++) relative *= 0.25;
@@ -127,6 +134,8 @@ typedef struct {
 } Side;
 
 static Side find_side(double length, const Strokes *strokes) {
+    if (length < WELL_BELOW * POINT_SIDE) return (Side){1, {0}};
+    if (length * WELL_BELOW > 2 * POINT_SIDE && length < WELL_BELOW * 2 * strokes->side) return (Side){2, {-1, 1}};
     double two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
     double four = clip((relative - 2) / APART, 0, 1);
     double eight = strokes->most_reads > 4 ? clip((relative / 2 - 2) / APART, 0, 1) : 0;
@@ -144,6 +153,7 @@ static Side find_side(double length, const Strokes *strokes) {
 /* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
    shorter, so that the places have the rest. */
 static double leave_to_levels(double *first, double *second, double shorter, const Strokes *strokes) {
+    if (shorter < WELL_BELOW * strokes->side * (double)strokes->most_reads) return 0;
     double each = shorter / (double)strokes->most_reads, left = (each * each - strokes->side * strokes->side) / 12;
     if (!(left > 0)) return 0;
     double of_first = first[0] * first[0] + first[1] * first[1], of_second = second[0] * second[0] + second[1] * second[1];

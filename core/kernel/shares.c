@@ -446,3 +446,43 @@ KIRIKO_API void kiriko_add(const int32_t *narrow, const int64_t *wide, const dou
         if (pixel >= 0 && pixel < n_pixels) image[pixel] += weights[i];
     }
 }
+
+/* Add weights to the pixels of an image that hold places (n, 2) on it, or are nearest to them. */
+KIRIKO_API void kiriko_add_at(const double *places, const double *weights, int64_t n, double *image, int64_t width,
+                              int64_t height) {
+    for (int64_t i = 0; i < n; i++) {
+        int64_t column = (int64_t)clip(places[2 * i], 0, (double)(width - 1));
+        int64_t row = (int64_t)clip(places[2 * i + 1], 0, (double)(height - 1));
+        image[row * width + column] += weights[i];
+    }
+}
+
+/* How far a polygon of k corners reaches to both sides of a line; a corner nearer than `on_line` is on it. */
+static void find_reach(const double *corners, int64_t k, const double *line, double on_line, double *least,
+                       double *most) {
+    *least = INFINITY;
+    *most = -INFINITY;
+    for (int64_t j = 0; j < k; j++) {
+        double side = line[0] * corners[2 * j] + line[1] * corners[2 * j + 1] + line[2];
+        if (fabs(side) < on_line) side = 0;
+        if (side < *least) *least = side;
+        if (side > *most) *most = side;
+    }
+}
+
+/* Find polygons (n, k, 2) on both sides of an outline of lines (l, 3), as core/image/outline.py does; how many. */
+KIRIKO_API int64_t kiriko_find_across(const double *polygons, int64_t n, int64_t k, const double *lines,
+                                      int64_t n_lines, double on_line, int64_t *found) {
+    int64_t n_found = 0;
+    for (int64_t i = 0; i < n; i++) {
+        bool is_across = false, is_beside = false;
+        for (int64_t l = 0; l < n_lines && !is_beside; l++) {
+            double least, most;
+            find_reach(polygons + 2 * k * i, k, lines + 3 * l, on_line, &least, &most);
+            is_beside = most <= 0;
+            is_across |= least < 0 && most > 0;
+        }
+        if (is_across && !is_beside) found[n_found++] = i;
+    }
+    return n_found;
+}

@@ -99,7 +99,10 @@ class Coverage:
         shown = shares if shown is None else shown
         add_at(self.weight, shown.display_index, shown.weight)
         add_at(self._display, shares.display_index, shares.display_area)
-        add_at(self._view, shares.view_index, shares.area)
+        if kernel.library() is not None:
+            kernel.add_at(self._view, shares.view_xy, shares.area)
+        else:
+            add_at(self._view, shares.view_index, shares.area)
 
     @cached_property
     def of_display(self) -> Floats:

@@ -23,7 +23,7 @@ from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import RIDGE, Fields
 from kiriko.core.glass.vertices import Vertices
-from kiriko.core.image import picture, reads
+from kiriko.core.image import outline, picture, reads
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
@@ -39,6 +39,7 @@ from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import share_batches
+from kiriko.core.map import shares as share_module
 from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.settings import Settings
@@ -690,6 +691,45 @@ def test_same_shares(name, k):
     assert len(found) or name.startswith("huge")
 
 
+def test_same_coverage():
+    """Each viewer pixel has the sums of the shares that lie in it, or are nearest to it,
+    whichever way.
+    """
+    dice = np.random.default_rng(4)
+    n = 500
+    places = np.concatenate([dice.uniform(-2, 9, (n - 3, 2)), [[7, 5], [0, 0], [-0.0, 4.999]]])
+    shares = Shares(
+        (3, 2), (7, 5), dice.integers(0, 6, n), places, np.zeros((3, n), np.float32),
+        dice.random(n) / n, dice.random(n) / n,
+    )  # fmt: skip
+
+    def found():
+        coverage = share_module.Coverage((3, 2), (7, 5))
+        coverage.add(shares)
+        return coverage.of_view
+
+    by_kernel = found()
+    with kernel.off():
+        np.testing.assert_allclose(by_kernel, found(), rtol=1e-14)
+    assert by_kernel.sum() == pytest.approx(shares.area.sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("k", [3, 4])
+def test_same_polygons_across_an_outline(k):
+    """Those on both sides of it are told apart from those that touch it, lie within it, beside
+    it, or at one of its corners beside it.
+    """
+    dice = np.random.default_rng(5)
+    lines = np.array([[1.0, 0, -2], [-1, 0, 6], [0, 1, -2], [0.6, -0.8, 3]])
+    somewhere = dice.uniform(0, 8, (400, 1, 2)) + dice.uniform(-1, 1, (400, k, 2))
+    on_grid = dice.integers(0, 8, (400, 1, 2)) + VIEW[None, :k]
+    view = np.concatenate([somewhere, on_grid, on_grid + 1e-7])
+    found = outline._across(lines, view)
+    with kernel.off():
+        np.testing.assert_array_equal(found, outline._across(lines, view))
+    assert 100 < len(found) < 700
+
+
 @settings(max_examples=200)
 @given(
     st.lists(
@@ -1158,7 +1198,7 @@ KERNELS_OWN = {
     *("BINS", "BUNDLES_EACH_TURN", "BY_HALVES", "COLUMNS_AT_ONCE", "FEW", "FREE", "HALF_TURN"),
     *("HULL_SLACK", "MOST_ASKED", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
     *("MOST_TAPS", "MOST_THREADS", "MOST_WAITING", "N_STARTS", "RAYS_AT_ONCE", "ROUNDING"),
-    *("LINE", "SHOTS_EACH_TURN", "N_STRIPES"),
+    *("LINE", "SHOTS_EACH_TURN", "N_STRIPES", "WELL_BELOW"),
 }
 
 
