@@ -5,7 +5,7 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -109,12 +109,14 @@ def _is_running(process: int) -> bool:
 
 
 @contextmanager
-def together(folder: Path) -> Iterator[Path]:
+def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
     """A folder to write files to, all of which take their place
     in `folder` when all went well, else none.
 
     Files in folders within it go to the folders of these names, which are made if need be. Where
     `folder` has a symbolic link of a file's name, the file that it points to is replaced.
+
+    of : names of files that belong together: those that are not among the new ones go
 
     Raises
     ------
@@ -136,6 +138,8 @@ def together(folder: Path) -> Iterator[Path]:
                 if len(staged) > 1 and target.exists():  # a single file is replaced at one stroke
                     target.replace(old)
                 made.replace(target)
+            for path in {new / name for name in of} - staged.keys():
+                (folder / path.name).unlink(missing_ok=True)
         except BaseException as reason:
             for target, made, old in reversed(staged.values()) if len(staged) > 1 else ():
                 if old.exists():

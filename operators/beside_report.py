@@ -272,7 +272,7 @@ def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
         if not isinstance(error, OffFromStartError):
             raise error
     texts = {**found.drawings, NUMBERS: json.dumps(found.numbers, indent=2) + "\n"}
-    with disk.together(arguments.out) as scratch:
+    with disk.together(arguments.out, of=files) as scratch:
         for name, text in texts.items():
             disk.write_text(scratch / name, text)
     yield from found.lines(context.scene)

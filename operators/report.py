@@ -116,7 +116,7 @@ def write(
         texts += [plate_csv(plate.array), plate_svg(plate.array, plate.name)]
     files = dict(zip(_own_names(rig), texts, strict=True)) | beside.drawings
 
-    with disk.together(target) as scratch:
+    with disk.together(target, of=names(rig)) as scratch:
         for name, text in files.items():
             disk.write_text(scratch / name, text)
     return tuple(files)

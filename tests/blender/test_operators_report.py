@@ -357,6 +357,13 @@ def test_an_eye_box_that_is_none_from_the_start_is_missing_with_its_reason(
         assert "eye_box.svg" not in names(out)
         assert {"head_box.svg", "two_eyes.svg", f"{name}.json"} <= {*names(out)}
 
+        # a drawing of before does not stay beside numbers that it does not belong to
+        for old in ("eye_box.svg", "mine.svg"):
+            (out / old).write_text("of before")
+        assert run(verb, "--out", out, "--overwrite", *more) == 0
+        assert "eye_box.svg" not in names(out)
+        assert (out / "mine.svg").read_text() == "of before"
+
 
 def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     run: Callable[..., int],

@@ -37,6 +37,22 @@ def test_a_set_is_all_new(tmp_path: Path, there: tuple[str, ...]) -> None:
     assert contents(tmp_path) == {**dict.fromkeys(NAMES, "new"), "mine": "old"}
 
 
+def test_a_file_of_a_set_that_has_no_new_one_goes_with_it(tmp_path: Path) -> None:
+    """Once the set is there: where one of it cannot be written, all of before stays."""
+    (tmp_path / "sub").mkdir()
+    for name in ("b.json", "d.svg", "mine"):
+        (tmp_path / name).write_text("old")
+    before = contents(tmp_path)
+    of = (*NAMES, "d.svg", "nowhere")
+    with pytest.raises(ImageError), disk.together(tmp_path, of) as new:
+        (new / "b.json").write_text("new")
+        (new / "sub").write_text("a folder is in the way")
+    assert contents(tmp_path) == before
+    with disk.together(tmp_path, of) as new:
+        (new / "b.json").write_text("new")
+    assert contents(tmp_path) == {"b.json": "new", "mine": "old", "sub": None}
+
+
 @pytest.mark.skipif(not disk.BOOT.exists(), reason="the system tells none of its starts")
 def test_what_a_killed_process_left_is_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
