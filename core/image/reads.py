@@ -34,20 +34,17 @@ class Reads:
         four: gradually, but soon, for until then they read nearly the same
     point_side : picture px; a shorter side is a point, and one of twice as much as long as it is
     most_reads : along a side, 4 or 8
-    fine_tolerance_px : display px; these reads are for finer tolerances
-    coarse_side, coarse_reads : in place of side and most_reads for others
     """
 
     side: float = 0.9
     apart: float = 0.25
     point_side: float = 0.2
     most_reads: int = 8
-    fine_tolerance_px: float = 0.2
-    coarse_side: float = 1.0
-    coarse_reads: int = 4
 
 
 READS = Reads()
+COARSE_READS = replace(READS, side=1.0, most_reads=4)
+FINE_TOLERANCE_PX = 0.2  # display px: from here on coarse reads are enough
 
 # signs of the far, the near and the nearest step of each read along a side, by their number
 STEPS_BY_NUMBER = {
@@ -60,9 +57,7 @@ STEPS_BY_NUMBER = {
 
 def reads_at(tolerance: float) -> Reads:
     """The reads that a tolerance, display px, is worth."""
-    if tolerance < READS.fine_tolerance_px:
-        return READS
-    return replace(READS, side=READS.coarse_side, most_reads=READS.coarse_reads)
+    return READS if tolerance < FINE_TOLERANCE_PX else COARSE_READS
 
 
 class FootprintReads(NamedTuple):
