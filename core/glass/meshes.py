@@ -80,6 +80,12 @@ def box_of(corners: Floats) -> Floats:
     return np.stack([x_y_z.min(axis=1), x_y_z.max(axis=1)])
 
 
+def boxes_of(corners: Floats) -> Floats:
+    """Lower and upper corners (t, 2, 3) of the axis-aligned box of each triangle (t, 3, 3)."""
+    a, b, c = corners.swapaxes(0, 1)  # numpy is slow along rows of three
+    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
+
+
 @dataclass(frozen=True, eq=False)
 class Frames:
     """Triangles as planes with barycentric axes: u = (p -

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, taken
 from ..glass.curved import CurvedFaces
-from ..glass.meshes import Frames
+from ..glass.meshes import Frames, boxes_of
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ..light.asked import Asked
 from ..light.engines import Found
@@ -58,12 +58,6 @@ def stack_frames(frames: Frames) -> Floats:
     return np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1)
 
 
-def _boxes(corners: NDArray[np.floating]) -> Floats:
-    """Boxes (n, 2, 3) of triangles (n, 3, 3)."""
-    a, b, c = corners.swapaxes(0, 1)
-    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
-
-
 def _grown(boxes: Floats) -> Floats:
     """Boxes (n, 2, 3) a little larger."""
     more = BOX_SLACK * length_of(boxes[:, 1] - boxes[:, 0])
@@ -76,7 +70,7 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Pauses[Floats]:
     """Boxes (t, 2, 3) that hold a layer's faces, curved ones of
     lower degrees too, in its radii from its centre.
     """
-    boxes = _boxes(layer.corners)
+    boxes = boxes_of(layer.corners)
 
     # a curved face lies within its Bezier points
     if curved is not None:
@@ -108,7 +102,7 @@ def _making_hull(asked: Asked) -> Pauses[Made]:
     boxes = np.empty((len(asked.corners), 2, 3))
     for first in range(0, len(boxes), BOXES_AT_ONCE):
         some = slice(first, first + BOXES_AT_ONCE)
-        boxes[some] = _grown(_boxes(asked.corners[some].astype(float)))
+        boxes[some] = _grown(boxes_of(asked.corners[some].astype(float)))
         yield 0
 
     tree, items = yield from making_tree(boxes)

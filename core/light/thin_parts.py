@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import kernel
 from ..arrays import Bools, Floats, Ints
-from ..glass.meshes import Frames
+from ..glass.meshes import Frames, boxes_of
 from ..steps import Pauses
 
 
@@ -104,9 +104,7 @@ class ThinParts:
             *(np.append(np.flatnonzero(within % k == 0), n) for k in THIN.in_boxes),
         ]
 
-        a, b, c = self._corners.swapaxes(0, 1)  # numpy is slow along rows of three
-        low = np.minimum(np.minimum(a, b), c).T.copy()
-        high = np.maximum(np.maximum(a, b), c).T.copy()
+        low, high = (sides.copy() for sides in boxes_of(self._corners).transpose(1, 2, 0))
         self._boxes = [
             (np.minimum.reduceat(low, s[:-1], axis=1), np.maximum.reduceat(high, s[:-1],
             axis=1)) for s in self._starts
