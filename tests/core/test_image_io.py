@@ -44,7 +44,7 @@ def test_a_file_of_a_set_that_has_no_new_one_goes_with_it(tmp_path: Path) -> Non
         (tmp_path / name).write_text("old")
     before = contents(tmp_path)
     of = (*NAMES, "d.svg", "nowhere")
-    with pytest.raises(ImageError), disk.together(tmp_path, of) as new:
+    with pytest.raises(ImageError), disk.together(tmp_path, of) as new:  # noqa: PT012 - a set
         (new / "b.json").write_text("new")
         (new / "sub").write_text("a folder is in the way")
     assert contents(tmp_path) == before
