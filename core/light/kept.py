@@ -38,8 +38,8 @@ class Kept:
 
     def making(self, key: str, make: Callable[[], Pauses[Thing]]) -> Pauses[Thing]:
         """The result made before under this key, else one that is made now, with pauses."""
-        made = self._now.get(key, self._old.get(key))
-        self._now[key] = (yield from make()) if made is None else made
+        if key not in self._now:
+            self._now[key] = self._old[key] if key in self._old else (yield from make())
         return self._now[key]
 
     def get_solids(self, mesh: Mesh) -> Pauses[tuple[str, list[Surface], Motion | None]]:
