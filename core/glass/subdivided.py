@@ -94,56 +94,69 @@ def looking_for_subdivided(
     )
     # closed, and of quads alone
     is_whole = (n_triangles == in_halves) & (n_triangles == np.diff(v.first))
-    is_near = is_whole & (n_quads != 4)
-    if not is_near.any():
+    is_pole = is_whole & (n_quads != 4)
+    if not is_pole.any():
         return None
 
-    # faces near them, and around those
-    for _ in range(NEAR):
-        is_near = _grown(faces, is_near)
-    is_asked = asked[halves].any(axis=1) & is_near[faces].all(axis=1)
-    rings = [is_asked]
-    for _ in range(AROUND):
-        is_near = np.zeros(n, bool)
-        is_near[faces[rings[-1]]] = True
-        rings.append(is_near[faces].any(axis=1))
-
+    rings = _rings(faces, is_pole, asked[halves].any(axis=1))
     yield 0
-    if not is_asked.any():
+    if not rings[0].any():
         return None
 
-    # their control points
+    # control points of all that is around them
     used, start = np.unique(faces[rings[-1]], return_inverse=True)
     quads = Quads(start.reshape(-1), len(used))
     is_whole = is_whole[used]
     is_inner = is_whole & (quads.valence == n_quads[used])
     points = yield from finding_points(quads, v.at[used], is_inner)
 
+    # which tell where it was divided
     is_tested = np.zeros(n, bool)
     is_tested[faces[rings[TESTED]]] = True
     group = components(quads.n, quads.start, quads.start[quads.after])
     is_known = _are_divided(quads, points, is_tested[used] & is_inner, group)
     is_known &= ~np.isin(group, group[~is_whole])
     yield 0
-
-    kept = is_known[quads.start.reshape(-1, 4)[:, 0]] & is_asked[rings[-1]]
+    corners = quads.start.reshape(-1, 4)
+    kept = is_known[corners[:, 0]] & rings[0][rings[-1]]
     if not kept.any():
         return None
 
     normal = np.full_like(v.normal, np.nan)
     is_corner = np.zeros(quads.n, bool)
-    is_corner[quads.start.reshape(-1, 4)[kept]] = True
+    is_corner[corners[kept]] = True
     normal[used] = quads.limit_normals(points, is_corner)
     yield 0
-
     loops, places, normals = yield from _divided_twice(quads, points, kept)
-    row = np.full(len(v.of_corner), -1)
-    found = halves[rings[-1]][kept]
-    row[found] = np.arange(found.size).reshape(found.shape)
-    corner = lines.corner[found]
-    nodes = NODES_DIVIDED[[0, 1], corner] + 64 * np.arange(len(found))[:, None, None]
-    vertex = loops[nodes].reshape(-1, len(AT))
+    row, vertex = _at_nodes(lines, halves[rings[-1]][kept], loops)
     return Subdivided(row >= 0, normal, row, vertex, places, normals)
+
+
+def _rings(faces: Ints, is_pole: Bools, asked: Bools) -> list[Bools]:
+    """Faces (q,) among those asked for that are near poles (f,), and, ring by ring, those around
+    as well.
+    """
+    is_near = is_pole
+    for _ in range(NEAR):
+        is_near = _grown(faces, is_near)
+    rings = [asked & is_near[faces].all(axis=1)]
+    for _ in range(AROUND):
+        is_near = np.zeros(len(is_pole), bool)
+        is_near[faces[rings[-1]]] = True
+        rings.append(is_near[faces].any(axis=1))
+
+    return rings
+
+
+def _at_nodes(lines: QuadLines, halves: Ints, loops: Ints) -> tuple[Ints, Ints]:
+    """The row (t,) of each half (q, 2) of quads, -1 of other triangles, and the vertices (r, 15) at
+    its nodes and corners, by those at the loops (64 q,) of the quads divided twice.
+    """
+    row = np.full(len(lines.corner), -1)
+    row[halves] = np.arange(halves.size).reshape(halves.shape)
+    nodes = NODES_DIVIDED[[0, 1], lines.corner[halves]]
+    nodes = nodes + 64 * np.arange(len(halves))[:, None, None]
+    return row, loops[nodes].reshape(-1, len(AT))
 
 
 def _faces(v: Vertices, lines: QuadLines, polygon: Ints) -> tuple[Ints, Ints]:
