@@ -42,6 +42,15 @@ def mean_at(values: Floats, corners: Ints) -> Floats:
     return sum(taken(values, corner) for corner in corners.T) / corners.shape[1]
 
 
+def each_once(numbers: Ints) -> tuple[Ints, Ints]:
+    """Different numbers (u,), none below 0 or much above how many there are, sorted, and the place
+    among them of each, as `np.unique` finds them by sorting.
+    """
+    is_there = np.zeros(int(numbers.max(initial=-1)) + 1, bool)
+    is_there[numbers] = True
+    return np.flatnonzero(is_there), (np.cumsum(is_there) - 1)[numbers]
+
+
 def each_value(values: Ints) -> Iterator[tuple[int, Ints]]:
     """Each different value, and where it stands."""
     for value in np.unique(values):

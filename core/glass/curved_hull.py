@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..products import combine
 from ..steps import Pauses
 from ..vectors import dot, length_of
@@ -42,6 +42,8 @@ HULL = HullKnobs()
 PARTS_AT_ONCE = 1 << 14  # that are worked on together: between two pauses
 UNITS = 2**HULL.halvings  # that an edge is long where places are counted
 
+CORNERS = UNITS * np.array([[0, 0], [1, 0], [0, 1]])  # places of a face's corners
+
 # terms at all places, and at those half way between
 _AT = np.stack(np.meshgrid(*2 * [np.arange(2 * UNITS + 1)], indexing="ij"), axis=-1)
 _TERMS = monomials(*np.moveaxis(_AT / (2 * UNITS), -1, 0))
@@ -61,16 +63,25 @@ class Hull(NamedTuple):
 
 def edge_turns(faces: CurvedFaces) -> Floats:
     """By how much (p, 3), rad, edges turn."""
+    return _edges_of(faces)[0]
+
+
+def _edges_of(faces: CurvedFaces) -> tuple[Floats, Floats]:
+    """By how much (p, 3), rad, edges turn, and how far (p, 3), m, they stand out to the side."""
     at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
     middles = combine(at_middles, faces.coefficient_table.reshape(N_TERMS, -1))
     middles = np.ascontiguousarray(middles.reshape(3, 3, -1).transpose(2, 0, 1))
-    corners = faces.corners[faces.triangle]
-    return _turn(middles, np.roll(corners, -1, axis=1) - corners)
+    corners = taken(faces.corners, faces.triangle)
+    chords = np.roll(corners, -1, axis=1) - corners
+    heights = _heights(middles, chords)
+    return _turn(middles, chords, heights), heights
 
 
-def _turn(middles: Floats, chords: Floats) -> Floats:
-    """By how much (...) parabolas turn whose middles are so far off those of chords (..., 3)."""
-    off = np.maximum(_heights(middles, chords), HULL.uneven * length_of(middles))
+def _turn(middles: Floats, chords: Floats, heights: Floats) -> Floats:
+    """By how much (...) parabolas turn whose middles are so far off those of chords (..., 3), and
+    of that by their heights (...) to the side.
+    """
+    off = np.maximum(heights, HULL.uneven * length_of(middles))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num(8 * off / length_of(chords))
 
@@ -92,7 +103,7 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     is_held[np.roll(faces.vertex, -1, axis=1)[on_edge]] = True
 
     at_edge = is_held[faces.vertex].any(axis=1)
-    turns = edge_turns(faces)
+    turns, heights = _edges_of(faces)
     halvings = _count_halvings(faces, turns, at_edge)
     yield 0
 
@@ -100,10 +111,25 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     sag = np.zeros(len(turns))
     portions = []
     for some in _portions(halvings):
-        face, places = _cut(faces, halvings[some], at_edge[some], some.start)
-        points, out = _find_points(faces, face, places)
-        starts = np.searchsorted(face, np.arange(some.start, some.stop))
-        sag[some] = np.maximum.reduceat(out, starts)
+        # those that are not cut are their facets
+        is_cut = halvings[some].any(axis=1)
+        face = some.start + np.flatnonzero(~is_cut)
+        places = np.broadcast_to(CORNERS, (len(face), 3, 2))
+        points = taken(faces.corners, faces.triangle[face])
+        sag[face] = heights[face].max(axis=1)
+
+        if is_cut.any():
+            cut = some.start + np.flatnonzero(is_cut)
+            of_cut, places_of_cut = _cut(faces, cut, halvings[cut], at_edge[cut])
+            points_of_cut, out = _find_points(faces, of_cut, places_of_cut)
+            sag[cut] = np.maximum.reduceat(out, np.searchsorted(of_cut, cut))
+
+            both = np.concatenate([face, of_cut])
+            in_order = np.argsort(both, kind="stable")
+            face = both[in_order]
+            places = np.concatenate([places, places_of_cut])[in_order]
+            points = np.concatenate([points, points_of_cut])[in_order]
+
         portions.append((face, places, points))
         yield 0
 
@@ -114,9 +140,13 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
 
     for face, places, points in portions:
         vertex = faces.vertex[face]
-        weights = _weights(places)
-        raised = np.matmul(weights, lifted[vertex])
-        _hold_edges(raised, weights, is_held[vertex], on_edge[face])
+        raised = taken(lifted, vertex)
+        if halvings[face[0] : face[-1] + 1].any():
+            weights = _weights(places)
+            raised = np.matmul(weights, raised)
+            _hold_edges(raised, weights, is_held[vertex], on_edge[face])
+        else:
+            raised[is_held[vertex]] = 0.0
         points += raised
         yield 0
 
@@ -143,18 +173,18 @@ def _portions(halvings: Ints) -> list[slice]:
     return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def _cut(faces: CurvedFaces, halvings: Ints, at_edge: Bools, first: int) -> tuple[Ints, Ints]:
-    """Parts of some faces, from the first on: of which face (m,)
+def _cut(faces: CurvedFaces, some: Ints, halvings: Ints, at_edge: Bools) -> tuple[Ints, Ints]:
+    """Parts of some faces (f,), by number: of which face (m,)
     each is, and places (m, 3, 2) of its corners, in units.
 
     Edges are halved so often (f, 3), and ways across as they turn themselves, so
     that parts of both sides do the same; at_edge (f,) as for `_count_halvings`.
     """
     n_faces = len(halvings)
-    corners = faces.corners[faces.triangle[first : first + n_faces]]
+    corners = taken(faces.corners, faces.triangle[some])
     sides = (corners[:, 1:] - corners[:, :1]) / UNITS
     face = np.arange(n_faces)
-    places = np.broadcast_to(UNITS * np.array([[0, 0], [1, 0], [0, 1]]), (n_faces, 3, 2))
+    places = np.broadcast_to(CORNERS, (n_faces, 3, 2))
     edges = np.broadcast_to(np.arange(3), (n_faces, 3))  # of the face, -1 where a way crosses it
     done = []
     for halved in range(HULL.halvings):
@@ -167,9 +197,11 @@ def _cut(faces: CurvedFaces, halvings: Ints, at_edge: Bools, first: int) -> tupl
             side_u, side_v = sides[across].swapaxes(0, 1)
             a, b = places[inside, e], places[inside, (e + 1) % 3]
             u, v = np.stack([2 * a, a + b, 2 * b], axis=1).transpose(2, 0, 1)
-            at = np.matmul(_TERMS[u, v], faces.coefficients[first + across])
+            at = np.matmul(_TERMS[u, v], faces.coefficients[some[across]])
             middles = at[:, 1] - (at[:, 0] + at[:, 2]) / 2
-            is_cut[inside, e] = _turn(middles, side_u * du + side_v * dv) > HULL.angle
+            chords = side_u * du + side_v * dv
+            turns = _turn(middles, chords, _heights(middles, chords))
+            is_cut[inside, e] = turns > HULL.angle
             is_cut[inside, e] |= at_edge[across] & (halved < HULL.halvings_at_edges)
 
         n_cut = is_cut.sum(axis=1)
@@ -187,7 +219,7 @@ def _cut(faces: CurvedFaces, halvings: Ints, at_edge: Bools, first: int) -> tupl
 
     face, places = map(np.concatenate, zip(*done, strict=True))
     in_order = np.argsort(face, kind="stable")
-    return first + face[in_order], places[in_order]
+    return some[face[in_order]], places[in_order]
 
 
 # triangles that come of one whose first n edges are cut: corners, of which 3, 4 and 5 are the

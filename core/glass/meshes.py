@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..mesh import SAME_NORMAL
 from ..vectors import dot, normalise
 
@@ -163,8 +163,12 @@ def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
     # the second triangle runs along the edge the other way, if both are wound alike
     start = np.where(edges.is_same_way, j, next_j)
     end = np.where(edges.is_same_way, next_j, j)
-    first = np.stack([values[edges.first, i], values[edges.first, next_i]], axis=1)
-    return first, np.stack([values[edges.second, start], values[edges.second, end]], axis=1)
+    of_corner = values.reshape(-1, values.shape[2])
+    first, second = 3 * edges.first[:, None], 3 * edges.second[:, None]
+    return (
+        taken(of_corner, first + np.stack([i, next_i], axis=1)),
+        taken(of_corner, second + np.stack([start, end], axis=1)),
+    )
 
 
 def find_joined(normals: Floats, edges: Edges) -> Bools:

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..rig import Mesh
 from ..steps import Pauses, finish
 from ..vectors import dot
-from .meshes import box_of, components, find_edges, volume_of
+from .meshes import Edges, box_of, components, find_edges, volume_of
 from .surfaces import Surface, making_surface
 
 # of a shell: by less than this a shell is not larger than another in the same place
@@ -58,6 +58,11 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
     Of triangles between the same three vertices only the first
     counts: drawn twice it would not join its neighbours.
     """
+    return _split(mesh)[0]
+
+
+def _split(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
+    """The shells of a mesh, and the edges of its triangles, of which none is there twice."""
     drawn = np.arange(len(mesh.triangles))
     edges = find_edges(mesh.triangles)
     if edges.n_open:
@@ -79,7 +84,7 @@ def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
     label = components(n, edges.first, edges.second)
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
-    return [(drawn[chosen], is_flipped[chosen]) for chosen in np.split(order, cuts)]
+    return [(drawn[chosen], is_flipped[chosen]) for chosen in np.split(order, cuts)], edges
 
 
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:
@@ -96,17 +101,26 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
     """
     # their facets say which holds which: surfaces, which cost more, are made of whole solids only
     shells = []
-    for chosen, is_flipped in split_shells(mesh):
+    volumes = []
+    edges_of = []  # shells as they are turned, where they are known
+    split, edges = _split(mesh)
+    yield 0
+    for chosen, is_flipped in split:
         index = np.where(is_flipped[:, None], mesh.triangles[chosen, ::-1], mesh.triangles[chosen])
-        corners = mesh.vertices[index]
-        is_closed = find_edges(index).n_open == 0
-        if is_closed and volume_of(corners) < 0:
+        corners = taken(mesh.vertices, index)
+        if len(split) > 1 or is_flipped.any():
+            edges = find_edges(index)
+        is_closed = edges.n_open == 0
+        volumes.append(volume_of(corners))
+        is_inside_out = is_closed and volumes[-1] < 0
+        if is_inside_out:
             is_flipped = ~is_flipped
+        edges_of.append(None if is_inside_out else edges)
         shells.append((chosen, is_flipped, corners, is_closed))
         yield 0
 
     boxes = np.stack([box_of(corners) for *_, corners, _ in shells])
-    volumes = np.array([abs(volume_of(corners)) for *_, corners, _ in shells])
+    volumes = np.abs(volumes)
     holders: list[list[int]] = [[]] * len(shells)
     depth = np.zeros(len(shells), np.int64)
 
@@ -128,6 +142,7 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
     for outer, group in members.items():
         chosen = np.concatenate([shells[i][0] for i in group])
         turned = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
-        solids.append((yield from making_surface(mesh, chosen, turned)))
+        edges = edges_of[outer] if len(group) == 1 else None
+        solids.append((yield from making_surface(mesh, chosen, turned, edges)))
 
     return solids

@@ -5,13 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..mesh import SAME_NORMAL
 from ..rig import Mesh
 from ..steps import Pauses, finish
 from ..vectors import normalise
 from .curved import CurvedFaces
 from .meshes import (
+    Edges,
     box_of,
     components,
     find_edges,
@@ -104,10 +105,15 @@ def _bent_normals(
 
 
 def making_surface(
-    mesh: Mesh, triangles: Ints | None = None, is_flipped: Bools | None = None
+    mesh: Mesh,
+    triangles: Ints | None = None,
+    is_flipped: Bools | None = None,
+    edges: Edges | None = None,
 ) -> Pauses[Surface]:
     """Surface of a mesh, or of some of its triangles
     (indices), some of them with the winding turned.
+
+    edges : of the triangles as they are turned, where they are known
     """
     chosen = np.arange(len(mesh.triangles)) if triangles is None else triangles
     index = mesh.triangles[chosen]
@@ -120,9 +126,10 @@ def making_surface(
                 is_flipped[:, None, None], -corner_normals[:, ::-1], corner_normals
             )
 
-    corners = mesh.vertices[index]
+    corners = taken(mesh.vertices, index)
     normals = geometric_normals(corners)
-    edges = find_edges(index)
+    if edges is None:
+        edges = find_edges(index)
     yield 0
 
     by_corner, is_bent, n_contradicted = _bent_normals(mesh, chosen, corner_normals, normals)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..arrays import Bools, Floats, Ints, each_once, taken
 from ..vectors import dot
 from .curved import FACES_AT_ONCE
 from .meshes import Edges, components
@@ -79,8 +79,7 @@ def find_vertices(
         of_corner.reshape(-1)[chosen] = len(vertices) + label
 
     # each once, with its place and normal
-    used, of_corner = np.unique(of_corner, return_inverse=True)
-    of_corner = of_corner.reshape(n, 3)
+    used, of_corner = each_once(of_corner)
     normal = np.zeros((len(used), 3))
     at = np.empty((len(used), 3))
     at[of_corner] = taken(vertices, triangles)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from .. import kernel
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, each_once
 from ..glass.meshes import Frames, boxes_of
 from ..steps import Pauses
 
@@ -85,8 +85,8 @@ class ThinParts:
 
     def __init__(self, corners: Floats, patch: Ints, part: Ints) -> None:
         n = len(patch)
-        _, unit = np.unique(patch, return_inverse=True)
-        unit = unit.ravel() if unit.max() < THIN.most_patches else part
+        _, unit = each_once(patch)
+        unit = unit if unit.max() < THIN.most_patches else part
         self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
         self._unit_of_patch[patch] = unit
 
