@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
 from ..steps import Pauses
 from ..vectors import length_of, normalise
@@ -58,6 +59,7 @@ class AgreementKnobs:
 
 
 AGREEMENT = AgreementKnobs()
+LEAST_CHANGE = AGREEMENT.agree / 10  # of normals on edges: less changes none inside
 
 
 class Agreed(NamedTuple):
@@ -122,6 +124,15 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
     ----------
     own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices; area (p,)
     """
+    if kernel.library() is not None:
+        found = Agreed(np.empty((len(own), N_NODES, 3)), np.empty((len(own), N_ON_EDGES)))
+        weights = NODES[:N_ON_EDGES], INWARD
+        for k in range(0, len(own), FACES_AT_ONCE):
+            some = slice(k, k + FACES_AT_ONCE)
+            kernel.agree((own, at_corners, area), beside, weights, LEAST_CHANGE, some, found)
+            yield 0
+        return found
+
     squared = area**2
     agreed = own[:, :N_NODES].copy()
     jump = np.zeros((len(own), N_ON_EDGES))
@@ -162,7 +173,7 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
             change[:, nodes] = found - mine
 
         # others keep their own normals
-        differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > AGREEMENT.agree / 10)
+        differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > LEAST_CHANGE)
         agreed[k + differ, N_ON_EDGES:] += np.matmul(INWARD, change[differ])
         yield 0
 

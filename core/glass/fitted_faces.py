@@ -100,6 +100,7 @@ _BY_U, _BY_V = slopes(*AT[:, 1:].T)  # (15, 14) of the terms
 # (15, 12) from offsets
 _DU_AT = _BY_U @ FROM_NODES
 _DV_AT = _BY_V @ FROM_NODES
+_OF_OFFSETS = np.concatenate([_DU_AT, _DV_AT, FROM_NODES])
 
 
 def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
@@ -141,6 +142,29 @@ def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
         stands_out = height.max(axis=0) > FACE.swollen * np.maximum(sag.max(axis=1), 0) + more
         stands_in = height.min(axis=0) < FACE.swollen * np.minimum(sag.min(axis=1), 0) - more
     return stands_out | stands_in
+
+
+def _make_faces(
+    offsets: Floats,
+    corners: Floats,
+    at_corners: Floats,
+    facets: Floats,
+    into: tuple[Floats, Floats, Bools, Bools],
+) -> None:
+    """Write down the coefficients of faces, their normals, and which are whole and swollen, by the
+    offsets (12, 3, n) of their nodes.
+    """
+    if kernel.library() is not None:
+        knobs = np.array([MOST_OFFSET, FACE.least_cosine, FACE.swollen, FACE.untold])
+        kernel.make_faces(offsets, (corners, at_corners, facets), _OF_OFFSETS, knobs, into)
+        return
+
+    coefficients, own, is_whole, is_swollen = into
+    fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
+    coefficients[:] = fitted.transpose(2, 0, 1)
+    own[:] = _normals_at_nodes(offsets, corners)
+    is_whole[:] = _is_whole(offsets, corners, own, facets)
+    is_swollen[:] = _is_swollen(offsets, corners, at_corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,17 +224,15 @@ def fit_faces(
             if len(which) < len(at):
                 offsets[..., ~is_known] = _node_offsets(v, fields, of_corner[~is_known])
 
-        own[some] = _normals_at_nodes(offsets, at)
-        is_whole[some] = _is_whole(offsets, at, own[some], taken(facets, chosen[some]))
-        is_swollen[some] = _is_swollen(offsets, at, taken(v.normal, of_corner))
+        over = at, taken(v.normal, of_corner), taken(facets, chosen[some])
+        into = coefficients[some], own[some], is_whole[some], is_swollen[some]
+        _make_faces(offsets, *over, into)
 
         if known is not None:
             meant[some] = own[some]
             meant[k + which] = normals
             is_swollen[k + which] = False
 
-        fitted = combine(FROM_NODES, offsets.reshape(N_NODES, -1)).reshape(N_TERMS, 3, -1)
-        coefficients[some] = fitted.transpose(2, 0, 1)
         yield 0
 
     return Faces(chosen, coefficients, own, meant, is_swollen), is_whole

@@ -19,7 +19,7 @@ import numpy as np
 from ..arrays import Floats, Ints
 from ..steps import Pauses
 from .dividing import add, add_at, can_add, can_divide, divided, find_across
-from .fitting import Fit
+from .fitting import Fit, agree, make_faces
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
 from .pixels import decode, finish, halved, quantise
@@ -40,6 +40,7 @@ __all__ = [
     "Ways",
     "add",
     "add_at",
+    "agree",
     "can_add",
     "can_divide",
     "can_follow",
@@ -51,6 +52,7 @@ __all__ = [
     "halved",
     "left_out",
     "library",
+    "make_faces",
     "making",
     "off",
     "paint",

@@ -3,6 +3,7 @@
 """
 
 import ctypes
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from .loading import loaded, n_threads
 from .structures import FitStructure, Made
 
 if TYPE_CHECKING:
+    from ..glass.agreement import Beside
     from ..glass.vertex_fields import Fields
     from ..glass.vertices import Vertices
 
@@ -86,3 +88,56 @@ class Fit:
         numbers = self._made.point("wanted", np.flatnonzero(wanted), np.int64)
         self._made.set(n_wanted=len(numbers), ridge=ridge)
         return len(numbers)
+
+
+def make_faces(
+    offsets: Floats,
+    over: Sequence[Floats],
+    matrices: Floats,
+    knobs: Floats,
+    into: Sequence[Floats | Bools],
+) -> None:
+    """Write down what `fitted_faces.fit_faces` finds of n faces by the offsets (12, 3, n) of their
+    nodes.
+
+    over : the facets' corners (n, 3, 3), normals (n, 3, 3) there, and their own (n, 3)
+    matrices : (44, 12) slopes at nodes and corners by u, and by v, and terms, from offsets
+    knobs : (4,) MOST_OFFSET, and of FACE least_cosine, swollen and untold
+    into : coefficients (n, 14, 3), normals (n, 15, 3) at nodes and corners, which faces (n,) are
+        whole, and which are swollen; each in one piece
+    """
+    n = offsets.shape[2]
+    given = [np.ascontiguousarray(a, float) for a in (offsets, *over, matrices, knobs)]
+    addresses = (array.ctypes.data for array in given)
+    results = (array.ctypes.data for array in into)
+    loaded().kiriko_make_faces(*addresses, n, *results, n_threads())
+
+
+def agree(
+    faces: Sequence[Floats],
+    beside: "Beside",
+    weights: Sequence[Floats],
+    least: float,
+    some: slice,
+    into: Sequence[Floats],
+) -> None:
+    """Write down the normals (p, 12, 3) on which some of p faces agree with their neighbours, and
+    how far these are off, (p, 9), as `agreement.agreeing`.
+
+    faces : their normals (p, 15, 3), those of their vertices (p, 3, 3), and areas (p,)
+    weights : (9, 3) of corners, in normals at nodes on edges; (3, 15) of changes at nodes and
+        corners, in those inside
+    least : changes inside that are less are none
+    """
+    first, last, _ = some.indices(len(faces[0]))
+    given = [np.ascontiguousarray(a, float) for a in faces]
+    given += [
+        np.ascontiguousarray(beside.row, np.int32),
+        np.ascontiguousarray(beside.triangle, np.int32),
+        np.ascontiguousarray(beside.edge, np.int8),
+        np.ascontiguousarray(beside.is_drawn, bool),
+    ]
+    given += [np.ascontiguousarray(a, float) for a in weights]
+    addresses = (array.ctypes.data for array in given)
+    results = (array.ctypes.data for array in into)
+    loaded().kiriko_agree(*addresses, least, first, last - first, *results, n_threads())

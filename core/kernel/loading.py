@@ -37,6 +37,8 @@ FUNCTIONS = {
     "kiriko_fit_fields": (None, _P, _P, _I),
     "kiriko_settle_normals": (None, *6 * [_P], _I, _D, _I),
     "kiriko_find_offsets": (None, *5 * [_P], _I, _P, _I),
+    "kiriko_make_faces": (None, *6 * [_P], _I, *4 * [_P], _I),
+    "kiriko_agree": (None, *9 * [_P], _D, _I, _I, _P, _P, _I),
 }
 
 _threads = 0  # as many as the machine has

@@ -17,7 +17,7 @@ import build_kernel
 from kiriko.core import kernel
 from kiriko.core.arrays import frozen
 from kiriko.core.encoding import quantised
-from kiriko.core.glass import curved, curved_roots, fitted_faces, vertex_fields
+from kiriko.core.glass import curved, curved_roots, fitted_faces, quartics, vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
@@ -1111,7 +1111,8 @@ MESHES = {
 def test_same_curved_faces(name):
     """Of the same triangles.
 
-    Points to 1e-10 of the mesh's size, normals to the rest when sweeps end, 1e-10.
+    Points to 1e-10 of the mesh's size, normals to the rest when sweeps end, 1e-10; jumps at edges,
+    which slopes of fields make, to some times as much.
     """
     mesh = MESHES[name]()
     with kernel.off():
@@ -1123,6 +1124,40 @@ def test_same_curved_faces(name):
     points, others = (faces.points_on(3) for faces in (found, expected))
     np.testing.assert_allclose(points, others, rtol=0, atol=1e-10 * np.ptp(mesh.vertices))
     np.testing.assert_allclose(found.vertex_normal, expected.vertex_normal, rtol=0, atol=2e-10)
+    np.testing.assert_allclose(found.jump, expected.jump, rtol=0, atol=1e-8)
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 2**32), st.floats())
+def test_same_faces_of_any_offsets(seed, one):
+    """Coefficients, normals, and which are whole and swollen, whatever floats offsets are: a face
+    that is no number is neither.
+    """
+    dice = np.random.default_rng(seed)
+    n = 21
+    corners = dice.normal(size=(n, 3, 3))
+    at_corners, facets = unit(dice.normal(size=(n, 3, 3)) + 2), unit(dice.normal(size=(n, 3)) + 1)
+    offsets = spoilt(dice, dice.normal(size=(12, 3, n)) * 10.0 ** -dice.integers(0, 9, n), one)
+    offsets[..., 0] = np.nan
+
+    def found():
+        is_whole, is_swollen = np.ones((2, n), bool)
+        into = np.empty((n, 14, 3)), np.empty((n, 15, 3)), is_whole, is_swollen
+        with np.errstate(all="ignore"):
+            fitted_faces._make_faces(offsets, corners, at_corners, facets, into)
+        return into
+
+    by_kernel = found()
+    with kernel.off():
+        coefficients, normals, *kinds = found()
+    for mine, theirs in zip(by_kernel[2:], kinds, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+        assert not mine[0]
+    is_number = np.isfinite(coefficients).all(axis=(1, 2)) & np.isfinite(normals).all(axis=(1, 2))
+    size = np.abs(offsets[..., is_number]).max(initial=0)
+    mine = (values[is_number] for values in by_kernel[:2])
+    np.testing.assert_allclose(next(mine), coefficients[is_number], rtol=1e-12, atol=1e-12 * size)
+    np.testing.assert_allclose(next(mine), normals[is_number], rtol=0, atol=1e-9)
 
 
 def test_the_fit_by_any_number_of_threads_gives_the_same():
@@ -1191,14 +1226,16 @@ def test_the_environment_switches_it_off():
 
 SHARING = (
     *(asked, curved, curved_roots, fitting, loading, picture, plate, ray_engine, reads, rescue),
-    *(painting, cells_module, structures, fitted_faces, thin_parts, touching, vertex_fields),
+    *(quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
+    vertex_fields,
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {
     *("BINS", "BUNDLES_EACH_TURN", "BY_HALVES", "COLUMNS_AT_ONCE", "FEW", "FREE", "HALF_TURN"),
     *("HULL_SLACK", "MOST_ASKED", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
     *("MOST_TAPS", "MOST_THREADS", "MOST_WAITING", "N_STARTS", "RAYS_AT_ONCE", "ROUNDING"),
-    *("LINE", "SHOTS_EACH_TURN", "N_STRIPES", "WELL_BELOW"),
+    *("LINE", "SHOTS_EACH_TURN", "N_AT", "N_STRIPES", "SIDE_BY_SIDE"),
+    "WELL_BELOW",
 }
 
 
