@@ -21,7 +21,7 @@ from .active_rig import (
 from .kept import Changed
 from .rig_names import stem
 from .rigs import RIG_MARK, active_rig, held_by, mark_of, marked_key, rigs, take_in
-from .viewer_list import have_viewer
+from .viewer_list import bring_back_by_itself, have_viewer
 
 NO_RESULT = [["kiriko.result.summary", "", ""]]  # as a rig notes that the scene had none before
 
@@ -50,6 +50,7 @@ def take_newcomers(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
     if not scene.is_editable:
         return []
     know_plates(scene)
+    bring_back_by_itself(scene)
     groups = [group for group in scene.collection.children_recursive if group.kiriko.key]
     groups = list(dict.fromkeys(groups))  # one may be in two others
     firsts = rigs(scene)

@@ -180,18 +180,20 @@ def _put_viewers_back(
     scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy.types.ID]
 ) -> None:
     """The viewer and the list as they were before; those who came since stay in it."""
-    ours = rig.kiriko
+    ours = scene.kiriko
+    is_own = rig == active_rig(scene)
+    before = ours.viewer_before if is_own else None
     is_first_gone = camera_at(scene, 0) in (None, *going)
     if scene.camera in going:
         scene.camera = None  # no viewer of what stays
-    if scene.kiriko.viewer in going:
-        have_viewer(scene.kiriko, ours.viewer_before)
+    if ours.viewer in going:
+        have_viewer(ours, before)
     take_out(scene, going, is_first_gone)
-    if rig == active_rig(scene):
-        bring_back(scene, ours)
-    for one in rigs(scene):
-        if one.kiriko.viewer_before in going:
-            one.kiriko.viewer_before = ours.viewer_before
+    if is_own:
+        bring_back(scene)
+    for other in scene.kiriko_others:
+        if other.settings.viewer_before in going:
+            other.settings.viewer_before = before
 
 
 def _put_settings_back(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:

@@ -73,14 +73,14 @@ class Record:
 
     def set_viewers_aside(self) -> None:
         """Have the scene have no viewers, until the rig goes: they may not see it."""
-        set_aside(self._scene, self.rig)
+        set_aside(self._scene)
         self._has_viewers = False
 
     def take_back(self) -> None:
         """Put everything back, as if there had been no rig."""
         if not self._has_viewers:
-            have_viewer(self._scene.kiriko, self.rig.viewer_before)
-            bring_back(self._scene, self.rig)
+            have_viewer(self._scene.kiriko, self._scene.kiriko.viewer_before)
+            bring_back(self._scene)
         while self._done:
             owner, keeper, before, changes = self._done.pop()
             put_back(owner, changes)

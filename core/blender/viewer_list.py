@@ -90,28 +90,47 @@ def take_out(
             ours.viewer_shown = max(ours.viewer_shown - 1, 0)
 
 
-def set_aside(scene: bpy.types.Scene, rig: bpy.types.PropertyGroup) -> None:
-    """Have a rig keep a scene's viewers, and the scene have none."""
+def set_aside(scene: bpy.types.Scene) -> None:
+    """Have a scene's settings keep its viewers for the time without the rig, and have none."""
     ours = scene.kiriko
-    rig.viewer_before = ours.viewer
-    rig.viewers_before.clear()
+    ours.viewer_before = ours.viewer
+    ours.viewers_before.clear()
     for one in ours.viewers:
-        copy_settings(one, rig.viewers_before.add())
+        copy_settings(one, ours.viewers_before.add())
     ours.viewers.clear()
     ours.viewer = None
 
 
-def bring_back(scene: bpy.types.Scene, rig: bpy.types.PropertyGroup) -> None:
-    """Have the list be as a rig keeps it, for the viewer that the scene has, and after it whoever
+def bring_back(scene: bpy.types.Scene) -> None:
+    """Have the list be as it was set aside, for the viewer that the scene has, and after it whoever
     came into the list since.
     """
-    if not len(rig.viewers_before):
+    ours = scene.kiriko
+    if len(ours.viewers_before):
+        with changing(scene) as listed:
+            first, *before = ours.viewers_before
+            known = [one.camera for one in listed]
+            for name in ("weight", "is_on", "image"):
+                setattr(listed[0], name, getattr(first, name))
+            for n, one in enumerate([one for one in before if one.camera not in (None, *known)]):
+                copy_settings(one, listed.add())
+                listed.move(len(listed) - 1, n + 1)
+    ours.viewers_before.clear()
+    ours.property_unset("viewer_before")
+
+
+def bring_back_by_itself(scene: bpy.types.Scene) -> None:
+    """The same once the rig is gone by hand, its collection and its viewer."""
+    ours = scene.kiriko
+    is_aside = ours.viewer_before is not None or len(ours.viewers_before) > 0
+    if not is_aside or (ours.rig and any(c.kiriko.key == ours.rig for c in bpy.data.collections)):
         return
-    with changing(scene) as listed:
-        first, *before = rig.viewers_before
-        known = [one.camera for one in listed]
-        for name in ("weight", "is_on", "image"):
-            setattr(listed[0], name, getattr(first, name))
-        for n, one in enumerate([one for one in before if one.camera not in (None, *known)]):
-            copy_settings(one, listed.add())
-            listed.move(len(listed) - 1, n + 1)
+
+    there = set(scene.objects)
+    if ours.viewer in there:
+        return
+    before = ours.viewer_before
+    have_viewer(ours, before if before in there else None)
+    cameras = [one.camera for one in ours.viewers]
+    take_out(scene, [one for one in cameras if one not in there], camera_at(scene, 0) is None)
+    bring_back(scene)

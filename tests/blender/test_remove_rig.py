@@ -449,12 +449,13 @@ def test_the_rig_leaves_no_empty_entry_in_the_list(scene: bpy.types.Scene, choic
     assert viewers(scene) == (viewer, entries, 1)
 
 
-@pytest.mark.parametrize("then", ["removed", "with another", "gone wrong"])
+@pytest.mark.parametrize("then", ["removed", "by hand", "with another", "gone wrong"])
 def test_a_list_of_before_the_rig_is_back(
     kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, then: str
 ) -> None:
-    """With weights, images and who is on, also where Add Rig went wrong at its end; a camera that
-    came since stands behind, and one that was deleted is in it no more.
+    """With weights, images and who is on, also where Add Rig went wrong at its end, and where the
+    rig's collection was deleted by hand, with its viewer; a camera that came since stands behind,
+    and one that was deleted is in it no more.
     """
     cube()
     first, second, third = map(of_artist, ("first", "second", "third"))
@@ -482,7 +483,19 @@ def test_a_list_of_before_the_rig_is_back(
             add_viewers(of_artist("new"))
             listed[2:] = [("new", 1.0, True, None)]
             shown = 1
-        bpy.ops.kiriko.remove_rig()
+        if then == "by hand":
+            rig = scene.collection.children["Kiriko Rig"]
+            viewer = scene.kiriko.viewer
+            things = set(rig.objects) - {viewer}
+            scene.collection.objects.link(viewer)
+            bpy.data.collections.remove(rig)
+            look = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").look
+            look()  # as the timer does
+            assert viewers(scene)[:2] == ("Kiriko Viewer", [])  # the viewer is there still
+            bpy.data.batch_remove([*things, viewer])
+            look()
+        else:
+            bpy.ops.kiriko.remove_rig()
     assert viewers(scene) == (name, listed, shown)
 
 

@@ -1,9 +1,7 @@
 """A rig that Add Rig made, and what it changed of things that were there before."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
-
-from .viewers import KirikoViewer
+from bpy.props import BoolProperty, StringProperty
 
 
 class KirikoRig(bpy.types.PropertyGroup):
@@ -35,18 +33,6 @@ class KirikoRig(bpy.types.PropertyGroup):
         name="Settings",
         description="The rig's settings when the file was saved, which it brings to other files, as"
         " JSON",
-        options={"HIDDEN"},
-    )
-    viewer_before: PointerProperty(
-        name="Viewer Before",
-        description="The viewer that the scene had before",
-        type=bpy.types.Object,
-        options={"HIDDEN"},
-    )
-    viewers_before: CollectionProperty(
-        name="Viewers Before",
-        description="The list of viewers that the scene had before",
-        type=KirikoViewer,
         options={"HIDDEN"},
     )
 

@@ -15,7 +15,7 @@ from ..paths import RELATIVE_PATH
 from .calibration import KirikoCalibration
 from .light import KirikoPicture
 from .result import KirikoResult
-from .viewers import KirikoViewer
+from .viewers import KirikoViewer, ViewersBefore
 
 PICTURE_SOURCES = (
     ("PLANE", "Plane", "The object with the role Picture, where it stands in the scene"),
@@ -73,7 +73,7 @@ def is_camera(_settings: bpy.types.PropertyGroup, candidate: bpy.types.Object) -
     return candidate.type == "CAMERA"
 
 
-class KirikoScene(bpy.types.PropertyGroup):
+class KirikoScene(ViewersBefore, bpy.types.PropertyGroup):
     """How the scene's rig is solved and exported."""
 
     # viewer: see `register`
