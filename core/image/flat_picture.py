@@ -6,6 +6,8 @@ rectangles need no rays.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -93,6 +95,39 @@ def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     None when the mesh is not flat, its UV is not one affine
     map, or it is no rectangle along the UV axes.
     """
+    if mesh not in _rectangles:
+        _rectangles[mesh] = _rectangle_of(mesh)
+    rectangle = _rectangles[mesh]
+    if rectangle is None:
+        return None
+
+    middle, axes, fit, low, high = rectangle
+    seen = _points_seen(viewer, middle, axes[2])
+    if seen is None:
+        return None
+    point, w, sign = seen
+    matrix = np.vstack([fit[:2].T @ (axes[:2] @ point) + np.outer(fit[2], w), w])
+    return FlatWay((sign or 1.0) * matrix, low, high)
+
+
+class _Rectangle(NamedTuple):
+    """A flat rectangle under its whole UV: its middle (3,), m, two axes in its plane and the one
+    across it, (3, 3), the UV (3, 2) by both axes and at the middle, and its bounds (2,) in UV.
+    """
+
+    middle: Floats
+    axes: Floats
+    fit: Floats
+    low: Floats
+    high: Floats
+
+
+# told once of each mesh, however many viewers look at it
+_rectangles: WeakKeyDictionary[Mesh, _Rectangle | None] = WeakKeyDictionary()
+
+
+def _rectangle_of(mesh: Mesh) -> _Rectangle | None:
+    """The rectangle that a mesh is, if it is one."""
     corners = mesh.corners.reshape(-1, 3)
     uv = mesh.uv.reshape(-1, 2)
     middle = corners.mean(axis=0)
@@ -113,12 +148,7 @@ def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
     if abs(covered - np.prod(high - low)) > IS_AFFINE * covered:
         return None
 
-    seen = _points_seen(viewer, middle, axes[2])
-    if seen is None:
-        return None
-    point, w, sign = seen
-    matrix = np.vstack([fit[:2].T @ (axes[:2] @ point) + np.outer(fit[2], w), w])
-    return FlatWay((sign or 1.0) * matrix, low, high)
+    return _Rectangle(middle, axes, fit, low, high)
 
 
 def _points_seen(

@@ -124,7 +124,8 @@ def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
     is_within = (away > reach).all(axis=0)
     is_beyond = (away < -reach).any(axis=0)
     of_block = np.where(is_within, 1.0, np.where(is_beyond, 0.0, np.nan))
-    return of_block.repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)[:height, :width].copy()
+    of_pixel = of_block.repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)
+    return np.ascontiguousarray(of_pixel[:height, :width])
 
 
 def why_unseen(place: PicturePlace, viewer: Viewer) -> str:

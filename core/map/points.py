@@ -171,7 +171,9 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
 
 def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
     """Are display pixels (n, 2) in the image? Not so where there is no landing."""
-    return ((xy >= 0) & (xy <= display_size)).all(axis=1)
+    x, y = xy.T  # numpy is slow where rows are two numbers long
+    width, height = display_size
+    return (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
 
 
 def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:

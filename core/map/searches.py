@@ -113,7 +113,10 @@ def _answers(plan: Plan, asks: list[Ask]) -> Generator[int, None, list[Answer]]:
 
 def _together(courses: list[Words]) -> Words:
     """Courses (n, m), of several widths m, one after the other."""
-    width = max(course.shape[1] for course in courses)
+    widths = {course.shape[1] for course in courses}
+    width = max(widths)
+    if len(widths) == 1:
+        return np.concatenate(courses)
     return np.concatenate(
         [np.pad(course, ((0, 0), (0, width - course.shape[1]))) for course in courses]
     )

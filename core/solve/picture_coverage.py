@@ -43,9 +43,10 @@ def of_the_picture(
         missing = np.clip(cover - view_coverage[first : first + rows].ravel(), 0, 1)
         unseen += missing.sum()
         some = np.flatnonzero(missing)
-        top = view_map.reason[first : first + rows + 1]
-        corners = np.stack([top[:-1, :-1], top[:-1, 1:], top[1:, :-1], top[1:, 1:]])
-        by_corner = corners.reshape(4, -1)[:, some]
+        row, column = np.divmod(first * w + some, w)
+        by_corner = np.stack([
+            view_map.reason[row + down, column + right] for down in (0, 1) for right in (0, 1)
+        ])  # fmt: skip
 
         # each ray of a pixel has a vote on the reason for what is missing in it
         of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
@@ -96,7 +97,5 @@ def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
     counts = np.zeros((len(Reason), w * h), np.uint16)
     reason = view_map.points.reason[is_within]
     pixel = row[is_within] * w + column[is_within]
-    for one in np.unique(reason):
-        counts[one] = np.bincount(pixel[reason == one], minlength=w * h)
-
+    np.add.at(counts.reshape(-1), reason.astype(np.int64) * w * h + pixel, np.uint16(1))
     return counts

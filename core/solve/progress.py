@@ -168,7 +168,8 @@ class Bar:
                 return done.value
             if part > 0:
                 whole = (self.so_far - begun) / part
-                others = np.mean(self._of_viewers or whole)
+                known = self._of_viewers or [whole]
+                others = sum(known) / len(known)
                 yield self.at(sum(self._of_viewers) + whole + n_left * others - self.so_far)
             else:
                 yield self.told
