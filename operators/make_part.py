@@ -52,9 +52,9 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         scene, metres = context.scene, length_of_unit(context.scene)
         context.view_layer.update()
         rig = read_places(context.evaluated_depsgraph_get(), scene, KeptPlaces())
-        noun = next(role.noun for role in ROLES if role.name == self.role)
-        if rig.of(next(role for role in ROLES if role.name == self.role)):
-            raise RigError("The rig has a {noun} already.", noun=noun)
+        role = next(role for role in ROLES if role.name == self.role)
+        if rig.of(role):
+            raise RigError("The rig has a {noun} already.", noun=role.noun)
         stand = stand_of(self.role, rig)
         source = scene.kiriko.result.source
         pixels = tuple(source.size) if source is not None and all(source.size) else PIXELS

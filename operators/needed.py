@@ -6,7 +6,7 @@ import bpy
 
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
-from ..core.blender.rig_objects import PLATE
+from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
 from ..core.blender.viewer import own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
@@ -136,7 +136,7 @@ def has_lost_plate(scene: bpy.types.Scene) -> bool:
         return False
     made = (mark_of(thing) for thing in scene.objects if RIG_MARK in thing)
     names = [name for key, name in made if key == rig.kiriko.key]
-    return not any(plate in name for plate in in_all(PLATE) for name in names)
+    return not any(plate in name for plate in in_all(PLATE_NAME) for name in names)
 
 
 def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:

@@ -18,12 +18,12 @@ from .image import packed_image
 from .objects import Workbench
 from .viewport_look import be_seen_as_plate, be_seen_as_screen
 
-PLATE = Message("Kiriko Plate")  # its name
+PLATE_NAME = Message("Kiriko Plate")
 
 
 def make_plate(made: Workbench, frame: Floats, side: float) -> bpy.types.Object:
     """A square plate."""
-    plate = made.rectangle(PLATE, frame, side, side)
+    plate = made.rectangle(PLATE_NAME, frame, side, side)
     plate.kiriko.role, plate.show_name = "PLATE", True
     plate.data.materials.append(made.material("Kiriko Ideal Plate", be_seen_as_plate))
     return plate
