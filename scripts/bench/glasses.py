@@ -6,7 +6,7 @@
 rest of the time differs from the progress that is told, from 10 % to 90 %; `from` the part of the
 time after which 10 % are told. `to come` is how many times the rays that are still to come differ
 from a guess of them, each time it is mended, from 10 % to 90 %. `MB` is the memory taken, on Linux,
-and `told` how many times that differs from the estimate. `curved` is the share of the triangles
+and `told` how many times that differs from the estimate. Each solve is the first of a process of its own. `curved` is the share of the triangles
 with a curved face, `beyond` the share that is seen off by more than the tolerance, `sampled` where
 light is chaotic. With `--processor` all seconds are the processor's, for one thread: other work
 beside it changes little.
@@ -26,6 +26,7 @@ from __future__ import annotations
 import argparse
 import ctypes
 import gc
+import subprocess
 import sys
 from collections.abc import Generator
 from contextlib import nullcontext
@@ -35,6 +36,7 @@ from time import perf_counter, process_time, thread_time
 
 import numpy as np
 
+from environments import as_module
 from kiriko.core import kernel
 from kiriko.core.image.ghosts import Paths
 from kiriko.core.light.planning import make_plan
@@ -82,6 +84,9 @@ def main() -> None:
     parser.add_argument(
         "--processor", action="store_true", help="the processor's seconds, for one thread"
     )
+    parser.add_argument(
+        "--here", action="store_true", help="measure the first glass here and print its line"
+    )
     arguments = parser.parse_args()
     kernel.use_threads(1 if arguments.processor else arguments.threads)
     if arguments.processor:
@@ -89,9 +94,14 @@ def main() -> None:
             module.perf_counter = thread_time
 
     with kernel.off() if arguments.numpy else nullcontext():
-        (print_light if arguments.light else print_rays if arguments.rays else print_table)(
-            arguments
-        )
+        if arguments.here:
+            print(line_of(arguments.glass[0], arguments.surface[0], arguments.effort))
+        elif arguments.light:
+            print_light(arguments)
+        elif arguments.rays:
+            print_rays(arguments)
+        else:
+            print_table(arguments)
 
 
 @dataclass
@@ -221,35 +231,43 @@ def print_table(arguments: argparse.Namespace) -> None:
         f"{'MB':>6}{'told x':>7}"
         f"{'rays':>9}{'curved':>7}{'beyond %':>9}"
     )
-    print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}")
-    settings = Settings(effort=arguments.effort)
-
+    print(f"{'glass':<16}{'triangles':>10}{'surface':>10}{numbers}{'sampled %':>10}", flush=True)
     for name in arguments.glass:
-        mesh = made(name)
         for choice in arguments.surface:
-            a_rig = rig_of(name, replace(mesh, surface=choice))
-            share = sum(make_plan(a_rig, settings).counts.n_curved) / len(mesh.triangles)
-            solution = None  # or the last one would be there still
-            memory = Memory()
-            steps = Steps()
-            started = perf_counter()
-            of_processor = process_time()
-            with guessed() as guesses:
-                solution = steps.watch(Session().solve(a_rig, settings))
-            seconds = perf_counter() - started
-            of_processor = process_time() - of_processor
-            taken = memory.taken
-            error = solution.first.map_error
-            estimate = sum(estimated(a_rig, settings, solution.first.view_map).values())
-            off = max(estimate / taken, taken / estimate) if taken else float("nan")
-            beyond = 100 * (error.facet_limited + error.unresolved)
-            to_come = factors(guesses, solution.n_rays)
-            guess_off = max(to_come.max(), 1 / to_come.min())
-            told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.2f}"
-            told += f"{100 * steps.first_told:7.0f}{guess_off:10.2f}"
-            told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
-            told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
-            print(f"{name:<16}{len(mesh.triangles):10d}{choice:>10}{told}", flush=True)
+            # memory that another solve let go would be taken again
+            options = [*sys.argv[1:], "--here", "--glass", name, "--surface", choice]
+            subprocess.run([sys.executable, *as_module("bench.glasses"), *options], check=True)
+
+
+def line_of(name: str, choice: str, effort: int) -> str:
+    """The line of the table for a glass, solved here and now."""
+    mesh = made(name)
+    a_rig = rig_of(name, replace(mesh, surface=choice))
+    settings = Settings(effort=effort)
+    share = sum(make_plan(a_rig, settings).counts.n_curved) / len(mesh.triangles)
+
+    memory = Memory()
+    steps = Steps()
+    started = perf_counter()
+    of_processor = process_time()
+    with guessed() as guesses:
+        solution = steps.watch(Session().solve(a_rig, settings))
+    seconds = perf_counter() - started
+    of_processor = process_time() - of_processor
+
+    taken = memory.taken
+    error = solution.first.map_error
+    estimate = sum(estimated(a_rig, settings, solution.first.view_map).values())
+    off = max(estimate / taken, taken / estimate) if taken else float("nan")
+    beyond = 100 * (error.facet_limited + error.unresolved)
+    to_come = factors(guesses, solution.n_rays)
+    guess_off = max(to_come.max(), 1 / to_come.min())
+
+    told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.2f}"
+    told += f"{100 * steps.first_told:7.0f}{guess_off:10.2f}"
+    told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
+    told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
+    return f"{name:<16}{len(mesh.triangles):10d}{choice:>10}{told}"
 
 
 if __name__ == "__main__":
