@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Bools, Ints, mean_at
 from ..light.plan import Plan
 from .allowance import Allowance
-from .cut_cells import cut_cells
+from .cut_cells import cut_cells, n_unknown
 from .doubts import (
     CUT,
     Doubts,
@@ -289,7 +289,8 @@ class _Cutting:
         often, to cut those that were left for the end, and to sample; and more rays besides.
         """
         last = _around(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
-        rays = rays_of_cut(self.plan, self.points, cells, last, self.chaotic)
+        n_edges = [n_unknown(self.points, some, self.known) for some in (cells, last)]
+        rays = rays_of_cut(self.plan, self.points, n_edges, depth, self.chaotic)
         searches = Rays(searches=N_SEARCHES - depth)
         self.ahead.expect(rays.and_more(more).and_more(searches))
 

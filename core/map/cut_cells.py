@@ -76,6 +76,17 @@ def cut_cells(
     return Cut(points, known, pieces, some[owner], lacks)
 
 
+def n_unknown(points: Points, cells: Ints, known: Borders) -> tuple[int, int]:
+    """Number of the edges of cells (m, k) with a border that is not known yet; and of those with
+    a landing at both ends.
+    """
+    key, _ = _sides(points, cells)
+    new = np.unique(key[~known.find(key)[0]])
+    near, far = points_of(new)
+    n_edges = len(np.unique(key_of(np.minimum(near, far), np.maximum(near, far))))
+    return n_edges, len(new) - n_edges
+
+
 def _sides(points: Points, cells: Ints) -> tuple[Ints, Ints]:
     """Keys (e,) of the edges of cells (m, k) on which a branch ends, from its side, and the
     cells (e,) that they are of.

@@ -26,9 +26,8 @@ class RayGuess:
 
     of_edge : a pixel's edge with a border on it takes so many, with all that comes of it, where
         borders are so many that a digit is found in a round
-    of_lit_edge : and so many, in curved glass, where both its ends have a landing
-    of_last_edge, of_last_lit_edge : of triangles, which are cut at the end, when the borders on
-        many of their edges are known
+    of_lit_edge : and so many, in curved glass, where both its ends have a landing: of a pixel, a
+        quarter of one, and a quarter of that; and of triangles, which are cut at the end
     of_bent : a pixel on one branch whose middle is missed, and a quarter of one
     n_bent : pixels of the smallest squares beside borders that are bent, too
     of_quarters : share of their rays that look for the borders of quarters
@@ -37,9 +36,7 @@ class RayGuess:
     """
 
     of_edge: float = 13
-    of_lit_edge: float = 120
-    of_last_edge: float = 8
-    of_last_lit_edge: float = 15
+    of_lit_edge: tuple[float, ...] = (100, 70, 43, 13)
     of_bent: tuple[float, ...] = (16, 4, 0)
     n_bent: float = 2
     of_quarters: float = 0.5
@@ -142,7 +139,7 @@ def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> Rays:
     # of their five lines of nodes, squares side by side share one
     shared = PARTS / NODES_ALONG
     n_edges, n_lit = shared * n_edges.sum(), shared * n_lit.sum()
-    searched = _of_edges(plan, n_edges, n_lit, RAYS.of_edge, RAYS.of_lit_edge)
+    searched = _of_edges(plan, n_edges, n_lit, RAYS.of_lit_edge[0])
 
     # all middles are traced beside a border
     n_bent = 0.0 if plan.is_flat else RAYS.n_bent
@@ -165,23 +162,21 @@ def of_quarters(n_rays: float, times_more: float = 1.0) -> Rays:
 
 
 def rays_of_cut(
-    plan: Plan, points: Points, cells: Ints, last: Ints, chaotic: Sequence[Ints]
+    plan: Plan,
+    points: Points,
+    n_edges: Sequence[tuple[int, int]],
+    depth: int,
+    chaotic: Sequence[Ints],
 ) -> Rays:
-    """To find the borders in cells (m, 4), and in triangles (t, 3) that
+    """To find the borders that are not known of cells, quartered so often, and of triangles that
     are cut at the end, and to sample chaotic cells (c, 4).
-    """
-    rays = 0.0
-    for corners, of_edge, of_lit in (
-        (cells, RAYS.of_edge, RAYS.of_lit_edge),
-        (last, RAYS.of_last_edge, RAYS.of_last_lit_edge),
-    ):
-        branch = points.branch[corners]
-        # most edges are those of two cells
-        n_edges, n_lit = (
-            some.sum() / 2 for some in _borders(np.column_stack([branch, branch[:, 0]]), 1)
-        )
-        rays += _of_edges(plan, n_edges, n_lit, of_edge, of_lit)
 
+    n_edges : of the cells, and of the triangles: those with a border, and
+        those among them with a landing at both ends
+    """
+    cells, last = n_edges
+    rays = _of_edges(plan, *cells, RAYS.of_lit_edge[depth])
+    rays += _of_edges(plan, *last, RAYS.of_lit_edge[-1])
     return Rays(rays, rays).and_more(rays_of_samples(plan, points, chaotic))
 
 
@@ -200,9 +195,9 @@ def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return differs, differs & (one != 0) & (other != 0)
 
 
-def _of_edges(plan: Plan, n_edges: float, n_lit: float, of_edge: float, of_lit: float) -> float:
+def _of_edges(plan: Plan, n_edges: float, n_lit: float, of_lit: float) -> float:
     """Rays for borders on edges, some of which have a landing at both ends."""
-    rays = of_edge * n_edges + (0.0 if plan.is_flat else of_lit - of_edge) * n_lit
+    rays = RAYS.of_edge * n_edges + (0.0 if plan.is_flat else of_lit - RAYS.of_edge) * n_lit
     return float(rays) * _times_more(plan)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import kernel
 from ..light.plan import Plan
-from ..map.ray_guess import Rays, RaysAhead
+from ..map.ray_guess import RaysAhead
 from ..map.view_map import ViewMap
 
 Result = TypeVar("Result")
@@ -41,12 +41,15 @@ class GlassPace(NamedTuple):
     """The pace of solves through one kind of glass.
 
     searched : times as long as others takes a ray that is searched with
+    search : what each of a map's searches takes besides, s, however few its rays are, for
+        each pause that the first squares took: in small batches all events take their time
     after_pixel, after_ray : of the work after tracing but for measuring, s for a pixel
         that is lit, of the viewer or the display, and for a ray
     measured, measured_rays : to measure errors, s, and as long as so many rays of the view map
     """
 
     searched: float
+    search: float
     after_pixel: float
     after_ray: float
     measured: float
@@ -61,8 +64,6 @@ class Pace:
 
     flat, curved, bent : glass without a curved face, with nothing else, and such as has flat
         triangles with bent normals: there errors take longest to measure
-    search : what each of a map's searches takes besides, however few its rays are, for
-        each pause that the first squares took: in small batches all events take their time
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
     after_view_pixel : of the work after tracing but for measuring, a viewer pixel, lit or not
     covered_pixel, covered_point : to find how much of the picture is shown, a viewer
@@ -72,7 +73,6 @@ class Pace:
     flat: GlassPace
     curved: GlassPace
     bent: GlassPace
-    search: float
     painted_pixel: float
     painted_cell: float
     painted_share: float
@@ -89,25 +89,24 @@ class Pace:
 
 STAGES = Stages()
 PACE = Pace(
-    flat=GlassPace(1.0, 0.8e-6, 0.05e-6, 0.005, 1e3),
-    curved=GlassPace(1.5, 1.7e-6, 1.4e-6, 0.0, 2.5e3),
-    bent=GlassPace(1.5, 0.57e-6, 1e-6, 0.045, 12e3),
-    search=0.25e-3,
+    flat=GlassPace(1.0, 0.3e-3, 0.8e-6, 0.05e-6, 0.005, 1e3),
+    curved=GlassPace(1.5, 0.9e-3, 1.7e-6, 1.4e-6, 0.0, 2.5e3),
+    bent=GlassPace(1.5, 0.9e-3, 0.57e-6, 1e-6, 0.045, 16e3),
     painted_pixel=0.06e-6,
     painted_cell=0.3e-6,
     painted_share=0.12e-6,
 )
 NUMPY_PACE = Pace(
-    flat=GlassPace(2.0, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
-    curved=GlassPace(3.0, 4.6e-6, 5.5e-6, 0.03, 1e3),
-    bent=GlassPace(4.0, 1.8e-6, 4.0e-6, 0.1, 2e3),
-    search=0.5e-3,
+    flat=GlassPace(1.0, 2e-3, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
+    curved=GlassPace(1.5, 4e-3, 4.6e-6, 5.5e-6, 0.03, 1e3),
+    bent=GlassPace(2.0, 6e-3, 1.8e-6, 4.0e-6, 0.1, 2e3),
     painted_pixel=0.05e-6,
     painted_cell=0.3e-6,
     painted_share=0.7e-6,
 )
 
 MOST_TOLD = 0.97  # before all is done: remarks come at the end
+TINY = 1e-9  # s
 TRUST = 0.3  # of a part of the work: what is expected of it weighs as much as if so much were done
 PROBE = np.ones((1 << 14, 3))
 STAYS = 10.0
@@ -179,18 +178,53 @@ class Bar:
     ) -> Generator[float, None, Result]:
         """Tell of a part of the work, which yields 0..1 how much of it is done.
 
+        Until it tells more the rest of its time passes, ever more slowly: it does not end so.
+
         expected : seconds that it takes, about; what it took so far tells that better
         after : seconds that the work after it takes
         """
         begun = perf_counter()
+        told, told_at, left = 0.0, 0.0, expected
         while True:
             try:
                 part = next(work)
             except StopIteration as done:
                 return done.value
             took = perf_counter() - begun
-            whole = (took + TRUST * expected) / (part + TRUST)
-            yield self.at((1 - part) * whole + after)
+            if part > told:
+                told, told_at = part, took
+                left = (1 - part) * (took + TRUST * expected) / (part + TRUST)
+            since = took - told_at
+            yield self.at(left / (1 + since / max(left, TINY)) + after)
+
+
+class Searches:
+    """The time that a map's searches take.
+
+    seconds, n : of those that have ended, and how many of them took rays
+    under_way, n_rays : seconds and rays of the one that goes on
+    """
+
+    def __init__(self) -> None:
+        self.seconds, self.under_way = 0.0, 0.0
+        self.n, self.n_rays = 0, 0.0
+        self._since: float | None = None
+        self._before = 0.0  # rays
+
+    def note(self, rays: RaysAhead, so_far: float) -> None:
+        """Take up the rays after so many seconds."""
+        if rays.is_searching and self._since is None:
+            self._since = so_far
+        if self._since is None:
+            return
+
+        self.under_way = so_far - self._since
+        self.n_rays = rays.done.searched - self._before
+        if not rays.is_searching:
+            self.seconds += self.under_way
+            self.n += self.n_rays > 0
+            self._before = rays.done.searched
+            self._since, self.under_way, self.n_rays = None, 0.0, 0.0
 
 
 class Ahead:
@@ -200,11 +234,11 @@ class Ahead:
         self._plan = plan
         self._of = pace()
         self._through = self._of.through(plan)
+        self._searches = Searches()
 
     def seconds(self, rays: RaysAhead, so_far: float) -> float:
         """About how long it goes on after so many seconds of tracing."""
-        to_trace = so_far * self._work(rays.to_come) / max(self._work(rays.done), 1.0)
-        to_trace += times_slower() * self._of.search * rays.n_pauses * rays.to_come.searches
+        to_trace = self._to_trace(rays, so_far)
         viewer, display = self._plan.viewer, self._plan.rig.display
         n_pixels = viewer.width * viewer.height
         painted = times_slower() * (
@@ -215,9 +249,29 @@ class Ahead:
         of_ray = (so_far + to_trace) / rays.expected
         return to_trace + painted + seconds_to_measure(self._plan, of_ray)
 
-    def _work(self, rays: Rays) -> float:
-        """As many rays as take no longer than others."""
-        return rays.every + (self._through.searched - 1) * rays.searched
+    def _to_trace(self, rays: RaysAhead, so_far: float) -> float:
+        """Seconds of tracing to come: searches take as much longer than expected as those before.
+
+        Their first rays are many at once, and faster than the last: a search under way tells only
+        that it takes longer.
+        """
+        done, to_come, searches = rays.done, rays.to_come, self._searches
+        searches.note(rays, so_far)
+
+        # seconds of a ray, of one that is searched with, and of a search besides
+        of_others = so_far - searches.seconds - searches.under_way
+        of_ray = of_others / max(done.every - done.searched, 1.0)
+        of_searched = self._through.searched * of_ray
+        of_search = times_slower() * self._through.search * rays.n_pauses
+
+        begun = min(searches.under_way, of_search)
+        expected = of_searched * done.searched + of_search * searches.n + begun
+        taken = searches.seconds + max(searches.under_way, of_searched * searches.n_rays + begun)
+        slower = (taken + of_search) / (expected + of_search)
+        # samples are no search
+        left = max(of_search * to_come.searches - begun, 0.0)
+        to_search = of_searched * to_come.searched + left
+        return of_ray * (to_come.every - to_come.searched) + slower * to_search
 
 
 def seconds_to_measure(plan: Plan, of_ray: float) -> float:

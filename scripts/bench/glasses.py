@@ -6,10 +6,10 @@
 rest of the time differs from the progress that is told, from 10 % to 90 %; `from` the part of the
 time after which 10 % are told. `to come` is how many times the rays that are still to come differ
 from a guess of them, each time it is mended, from 10 % to 90 %. `MB` is the memory taken, on Linux,
-and `told` how many times that differs from the estimate. Each solve is the first of a process of its own. `curved` is the share of the triangles
-with a curved face, `beyond` the share that is seen off by more than the tolerance, `sampled` where
-light is chaotic. With `--processor` all seconds are the processor's, for one thread: other work
-beside it changes little.
+and `told` how many times that differs from the estimate. Each solve is the first of a process of
+its own. `curved` is the share of the triangles with a curved face, `beyond` the share that is seen
+off by more than the tolerance, `sampled` where light is chaotic. With `--processor` all seconds are
+the processor's, for one thread: other work beside it changes little.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
