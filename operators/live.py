@@ -75,9 +75,12 @@ def stop(last_words: str = "") -> None:
 
 
 def pack_if_needed(live: live_follower.Live) -> None:
-    """Save the image within the file, which takes too long to be done with each update."""
+    """Save the image within the file, which takes too long to be done with each update; what is
+    told beside it is of no other.
+    """
     scene = next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
     if live.is_unpacked and scene is not None:
+        live.leave_picture(scene)
         pack_source(scene)
         pack_conflict(scene)
         live.is_unpacked = False

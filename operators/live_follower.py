@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core.blender.conflict import write_conflict
 from ..core.blender.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result import (
+    leave_coarse,
     update_coarse,
     update_final,
     update_solution,
@@ -153,6 +154,10 @@ class Live:
         if settings != self._settings:
             self._settings = settings
             self.touch()
+
+    def leave_picture(self, scene: bpy.types.Scene) -> None:
+        """The picture that is shown stays, as far as anybody knows."""
+        leave_coarse(scene, self._reading)
 
     def close(self) -> None:
         """End the work; nothing is half-written."""

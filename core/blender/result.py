@@ -174,6 +174,12 @@ def update_final(scene: bpy.types.Scene, reading: Reading, pixels: np.ndarray) -
     return reading
 
 
+def leave_coarse(scene: bpy.types.Scene, reading: Reading) -> None:
+    """A coarse source image that `update_coarse` showed stays: numbers of the one before go."""
+    if scene.kiriko.result.is_coarse:
+        _take_numbers(scene, reading, is_coarse=True)
+
+
 def _with_notes(reading: Reading, notes: list[str]) -> Reading:
     """A reading with further notes, each once."""
     return replace(reading, notes=tuple(dict.fromkeys((*reading.notes, *notes))))

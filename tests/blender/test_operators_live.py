@@ -278,16 +278,19 @@ def test_a_coarse_picture_is_not_exported(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path
 ) -> None:
     """Where Live is turned off before the final picture, that is said, until a solve has
-    made it.
+    made it; numbers of the picture before are not told beside it.
     """
     monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
     rig = follow(live, viewer_resolution=192)
     written.clear()
     turn(rig["GLASS"])
     until(written, live)
+    result = bpy.context.scene.kiriko.result
+    assert result.summary
     live.stop()
 
-    assert bpy.context.scene.kiriko.result.is_coarse
+    assert result.is_coarse
+    assert (result.summary, result.details) == ("", "")
     with pytest.raises(RuntimeError, match="coarse"):
         bpy.ops.kiriko.export(filepath=str(tmp_path / "source.png"))
     assert not list(tmp_path.iterdir())
