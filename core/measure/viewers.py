@@ -23,6 +23,7 @@ from ..light.landings import main_landings
 from ..light.trace import trace_all
 from ..solve.channel import Channel
 from ..solve.solution import Solution
+from ..steps import Pauses, at
 from ..vectors import dot
 from ..viewer import Viewer
 from .errors import psnr
@@ -227,7 +228,8 @@ def conflict_in_light(
     pyramids = pyramids_of([rig.picture_of(channel.viewer).image for channel in channels])
     total = np.zeros_like(solution.source, dtype=float)
     for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
-        total += _weight(channel)[..., None] * _asked_for(channel, pyramid)
+        colours = yield from at(0.5 * k / len(channels), _asked_for(channel, pyramid))
+        total += _weight(channel)[..., None] * colours
         yield 0.5 * (k + 1) / len(channels)
 
     weight = reduce(np.add, map(_weight, channels))
@@ -235,7 +237,8 @@ def conflict_in_light(
     square = np.zeros_like(weight)
     off = []
     for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
-        of_pixel = _weight(channel) * ((_asked_for(channel, pyramid) - mean) ** 2).mean(axis=2)
+        colours = yield from at(0.5 + 0.5 * k / len(channels), _asked_for(channel, pyramid))
+        of_pixel = _weight(channel) * ((colours - mean) ** 2).mean(axis=2)
         seen = _weight(channel).sum()
         off.append(float(np.sqrt(of_pixel.sum() / seen)) if seen > 0 else 0.0)
         square += of_pixel
@@ -249,12 +252,14 @@ def _weight(channel: Channel) -> Floats:
     return channel.viewer.weighed(channel.coverage.weight)
 
 
-def _asked_for(channel: Channel, pyramid: Pyramid) -> Floats:
+def _asked_for(channel: Channel, pyramid: Pyramid) -> Pauses[Floats]:
     """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
     painting = Painting(channel.shares.display_size)
     place = channel.plan.rig.place_of(channel.viewer)
     reads = reads_at(channel.view_map.tolerance)
-    for shares in channel.shares:
-        shown = channel.shown(shares)
-        painting.add(pyramid, find_strokes(place, channel.viewer, shown, reads))
+    for shares in channel.shares.pausing():
+        if shares is not None:
+            shown = channel.shown(shares)
+            painting.add(pyramid, find_strokes(place, channel.viewer, shown, reads))
+        yield 0
     return painting.finished(channel.coverage.weight).astype(float)

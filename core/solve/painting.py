@@ -257,11 +257,12 @@ def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
 def _find_strongest(placed: Placed, clock: Clock) -> Pauses[None]:
     """Find the paths that pixels show, where that is asked and not known."""
     if placed.shares.has_path and placed.strongest is None:
-        placed.strongest = yield from _strongest_paths(placed.shares)
+        placed.strongest = yield from strongest_paths(placed.shares)
         clock.lap("ghosts")
 
 
-def _strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
+def strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
+    """The path (H * W,) that most of each display pixel is seen by."""
     paths = Paths(batches.display_size)
     for shares in batches.pausing():
         if shares is not None:

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
-from ..image.ghosts import NO_PATH, Paths
+from ..image.ghosts import NO_PATH
 from ..light.plan import Plan
 from ..map.points import is_in_image, trace_points
-from ..map.shares import Shares
+from ..map.share_batches import ShareBatches
 from ..map.view_map import ViewMap
 from ..solve.channel import shares_of
+from ..solve.painting import strongest_paths
 from ..steps import Pauses, at
 from .covering import Candidates, candidates
 from .grid import Grid
@@ -56,7 +57,7 @@ def view_from_display(
 ) -> Generator[float, None, ViewPlaces]:
     """The places that show the points of a grid; yields progress 0..1."""
     shares = shares_of(view_map, plan.settings.brightness, view_map.pieces, has_path=True)
-    strongest = yield from at(0.0, _strongest(shares))
+    strongest = yield from at(0.0, strongest_paths(shares))
     wanted = strongest[grid.pixels(view_map.display_size)]
 
     # the very points, by the pieces of the map that show them
@@ -85,25 +86,18 @@ def view_from_display(
     return found
 
 
-def _strongest(shares: Iterable[Shares]) -> Pauses[NDArray[np.uint64]]:
-    """The path (H * W,) that most of each display pixel is seen by."""
-    paths = None
-    for some in shares:
-        paths = paths or Paths(some.display_size)
-        paths.add(some)
-        yield 0
-    return paths.strongest()
-
-
 def _largest(
-    shares: Iterable[Shares], strongest: NDArray[np.uint64], display_size: tuple[int, int]
+    shares: ShareBatches, strongest: NDArray[np.uint64], display_size: tuple[int, int]
 ) -> Pauses[Floats]:
     """The middle (H * W, 2), viewer px, of the largest share of each pixel's strongest path."""
     width, height = display_size
     place = np.full((width * height, 2), np.nan)
     weight = np.zeros(width * height)
 
-    for some in shares:
+    for some in shares.pausing():
+        yield 0
+        if some is None:
+            continue
         pixel = some.display_index
         counts = (some.path == strongest[pixel]) & (some.weight > weight[pixel])
         # of several of one pixel the last is kept
@@ -111,7 +105,6 @@ def _largest(
         order = order[np.argsort(some.weight[order], kind="stable")]
         weight[pixel[order]] = some.weight[order]
         place[pixel[order]] = some.view_xy[order]
-        yield 0
 
     return place
 
