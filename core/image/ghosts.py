@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..map.pieces import Piece
+from ..map.share_batches import ShareBatches
 from ..map.shares import Shares
+from ..steps import Pauses
 from ..vectors import cross_2d
 
 # an odd number: pixels and paths are mixed to one number, the golden ratio
@@ -72,3 +74,13 @@ class Paths:
         np.maximum.at(most, self._pixel, self._weight)
         contested = 1 - np.divide(most, whole, out=np.ones_like(most), where=whole > 0)
         return whole.reshape(height, width), contested.reshape(height, width)
+
+
+def strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
+    """The path (H * W,) that most of each display pixel is seen by."""
+    paths = Paths(batches.display_size)
+    for shares in batches.pausing():
+        if shares is not None:
+            paths.add(shares)
+        yield 0
+    return paths.strongest()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..image.asked import Asked, moved_in_view
-from ..image.ghosts import Paths
+from ..image.ghosts import strongest_paths
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
 from ..image.reads import Reads, reads_at
@@ -259,16 +259,6 @@ def _find_strongest(placed: Placed, clock: Clock) -> Pauses[None]:
     if placed.shares.has_path and placed.strongest is None:
         placed.strongest = yield from strongest_paths(placed.shares)
         clock.lap("ghosts")
-
-
-def strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
-    """The path (H * W,) that most of each display pixel is seen by."""
-    paths = Paths(batches.display_size)
-    for shares in batches.pausing():
-        if shares is not None:
-            paths.add(shares)
-        yield 0
-    return paths.strongest()
 
 
 def _shares_to_paint(

@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
-from ..image.ghosts import NO_PATH
+from ..image.ghosts import NO_PATH, strongest_paths
 from ..light.plan import Plan
 from ..map.points import is_in_image, trace_points
 from ..map.share_batches import ShareBatches
 from ..map.view_map import ViewMap
 from ..solve.channel import shares_of
-from ..solve.painting import strongest_paths
 from ..steps import Pauses, at
 from .covering import Candidates, candidates
 from .grid import Grid
