@@ -90,6 +90,21 @@ def parser() -> argparse.ArgumentParser:
         description="Images inside glass, without a window.",
     )
     verbs = top.add_subparsers(dest="verb", required=True, metavar="VERB")
+    shared = _shared()
+    _add_report(verbs, shared)
+    beside_report.add_verb(verbs, shared)
+    _add_drawing(verbs, shared)
+    _add_maps(verbs, shared)
+    export_atlas.add_verb(verbs, shared)
+    pictures = _pictures(shared)
+    _add_solve(verbs, pictures)
+    _add_calibrate(verbs, pictures)
+    farm_verbs.add_verbs(verbs, shared)
+    return top
+
+
+def _shared() -> argparse.ArgumentParser:
+    """The options of all verbs that work on a rig."""
     shared = argparse.ArgumentParser(add_help=False)
     shared.add_argument(
         "--out",
@@ -117,6 +132,10 @@ def parser() -> argparse.ArgumentParser:
         help="a rig of the scene, by its collection's name, or 'all' of them, each to a folder of"
         " its name (the one that the file shows)",
     )
+    return shared
+
+
+def _add_report(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
     measure = verbs.add_parser(
         "report", parents=[shared], help="measure error against run time and write a report"
     )
@@ -128,7 +147,9 @@ def parser() -> argparse.ArgumentParser:
         help=f"time for the brute-force comparison ({BUDGET:g})",
     )
     measure.set_defaults(run=_report)
-    beside_report.add_verb(verbs, shared)
+
+
+def _add_drawing(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
     drawing = verbs.add_parser(
         "drawing", parents=[shared], help="draw the bench to scale, for whoever builds it"
     )
@@ -139,6 +160,9 @@ def parser() -> argparse.ArgumentParser:
         help="size of the sheets (A4)",
     )
     drawing.set_defaults(run=_drawing)
+
+
+def _add_maps(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
     maps = verbs.add_parser(
         "maps", parents=[shared], help="write warp maps, by which other programs warp pictures"
     )
@@ -172,7 +196,10 @@ def parser() -> argparse.ArgumentParser:
         help=f"display pixels between the nodes of meshes ({MapOptions.mesh_step:g})",
     )
     maps.set_defaults(run=_maps)
-    export_atlas.add_verb(verbs, shared)
+
+
+def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """The options of verbs that write what display and viewers show."""
     pictures = argparse.ArgumentParser(add_help=False, parents=[shared])
     pictures.add_argument(
         "--preview", action="store_true", help="render the viewer's image in Cycles, too"
@@ -209,6 +236,10 @@ def parser() -> argparse.ArgumentParser:
                 "%", "%%"
             ),
         )
+    return pictures
+
+
+def _add_solve(verbs: argparse._SubParsersAction, pictures: argparse.ArgumentParser) -> None:
     solve = verbs.add_parser(
         "solve", parents=[pictures], help="compute the source image and write it to a folder"
     )
@@ -226,6 +257,9 @@ def parser() -> argparse.ArgumentParser:
     )
     frames_to_folder.add_options(solve)
     solve.set_defaults(run=_solve)
+
+
+def _add_calibrate(verbs: argparse._SubParsersAction, pictures: argparse.ArgumentParser) -> None:
     calibrate = verbs.add_parser(
         "calibrate",
         parents=[pictures],
@@ -246,9 +280,6 @@ def parser() -> argparse.ArgumentParser:
         help="the result, in the .blend: as an offset, or by moving its objects (offset)",
     )
     calibrate.set_defaults(run=_calibrate)
-    farm_verbs.add_verbs(verbs, shared)
-
-    return top
 
 
 def run(argv: list[str]) -> int:
