@@ -65,7 +65,9 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
     wanted = wanted & ~is_exact
     if kernel.library() is not None:
         fit = kernel.Fit(v, tangent_planes(v))
-        change = fit.settle_normals(wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled)
+        change = yield from fit.settling_normals(
+            wanted, RIDGE, normal, NORMALS.sweeps, NORMALS.settled
+        )
     else:
         change = yield from _settling_normals(v, tangent_planes(v), wanted, normal)
     yield 0

@@ -181,29 +181,32 @@ static void sweep_some(void *context, int64_t first, int64_t last) {
     s->changes[first / FITTED_AT_ONCE] = change;
 }
 
-/* Let the normals (f, 3) of wanted vertices agree with their neighbours', in no more than n_sweeps, until none changes by
-   as much as `settled`. There is room for as many `others`, for from_heights (n, 2), for from_slopes (p, 2, 2), and for
-   `changes`, one for each 256 vertices. The result is the same for any number of threads. */
-KIRIKO_API void kiriko_settle_normals(const Fit *fit, double *normals, double *others, double *from_heights,
-                                      double *from_slopes, double *changes, int64_t n_sweeps, double settled,
-                                      int64_t n_threads) {
-    Sweeps s = {.fit = fit, .from_heights = from_heights, .from_slopes = from_slopes, .changes = changes};
-    int64_t n_shares = (fit->n_wanted + FITTED_AT_ONCE - 1) / FITTED_AT_ONCE;
-    share_out(make_some_slopes, &s, fit->n_wanted, FITTED_AT_ONCE, n_threads);
-    double *before = normals, *after = others;
-    for (int64_t sweep = 0; sweep < n_sweeps; sweep++) {
-        s.normal = before;
-        s.found = after;
-        share_out(sweep_some, &s, fit->n_wanted, FITTED_AT_ONCE, n_threads);
-        before = s.found;
-        after = before == normals ? others : normals;
-        double change = 0;
-        for (int64_t k = 0; k < n_shares; k++)
-            if (changes[k] > change) change = changes[k];
-        if (change < settled) break;
-    }
-    if (before != normals)
-        for (int64_t n = 0; n < fit->n_wanted; n++) copy(before + 3 * fit->wanted[n], normals + 3 * fit->wanted[n]);
+/* The wanted vertices from the first on, n of them: a step of the work. */
+static Fit some_of(const Fit *fit, int64_t first, int64_t n) {
+    Fit some = *fit;
+    some.wanted += first;
+    some.n_wanted = n;
+    return some;
+}
+
+/* Find from_heights (n, 2) and from_slopes (p, 2, 2) of n wanted vertices from the first on. */
+KIRIKO_API void kiriko_make_slopes(const Fit *fit, double *from_heights, double *from_slopes, int64_t first, int64_t n,
+                                   int64_t n_threads) {
+    Fit some = some_of(fit, first, n);
+    Sweeps s = {.fit = &some, .from_heights = from_heights + 2 * first, .from_slopes = from_slopes};
+    share_out(make_some_slopes, &s, n, FITTED_AT_ONCE, n_threads);
+}
+
+/* Let the normals (f, 3) of n wanted vertices, from the first on, agree with their neighbours' as `normal` has them. There
+   is room in `changes` for one for each 256 vertices: by as much they change at the most. The result is the same for any
+   number of threads. */
+KIRIKO_API void kiriko_sweep_normals(const Fit *fit, const double *normal, double *found, double *from_heights,
+                                     double *from_slopes, double *changes, int64_t first, int64_t n,
+                                     int64_t n_threads) {
+    Fit some = some_of(fit, first, n);
+    Sweeps s = {.fit = &some, .from_heights = from_heights + 2 * first, .from_slopes = from_slopes, .normal = normal,
+                .found = found, .changes = changes};
+    share_out(sweep_some, &s, n, FITTED_AT_ONCE, n_threads);
 }
 
 static double height_of(const double *c, double u, double v) {

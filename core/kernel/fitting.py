@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..steps import Pauses
 from .loading import loaded, n_threads
 from .structures import FitStructure, Made
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ..glass.vertices import Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c
+SWEPT_AT_ONCE = 1 << 14  # of them, between two pauses
 
 
 class Fit:
@@ -50,24 +52,35 @@ class Fit:
         self._want(wanted, ridge)
         loaded().kiriko_fit_fields(self._address, coefficients.ctypes.data, n_threads())
 
-    def settle_normals(
+    def settling_normals(
         self, wanted: Bools, ridge: Floats, normals: Floats, n_sweeps: int, settled: float
-    ) -> Floats:
-        """Let the wanted (f,) of normals (f, 3) agree with those of their neighbours, by so many
-        sweeps at the most, an even number. Returns by how much the last one changed each (f, 3).
+    ) -> Pauses[Floats]:
+        """Let the wanted (f,) of normals (f, 3) agree with those of their neighbours, with pauses,
+        by so many sweeps at the most. Returns by how much the last one changed each (f, 3).
         """
         n = self._want(wanted, ridge)
-        # sweeps write to one and the other in turn: of all, the last is in `normals`
-        others = normals.copy()
-        room = (
-            others,
-            np.empty((n, 2)),
-            np.empty((self._n_pairs, 4)),
-            np.empty(n // FITTED_AT_ONCE + 1),
-        )
-        places = (values.ctypes.data for values in (normals, *room))
-        loaded().kiriko_settle_normals(self._address, *places, n_sweeps, settled, n_threads())
-        return normals - others
+        parts = [(first, min(SWEPT_AT_ONCE, n - first)) for first in range(0, n, SWEPT_AT_ONCE)]
+        slopes = np.empty((n, 2)), np.empty((self._n_pairs, 4))
+        places = [values.ctypes.data for values in slopes]
+        for part in parts:
+            loaded().kiriko_make_slopes(self._address, *places, *part, n_threads())
+            yield 0
+
+        before, after = normals.copy(), normals.copy()
+        for _ in range(n_sweeps):
+            change = 0.0
+            for part in parts:
+                changes = np.zeros(part[1] // FITTED_AT_ONCE + 1)
+                to_and_fro = before.ctypes.data, after.ctypes.data, *places, changes.ctypes.data
+                loaded().kiriko_sweep_normals(self._address, *to_and_fro, *part, n_threads())
+                change = max(change, float(changes.max()))
+                yield 0
+            before, after = after, before
+            if change < settled:
+                break
+
+        normals[:] = before
+        return before - after
 
     def find_offsets(
         self, coefficients: Floats, nodes: Floats, weights: Floats, corner: Ints

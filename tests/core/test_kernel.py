@@ -1202,7 +1202,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     before = coefficients.copy()
     settled = normals.copy()
     fit.fit_fields(wanted, RIDGE, coefficients)
-    fit.settle_normals(wanted, RIDGE, settled, 5, 1e-10)
+    finish(fit.settling_normals(wanted, RIDGE, settled, 5, 1e-10))
     for values, others in ((coefficients, before), (settled, normals)):
         assert np.array_equal(values[~wanted], others[~wanted], equal_nan=True)
 
