@@ -58,11 +58,24 @@ def at_places(nodes: Floats, places: Floats) -> Floats:
     """Values (n, c) at places (n, 2), x and y in 0..1, of
     cells with values (n, 25, c) at their nodes.
     """
+    return _weighed(nodes, *(weights(along) for along in places.T))
+
+
+def at_checks(nodes: Floats) -> Floats:
+    """Values (n, 6, c) at the places of CHECKS, as by `at_places`."""
     n, _, c = nodes.shape
-    along_x = np.einsum(
-        "ni,njic->njc", weights(places[:, 0]), nodes.reshape(n, NODES_ALONG, NODES_ALONG, c)
-    )
-    return np.einsum("nj,njc->nc", weights(places[:, 1]), along_x)
+    found = np.empty((n, len(CHECKS), c))
+    for k, (by_x, by_y) in enumerate(weights(CHECKS)):
+        both = (np.broadcast_to(by, (n, NODES_ALONG)) for by in (by_x, by_y))
+        found[:, k] = _weighed(nodes, *both)
+    return found
+
+
+def _weighed(nodes: Floats, by_x: Floats, by_y: Floats) -> Floats:
+    """Values (n, c) of cells with values (n, 25, c), by weights (n, 5) along x and y."""
+    n, _, c = nodes.shape
+    along_x = np.einsum("ni,njic->njc", by_x, nodes.reshape(n, NODES_ALONG, NODES_ALONG, c))
+    return np.einsum("nj,njc->nc", by_y, along_x)
 
 
 def on_grid(nodes: Floats, m: int) -> Floats:
@@ -78,11 +91,14 @@ def on_grid(nodes: Floats, m: int) -> Floats:
 
 def _differences(nodes: Floats, stencil: Floats) -> Floats:
     """Largest length (n,) of differences along rows and columns of values (n, 25, 2)."""
-    grid = nodes.reshape(len(nodes), NODES_ALONG, NODES_ALONG, 2)
+    n = len(nodes)
+    # cells last: numpy is slow where rows are a few numbers long
+    grid = np.ascontiguousarray(nodes.reshape(n, 2 * NODES_ALONG**2).T)
+    grid = grid.reshape(NODES_ALONG, NODES_ALONG, 2, n)
     last = NODES_ALONG - len(stencil) + 1
-    along_x = sum(weight * grid[:, :, k : k + last] for k, weight in enumerate(stencil))
-    along_y = sum(weight * grid[:, k : k + last] for k, weight in enumerate(stencil))
-    squares = [(d * d).sum(axis=-1).max(axis=(1, 2)) for d in (along_x, along_y)]
+    along_x = sum(weight * grid[:, k : k + last] for k, weight in enumerate(stencil))
+    along_y = sum(weight * grid[k : k + last] for k, weight in enumerate(stencil))
+    squares = [(d * d).sum(axis=2).max(axis=(0, 1)) for d in (along_x, along_y)]
     return np.sqrt(np.maximum(*squares))
 
 

@@ -216,12 +216,7 @@ class Sampling:
         n_checks = len(CHECKS)
         nodes = self._at_nodes(squares)
         checks = slice(first, first + n_checks * n)
-        at_nodes = taken(self.points.xy, nodes)
-        expected = np.empty((n, n_checks, 2))
-        for k, place in enumerate(CHECKS):
-            expected[:, k] = interpolation.at_places(at_nodes, np.tile(place, (n, 1)))
-
-        expected = expected.reshape(-1, 2)
+        expected = interpolation.at_checks(taken(self.points.xy, nodes)).reshape(-1, 2)
         xy = self.points.xy[checks]
         is_one = self.points.branch[checks] == self.points.branch[nodes[:, 0]].repeat(n_checks)
         off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
@@ -293,7 +288,9 @@ class Sampling:
             step //= 2
             at = self.number[::step, ::step]
             rows, columns = ((np.arange(n) + 1) // 2 for n in at.shape)
-            reasons = np.where(at >= 0, self.points.reason[at], reasons[rows[:, None], columns])
+            reasons = reasons.take(rows, axis=0).take(columns, axis=1)
+            traced = at >= 0
+            reasons[traced] = self.points.reason[at[traced]]
 
         w, h = self.view_size
         return reasons[: h + 1, : w + 1].copy()

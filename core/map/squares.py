@@ -82,28 +82,30 @@ def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Boo
 
     chosen = np.flatnonzero(is_single & ((low > display_size) | (high < 0)).any(axis=1))
 
-    # by how much, on a grid, one side of the display after the other
+    # by how much, on a grid, one side of the display after the other; squares
+    # come last: numpy is slow where rows are a few numbers long
+    n = len(chosen)
     k = round(xy.shape[1] ** 0.5)
-    of_chosen = taken(xy, chosen)
-    beyond = np.stack([of_chosen - display_size, -of_chosen])  # the image, by so much
-    beyond[:, is_lost[chosen]] = np.nan
+    of_chosen = np.where(is_lost[chosen, :, None], np.nan, taken(xy, chosen))
+    of_chosen = np.ascontiguousarray(of_chosen.reshape(n, 2 * k * k).T).reshape(k, k, 2, n)
+    size = np.asarray(display_size)[:, None]
+    beyond = np.stack([of_chosen - size, -of_chosen])  # the image, by so much
     holds = ~(beyond <= 0)
-    beyond, holds = (x.reshape(2, -1, k, k, 2) for x in (beyond, holds))
 
-    for axis in (2, 3):
-        along = np.moveaxis(beyond, axis, 2)
-        step = np.diff(along, axis=2)
-        outside = np.full_like(step[:, :, :1], np.inf)  # nothing is lost there
-        before = np.concatenate([outside, -step], axis=2)
-        after = np.concatenate([step, outside], axis=2)
+    for axis in (1, 2):
+        along = np.moveaxis(beyond, axis, 1)
+        step = np.diff(along, axis=1)
+        outside = np.full_like(step[:, :1], np.inf)  # nothing is lost there
+        before = np.concatenate([outside, -step], axis=1)
+        after = np.concatenate([step, outside], axis=1)
 
         with np.errstate(invalid="ignore"):
             needed = np.where(
                 np.isnan(before) | np.isnan(after), 1.0, BESIDE.margin_steps
             ) * np.fmin(before, after)
-            needed = np.where(np.isfinite(needed), needed, BESIDE.lost_displays * display_size)
-            holds &= ~np.moveaxis(along < needed, 2, axis)
+            needed = np.where(np.isfinite(needed), needed, BESIDE.lost_displays * size)
+            holds &= ~np.moveaxis(along < needed, 1, axis)
 
     is_aside = np.zeros(len(xy), bool)
-    is_aside[chosen] = holds.all(axis=(2, 3)).any(axis=(0, 2))
+    is_aside[chosen] = holds.all(axis=(1, 2)).any(axis=(0, 1))
     return is_aside
