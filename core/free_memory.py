@@ -24,6 +24,12 @@ def check_free(needed: float, work: str, remedy: str) -> None:
         )
 
 
+def is_free(needed: float) -> bool:
+    """Is so much memory free, bytes, as far as that is known?"""
+    free = available()
+    return free is None or needed <= free
+
+
 def available() -> float | None:
     """Bytes of memory that are free; all there is where the
     system tells no more; None where it tells nothing.

@@ -254,7 +254,7 @@ class Live:
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
         if not is_traced:
             # of the last of them: nothing is shown of a rig that cannot be solved
-            check_memory(rig, settings)
+            check_memory(rig, settings, is_told_again=True)
         for n, (a_rig, how) in enumerate(rungs):
             is_last = n == len(rungs) - 1
             began, n_before = perf_counter(), self.n_pictures

@@ -7,7 +7,7 @@ factor of 2 from 100 MB on, with the compiled kernel and without it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..free_memory import check_free
+from ..free_memory import check_free, is_free
 from ..kernel import library
 from ..map.points import BYTES_OF_POINT
 from ..map.share_batches import MOST_KEPT, SHARES_AT_ONCE
@@ -119,8 +119,8 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     by_numpy = BYTES.rays_by_numpy + BYTES.shares_by_numpy * min(n_shares + n_cut, SHARES_AT_ONCE)
     return {
         "display": BYTES.display * display
-        + BYTES.asked * display * (len(sizes) if len(sizes) > 1 else 0)
-        + BYTES.share * n_kept,
+        + BYTES.asked * display * (len(sizes) if len(sizes) > 1 else 0),
+        "light": BYTES.share * n_kept,
         "viewer": BYTES.viewer * viewer,
         "picture": BYTES.picture * float(rig.pictures[0].n_pixels),
         "tolerance": BYTES.share * n_more + BYTES.ray * n_rays,
@@ -135,10 +135,13 @@ def _n_pixels(part: Viewer | Display) -> float:
     return float(part.width) * part.height
 
 
-def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -> None:
+def check_memory(
+    rig: Rig, settings: Settings, are_known: Sequence[bool] = (), is_told_again: bool = False
+) -> None:
     """Raise RigError when a solve would take more memory than is free.
 
     are_known : which of the viewers' maps are there already; none where it is empty
+    is_told_again : by `check_traced`: a solve is not refused for light that may not be there
     """
     known = dict(enumerate(are_known))
     new = tuple(viewer for k, viewer in enumerate(rig.viewers) if not known.get(k, False))
@@ -150,17 +153,16 @@ def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -
         # a viewer that was alone has not been asked; one alone is not counted above
         n_asked = (n_known == 1) + (len(new) == 1)
         parts["display"] += BYTES.asked * _n_pixels(display) * n_asked
+    light = parts.pop("light")
+    if is_told_again and is_free(sum(parts.values())):
+        return
+    parts["display"] += light
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
 
     # what helps most is less of what takes most
     remedies = {
-        "display": Message(
-            "lower the resolution of the display '{display}' ({width} x {height})",
-            display=display.name,
-            width=display.width,
-            height=display.height,
-        ),
+        "display": _fewer_pixels(display),
         "viewer": Message(
             "lower the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
             viewer=viewer.name,
@@ -183,10 +185,23 @@ def check_memory(rig: Rig, settings: Settings, are_known: Sequence[bool] = ()) -
     check_free(sum(parts.values()), Message("Solving"), remedies[max(parts, key=parts.get)])
 
 
-def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
-    """Raise RigError when the shares of the pixels that borders
-    run through in a viewer's map would take more memory than is free.
+def _fewer_pixels(display: Display) -> Message:
+    """What to do about a display."""
+    return Message(
+        "lower the resolution of the display '{display}' ({width} x {height})",
+        display=display.name,
+        width=display.width,
+        height=display.height,
+    )
+
+
+def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
+    """Raise RigError when the light that reaches the display, or the shares of the pixels that
+    borders run through in a viewer's map, would take more memory than is free.
     """
+    parts = estimated(rig, settings, view_map)
+    of_display = parts["display"] + parts["light"]
+    check_free(of_display, Message("Solving"), _fewer_pixels(rig.display))
     resolution = Message(
         "the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
         viewer=viewer.name,
@@ -196,7 +211,7 @@ def check_borders(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMa
 
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     check_free(
-        estimated(rig, settings, view_map)["borders"] / len(rig.viewers),
+        parts["borders"] / len(rig.viewers),
         Message("Painting what the borders in the glass cut to pieces"),
         Message(
             "lower Effort ({effort}), or {resolution}",

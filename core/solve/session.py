@@ -28,7 +28,7 @@ from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
 from .known import Optics, Place, keys_of, placed_for
 from .measured import measuring
-from .memory import check_borders, check_memory
+from .memory import check_memory, check_traced
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
 from .progress import STAGES, Bar, seconds_to_cover, seconds_to_measure
@@ -216,7 +216,7 @@ class Session:
         }
         n_rays = 0
         if new:
-            check_memory(rig, settings, [key in known for key in keys])
+            check_memory(rig, settings, [key in known for key in keys], is_told_again=True)
 
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
@@ -242,7 +242,7 @@ class Session:
         clock.lap("tracing")
         of_ray = (clock.seconds["tracing"] - before) / max(view_map.n_rays, 1)
 
-        check_borders(rig, viewer, settings, view_map)
+        check_traced(rig, viewer, settings, view_map)
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight, of_ray)

@@ -16,6 +16,7 @@ from kiriko.core.errors import RigError
 from kiriko.core.kernel import library
 from kiriko.core.kernel.loading import SWITCH
 from kiriko.core.settings import Settings
+from kiriko.core.solve import memory
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig
@@ -29,6 +30,7 @@ from dataclasses import replace
 from known.reference_rigs import ball_rig, bottle, box, icosphere, lathed, rig, uv_ellipsoid
 from kiriko.core.solve import memory
 from kiriko.core.settings import Settings
+from kiriko.core.solve import memory
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from kiriko.core.map.sampling import sample
@@ -147,6 +149,30 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
 
     assert again.n_rays == 0  # nothing solved was lost
     assert (again.source == first.source).all()
+
+
+def test_light_that_may_not_be_there_refuses_nothing(monkeypatch):
+    """Where all but the shares of a display that is lit all over would fit, they are told when
+    the light is traced: a display that is nearly dark is solved, one that is not is refused then.
+    """
+    pixels = {"pixels": 64, "display_pixels": 1024}
+    dark, lit = ball_rig(2, **pixels, display=4.0), ball_rig(2, **pixels)
+    for a_rig in (dark, lit):
+        parts = memory.estimated(a_rig, Settings())
+        free = sum(parts.values()) - parts["light"] + 1e6
+        assert free < 0.6 * sum(parts.values())
+        monkeypatch.setattr(free_memory, "available", lambda free=free: free)
+        if a_rig is dark:
+            assert finish(Session().solve(a_rig)).source.any()
+            continue
+
+        told, steps = [], Session().solve(a_rig)
+        with pytest.raises(RigError, match="lower the resolution of the display 'display'"):
+            told.extend(steps)
+        assert told[-1] > 0.3
+        monkeypatch.setattr(free_memory, "available", lambda free=free: 0.9 * free)
+        with pytest.raises(RigError, match="lower the resolution of the display"):
+            next(Session().solve(a_rig))
 
 
 def test_what_is_free_is_known_here():
