@@ -89,7 +89,7 @@ class Pace:
 
 STAGES = Stages()
 PACE = Pace(
-    flat=GlassPace(1.0, 0.3e-3, 0.8e-6, 0.05e-6, 0.005, 1e3),
+    flat=GlassPace(1.2, 0.4e-3, 0.8e-6, 0.05e-6, 0.005, 1e3),
     curved=GlassPace(1.5, 0.9e-3, 1.7e-6, 1.4e-6, 0.0, 2.5e3),
     bent=GlassPace(1.5, 0.6e-3, 0.57e-6, 1e-6, 0.045, 14e3),
     painted_pixel=0.06e-6,
@@ -97,7 +97,7 @@ PACE = Pace(
     painted_share=0.12e-6,
 )
 NUMPY_PACE = Pace(
-    flat=GlassPace(1.0, 2e-3, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
+    flat=GlassPace(1.0, 1.2e-3, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
     curved=GlassPace(1.5, 4e-3, 4.6e-6, 5.5e-6, 0.03, 1e3),
     bent=GlassPace(2.0, 6e-3, 1.8e-6, 4.0e-6, 0.1, 2e3),
     painted_pixel=0.05e-6,
@@ -267,7 +267,7 @@ class Ahead:
         begun = min(searches.under_way, of_search)
         expected = of_searched * done.searched + of_search * searches.n + begun
         taken = searches.seconds + max(searches.under_way, of_searched * searches.n_rays + begun)
-        slower = (taken + of_search) / (expected + of_search)
+        slower = (taken + of_search) / max(expected + of_search, TINY)
         # samples are no search
         left = max(of_search * to_come.searches - begun, 0.0)
         to_search = of_searched * to_come.searched + left
