@@ -20,8 +20,9 @@ from .curved import CurvedFaces
 from .fitted_faces import Faces, fit_faces, made_to_meet
 from .known import Known, looking_for_known
 from .meshes import Edges, areas_of, components
+from .partly import in_parts
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
-from .trust import Parts, are_trusted, whole_shells
+from .trust import Parts, how_far_trusted, whole_shells
 from .vertex_fields import fitting_fields
 from .vertex_normals import contradicted, finding_normals
 from .vertices import Vertices, find_vertices
@@ -121,10 +122,10 @@ def make_curved(
         yield 0
         is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
         parts = Parts(flat_face, shell, is_known[faces.chosen])
-        is_trusted = yield from are_trusted(v, size, faces, trial, parts)
-        if not is_trusted.all():
-            is_doubted[faces.chosen] = ~is_trusted
-            faces = faces.at(is_trusted)
+        is_kept, weight = yield from how_far_trusted(v, size, faces, trial, parts)
+        if not (is_kept.all() and (weight == 1).all()):
+            is_doubted[faces.chosen] = ~is_kept
+            v, faces = in_parts(v, faces.at(is_kept), found.given, weight)
             beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
 
     if not len(faces.chosen):

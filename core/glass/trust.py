@@ -1,4 +1,6 @@
-"""Which curved faces Automatic trusts: face by face, or a mesh in one piece as a whole."""
+"""Which curved faces Automatic trusts: face by face, or a mesh in one piece as a whole, and how far
+where it is irregular.
+"""
 
 from typing import NamedTuple
 
@@ -10,6 +12,7 @@ from .agreement import Trial
 from .fitted_faces import Faces
 from .grid_lines import look_along_lines
 from .meshes import components
+from .partly import PART, is_irregular, weights
 from .vertices import Vertices
 
 
@@ -34,38 +37,59 @@ def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
     return np.where(np.isin(of_face, shell[is_missing]), -1, of_face)
 
 
-def are_trusted(
+def how_far_trusted(
     v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: Parts
-) -> Pauses[Bools]:
-    """Which faces (n,) are nearer to the surface meant than their facets.
+) -> Pauses[tuple[Bools, Floats]]:
+    """Which faces (n,) are nearer to the surface meant than their facets, and how far, 0..1, the
+    vertices (f,) are to be trusted.
 
     All parts of a flat face, or none. size (f,) of the vertices' fields.
     """
     vertex = v.of_corner[faces.chosen]
-    is_near = trial.trusted(vertex) | parts.is_known
-    if not is_near.all():
-        yield 0
-        lines = yield from look_along_lines(v, size)
-        scatter = lines.scatter[vertex]
-        is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
-
-        whole = np.flatnonzero(parts.shell >= 0)
-        off = lines.off_splines[vertex[whole]]
-        is_near[whole] |= trial.at(whole).are_splines(off, parts.shell[whole])
-
-        if trial.is_coarse.any() and not is_near.all():
-            is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
-
-            # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
-            piece = _pieces(vertex)
-            is_near |= ~np.isin(piece, piece[~is_fine])
-
-    is_trusted = ~faces.is_swollen & is_near
-    if is_trusted.all():
-        return is_trusted
-
     of_face = parts.flat_face[faces.chosen]
-    return is_trusted & ~np.isin(of_face, of_face[~is_trusted])
+    is_near = trial.trusted(vertex) | parts.is_known
+    weight = np.ones(len(v.at))
+    if is_near.all():
+        return _whole(~faces.is_swollen, of_face), weight
+
+    yield 0
+    lines = yield from look_along_lines(v, size)
+    scatter = lines.scatter[vertex]
+    is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
+
+    whole = np.flatnonzero(parts.shell >= 0)
+    off = lines.off_splines[vertex[whole]]
+    is_near[whole] |= trial.at(whole).are_splines(off, parts.shell[whole])
+
+    piece = _pieces(vertex)
+    if trial.is_coarse.any() and not is_near.all():
+        is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
+
+        # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
+        is_near |= ~np.isin(piece, piece[~is_fine])
+
+    # where most of a piece is off smooth lines, and more than chance would pick is worth it
+    is_trusted = _whole(~faces.is_swollen & is_near, of_face)
+    far = weights(len(v.at), vertex, trial, is_trusted)
+    in_part = _more(is_irregular(scatter, trial), piece, 0.5)
+    in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
+    if not in_part.any():
+        return is_trusted, weight
+
+    of_part = vertex[in_part]
+    weight[of_part] = far[of_part]
+    is_kept = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)
+    return np.where(in_part, is_kept, is_trusted), weight
+
+
+def _whole(which: Bools, of_face: Ints) -> Bools:
+    """Those (n,) whose flat faces, of such numbers (n,), are chosen in all their parts."""
+    return which & ~np.isin(of_face, of_face[~which])
+
+
+def _more(counted: Floats | Bools, piece: Ints, share: float) -> Bools:
+    """The faces (n,) of the pieces (n,) more of which than a share counts."""
+    return (np.bincount(piece, counted) > share * np.bincount(piece))[piece]
 
 
 def _pieces(triangles: Ints) -> Ints:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench import brought_glass as glasses
+from bench import irregular
 from kiriko.core import kernel
 from kiriko.core.kinds import Kind
 from kiriko.core.light.planning import make_plan
@@ -28,6 +29,21 @@ def landings(mesh, surface):
     xy = np.random.default_rng(3).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
     plan = make_plan(a_rig, Settings())
     return plan, trace_all(plan, *viewer.rays(xy))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["torus, decimated", "torus, scanned", "ball, decimated", "lentil, dec. to 1/64"],
+)
+def test_meshes_made_anew_are_followed_as_well_as_by_the_better_choice(name):
+    """To a tenth of a display pixel, a tenth of the tolerance, against closed forms."""
+    shape = name.split(",")[0]
+    mesh = irregular.rebuilt(name)
+    drawn, smooth, automatic = (
+        irregular.errors(shape, mesh, choice) for choice in irregular.CHOICES
+    )
+    assert automatic.rms < min(drawn.rms, smooth.rms) + 0.1
+    assert automatic.median < min(drawn.median, smooth.median) + 0.01
 
 
 def test_a_wine_glass_is_followed_as_well_as_by_the_better_choice(monkeypatch):

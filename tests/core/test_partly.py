@@ -1,0 +1,56 @@
+"""Faces between curved and as drawn, where a mesh is irregular (core/glass/partly.py)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.irregular import CHOICES, disturbed, errors
+from kiriko.core.glass import trust
+from kiriko.core.glass.agreement import Trial
+from kiriko.core.glass.partly import PART, weights
+from kiriko.core.glass.surfaces import make_surface
+from known.reference_rigs import torus
+
+
+def test_weights_are_those_of_least_squares():
+    """Of errors e and f that do not know of each other the mean of least error weighs the first by
+    f^2 / (e^2 + f^2), where jumps tell e and the gain is the sum of both squared.
+    """
+    vertex = np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8]])
+    curved = np.array([1e-3, 2e-3, 2e-3])
+    drawn = np.array([3e-3, 2e-3, 1e-3])
+    trial = Trial(curved**2 / PART.told, curved**2 + drawn**2, np.zeros(3))
+    found = weights(9, vertex, trial, np.zeros(3, bool))
+    assert found == pytest.approx(np.repeat([0.9, 0.5, 0.0], 3), abs=1e-4)
+    assert (weights(9, vertex, trial, np.ones(3, bool)) == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "aside", "noise"), [("ball, 5120", 0, 3e-5), ("torus, 4096", 0.3, 0)]
+)
+def test_the_mean_of_two_surfaces_is_better_than_either(name, aside, noise):
+    """Where both are about as far off the mean lands light a seventh
+    nearer to the shape that was meant, and more.
+    """
+    shape = name.split(",")[0]
+    mesh = disturbed(name, aside, noise)
+    drawn, smooth, automatic = (errors(shape, mesh, choice) for choice in CHOICES)
+    assert automatic.rms < 6 / 7 * min(drawn.rms, smooth.rms)
+
+
+def test_regular_meshes_are_followed_whole_or_not_at_all(monkeypatch):
+    """A torus too coarse to trust, and one with noise along its smooth lines, have no weights."""
+    asked = []
+
+    def looked_at(*given):
+        is_kept, weight = yield from found(*given)
+        asked.append(weight)
+        return is_kept, weight
+
+    found = trust.how_far_trusted
+    monkeypatch.setattr("kiriko.core.glass.surface_fit.how_far_trusted", looked_at)
+    for mesh in (torus(0.018, 0.007, 12, 6), disturbed("torus, 4096", 0, 1e-4)):
+        surface = make_surface(replace(mesh, has_mean_normals=True, surface="automatic"))
+        assert surface.n_doubted > 0
+        assert (asked.pop() == 1).all()
