@@ -43,7 +43,8 @@ class Reads:
 
 
 READS = Reads()
-COARSE_READS = replace(READS, side=1.0, most_reads=4)
+COARSE_SIDE = 1.0  # in place of side, and of most_reads, where coarse reads are enough
+COARSE_READS = 4
 FINE_TOLERANCE_PX = 0.2  # display px: from here on coarse reads are enough
 
 # signs of the far, the near and the nearest step of each read along a side, by their number
@@ -57,7 +58,9 @@ STEPS_BY_NUMBER = {
 
 def reads_at(tolerance: float) -> Reads:
     """The reads that a tolerance, display px, is worth."""
-    return READS if tolerance < FINE_TOLERANCE_PX else COARSE_READS
+    if tolerance < FINE_TOLERANCE_PX:
+        return READS
+    return replace(READS, side=COARSE_SIDE, most_reads=COARSE_READS)
 
 
 class FootprintReads(NamedTuple):
