@@ -33,6 +33,9 @@ class LineKnobs:
     ends : so many of the smoothest lines that start at a vertex are smooth: two lines cross there,
         with four ends. The diagonals of quads need not be smooth, and one line alone is the circle
         of any lathe
+    spokes : so many edges of an odd vertex, and more, make it a pole, through which a line goes on
+        between the two of the other side. Five and seven meet in any irregular mesh, and a ball of
+        56 triangles, seven around, is nearer to the one meant as drawn
     straight : rad, to the next edge: lines that bend by less are straight, and so not coarse. What
         they bend by is rounding: of float32, up to 1e-5 in edges of a hundredth of the size
     """
@@ -40,6 +43,7 @@ class LineKnobs:
     bent: float = np.sqrt(0.7)
     vertices: int = 7
     ends: int = 3
+    spokes: int = 9
     straight: float = 1e-3
 
 
@@ -81,7 +85,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     vertices both are of one direction, and (2 sin(pi / n))^2 apart whatever its axes. That of a
     straight line is 0, but for rounding.
     """
-    across = _find_across(v)
+    across, poles = _find_across(v)
     yield 0
 
     # along the lines that start with each pair, all at once
@@ -92,14 +96,21 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     )
     back = _find_back(v)
     onward = across[back]
-    pair = np.arange(len(v.start))
-    is_line = np.ones(len(pair), bool)
-    differences = np.zeros((4, len(pair), 3))
+    to_poles = [(spokes, back[spokes], _half_on(spokes.shape[1])) for spokes in poles]
+    at = taken(v.at, v.start)
+    is_line = np.ones(len(at), bool)
+    differences = np.zeros((4, len(at), 3))
     for k, weights in enumerate(np.stack([second, *fourths], axis=1)):
-        if k > 1:
-            pair = onward[pair]
-            is_line &= pair >= 0
-        at = taken(v.at, v.end[pair] if k else v.start)
+        if k == 1:
+            at = taken(v.at, v.end)
+        elif k:
+            # what is one vertex nearer in the line that goes on from the end of the pair
+            before, was_line = at, is_line
+            at = taken(before, onward)
+            is_line = taken(was_line, onward) & (onward >= 0)
+            for spokes, ends, half_on in to_poles:
+                at[ends] = np.matmul(half_on, before[spokes])
+                is_line[ends] = was_line[spokes].all(axis=1)[:, None]
         for difference, weight in zip(differences, weights, strict=True):
             if weight:
                 difference += weight * at
@@ -170,14 +181,26 @@ def _weights(order: int) -> Floats:
     return np.array([comb(order, k) * (-1) ** k for k in range(order + 1)], float)
 
 
-def _find_across(v: Vertices) -> Ints:
-    """The pair (p,) on the other side of its vertex that each goes on from, -1 where none is."""
+def _half_on(n: int) -> Floats:
+    """Weights (n, n) of n values, odd, evenly around a circle, of what is half a circle on from
+    each: between two of them, by the trigonometric polynomial through all. For ellipses that is
+    exact, and the sum of the squares is 1: noise stays as it is.
+    """
+    steps = np.arange(n) - np.arange(n)[:, None]
+    return (-1.0) ** (n // 2 + steps) / (n * np.cos(np.pi * steps / n))
+
+
+def _find_across(v: Vertices) -> tuple[Ints, list[Ints]]:
+    """The pair (p,) on the other side of its vertex that each goes on from, -1 where none is; and
+    the spokes of poles with no edge on the other side: their pairs (n, m), in order around.
+    """
     away = taken(v.at, v.end) - taken(v.at, v.start)
     normal = taken(v.normal, v.start)
     away -= dot(away, normal)[:, None] * normal
 
     across = np.full(len(v.start), -1)
-    for _, pairs in v.by_valence(np.ones(len(v.at), bool)):
+    poles = []
+    for some, pairs in v.by_valence(np.ones(len(v.at), bool)):
         out = away[pairs]
         both = np.matmul(out, out.transpose(0, 2, 1))
         squared = np.einsum("nii->ni", both)
@@ -188,7 +211,28 @@ def _find_across(v: Vertices) -> Ints:
         )
         across[pairs] = np.where(is_on, np.take_along_axis(pairs, least, axis=1), -1)
 
-    return across
+        if pairs.shape[1] % 2 and pairs.shape[1] >= LINES.spokes:
+            spokes = _find_spokes(out, v.normal[some], pairs)
+            if len(spokes):
+                across[spokes] = -1
+                poles.append(spokes)
+
+    return across, poles
+
+
+def _find_spokes(out: Floats, normal: Floats, pairs: Ints) -> Ints:
+    """The pairs (k, m), in order around, of those of n vertices from each of which the middle of
+    two runs on straighter than both. out (n, m, 3): their edges, in the planes of normals (n, 3).
+    """
+    first = out[:, :1]
+    aside = np.cross(normal[:, None], first)
+    order = np.argsort(np.arctan2(dot(out, aside), dot(out, first)), axis=1)
+    out = np.take_along_axis(out, order[..., None], axis=1)
+    half = out.shape[1] // 2
+    one, other = (np.roll(out, -k, axis=1) for k in (half, half + 1))
+    bent, by_one, by_other = (dot(out + on, out + on) for on in ((one + other) / 2, one, other))
+    is_between = bent < np.minimum(np.minimum(by_one, by_other), LINES.bent**2 * dot(out, out))
+    return np.take_along_axis(pairs, order, axis=1)[is_between.all(axis=1)]
 
 
 def _find_back(v: Vertices) -> Ints:

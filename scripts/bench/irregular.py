@@ -97,10 +97,10 @@ REBUILT: dict[str, tuple[str, int, float, dict[str, object]]] = {
 
 # shapes of regular meshes, and their segments
 COARSE = {
-    "ball": (8, 12),
-    "ellipsoid": (8, 10, 12, 14, 16),
-    "lentil": (12, 16, 20, 24),
-    "torus": (12, 16, 20, 24),
+    "ball": (8, 9, 12),
+    "ellipsoid": (8, 9, 10, 11, 12, 13, 14, 15, 16),
+    "lentil": (12, 16, 17, 20, 24),
+    "torus": (12, 13, 16, 20, 24),
     "Blender's torus": (32, 48),
     "wavy slab": (16, 24, 32),
 }
