@@ -211,8 +211,8 @@ class Searches:
         self._since: float | None = None
         self._before = 0.0  # rays
 
-    def note(self, rays: RaysAhead, so_far: float) -> None:
-        """Take up the rays after so many seconds."""
+    def take_up(self, rays: RaysAhead, so_far: float) -> None:
+        """See the rays after so many seconds."""
         if rays.is_searching and self._since is None:
             self._since = so_far
         if self._since is None:
@@ -256,7 +256,7 @@ class Ahead:
         that it takes longer.
         """
         done, to_come, searches = rays.done, rays.to_come, self._searches
-        searches.note(rays, so_far)
+        searches.take_up(rays, so_far)
 
         # seconds of a ray, of one that is searched with, and of a search besides
         of_others = so_far - searches.seconds - searches.under_way
