@@ -148,21 +148,52 @@ def check_memory(
     n_known = len(rig.viewers) - len(new)
     rig = replace(rig, viewers=new or rig.viewers[:1])
     parts = estimated(rig, settings)
-    display = rig.display
     if new and n_known:
         # a viewer that was alone has not been asked; one alone is not counted above
         n_asked = (n_known == 1) + (len(new) == 1)
-        parts["display"] += BYTES.asked * _n_pixels(display) * n_asked
+        parts["display"] += BYTES.asked * _n_pixels(rig.display) * n_asked
     light = parts.pop("light")
     if is_told_again and is_free(sum(parts.values())):
         return
     parts["display"] += light
-    viewer = max(rig.viewers, key=_n_pixels)
-    picture = rig.picture_place
 
     # what helps most is less of what takes most
-    remedies = {
-        "display": _fewer_pixels(display),
+    remedy = _remedies(rig, settings)[max(parts, key=parts.get)]
+    check_free(sum(parts.values()), Message("Solving"), remedy)
+
+
+def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
+    """Raise RigError when all that is made of a viewer's map, and of those of the rig's other
+    viewers, which count as much, would take more memory than is free.
+    """
+    parts = estimated(rig, settings, view_map)
+    to_come = {
+        "display": parts["display"] + parts["light"],
+        "picture": parts["picture"],
+        "borders": parts["borders"],
+    }
+    most = max(to_come, key=to_come.get)
+    is_sampled = len(view_map.samples) > len(view_map.points) / 2
+    if most == "borders":
+        remedy = _less_to_cut(viewer, settings, is_sampled)
+    else:
+        remedy = _remedies(rig, settings)[most]
+
+    check_free(sum(to_come.values()) + parts["always"], Message("Solving"), remedy)
+
+
+def _remedies(rig: Rig, settings: Settings) -> dict[str, Message]:
+    """What helps where a part takes most memory, by its name."""
+    display = rig.display
+    viewer = max(rig.viewers, key=_n_pixels)
+    picture = rig.picture_place
+    return {
+        "display": Message(
+            "lower the resolution of the display '{display}' ({width} x {height})",
+            display=display.name,
+            width=display.width,
+            height=display.height,
+        ),
         "viewer": Message(
             "lower the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
             viewer=viewer.name,
@@ -182,26 +213,9 @@ def check_memory(
         "always": Message("close other programs"),
     }
 
-    check_free(sum(parts.values()), Message("Solving"), remedies[max(parts, key=parts.get)])
 
-
-def _fewer_pixels(display: Display) -> Message:
-    """What to do about a display."""
-    return Message(
-        "lower the resolution of the display '{display}' ({width} x {height})",
-        display=display.name,
-        width=display.width,
-        height=display.height,
-    )
-
-
-def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
-    """Raise RigError when the light that reaches the display, or the shares of the pixels that
-    borders run through in a viewer's map, would take more memory than is free.
-    """
-    parts = estimated(rig, settings, view_map)
-    of_display = parts["display"] + parts["light"]
-    check_free(of_display, Message("Solving"), _fewer_pixels(rig.display))
+def _less_to_cut(viewer: Viewer, settings: Settings, is_sampled: bool) -> Message:
+    """What to do about the pixels that borders cut, or where light is chaotic."""
     resolution = Message(
         "the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
         viewer=viewer.name,
@@ -209,15 +223,8 @@ def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap
         viewer_height=viewer.height,
     )
 
-    is_sampled = len(view_map.samples) > len(view_map.points) / 2
-    check_free(
-        parts["borders"] / len(rig.viewers),
-        Message("Painting what the borders in the glass cut to pieces"),
-        Message(
-            "lower Effort ({effort}), or {resolution}",
-            effort=settings.effort,
-            resolution=resolution,
-        )
-        if is_sampled
-        else Message("lower {resolution}", resolution=resolution),
+    if not is_sampled:
+        return Message("lower {resolution}", resolution=resolution)
+    return Message(
+        "lower Effort ({effort}), or {resolution}", effort=settings.effort, resolution=resolution
     )

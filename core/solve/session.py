@@ -220,8 +220,11 @@ class Session:
 
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
-            known[key] = yield from bar.tracing(steps, len(new) - 1 - k)
-            n_rays += known[key].view_map.n_rays
+            traced = yield from bar.tracing(steps, len(new) - 1 - k)
+            of_new = replace(rig, viewers=tuple(new.values()))
+            check_traced(of_new, viewer, settings, traced.view_map)
+            known[key] = traced
+            n_rays += traced.view_map.n_rays
 
         return Optics(keys, tuple(known[key] for key in keys)), n_rays
 
@@ -242,7 +245,6 @@ class Session:
         clock.lap("tracing")
         of_ray = (clock.seconds["tracing"] - before) / max(view_map.n_rays, 1)
 
-        check_traced(rig, viewer, settings, view_map)
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight, of_ray)

@@ -159,9 +159,8 @@ def test_light_that_may_not_be_there_refuses_nothing(monkeypatch):
     dark, lit = ball_rig(2, **pixels, display=4.0), ball_rig(2, **pixels)
     for a_rig in (dark, lit):
         parts = memory.estimated(a_rig, Settings())
-        free = sum(parts.values()) - parts["light"] + 1e6
-        assert free < 0.6 * sum(parts.values())
-        monkeypatch.setattr(free_memory, "available", lambda free=free: free)
+        whole = sum(parts.values())
+        monkeypatch.setattr(free_memory, "available", lambda whole=whole: 0.9 * whole)
         if a_rig is dark:
             assert finish(Session().solve(a_rig)).source.any()
             continue
@@ -170,9 +169,22 @@ def test_light_that_may_not_be_there_refuses_nothing(monkeypatch):
         with pytest.raises(RigError, match="lower the resolution of the display 'display'"):
             told.extend(steps)
         assert told[-1] > 0
-        monkeypatch.setattr(free_memory, "available", lambda free=free: 0.9 * free)
+        without = whole - parts["light"] - 1e6
+        monkeypatch.setattr(free_memory, "available", lambda without=without: without)
         with pytest.raises(RigError, match="lower the resolution of the display"):
             next(Session().solve(a_rig))
+
+
+def test_light_and_picture_count_together(monkeypatch):
+    """Each would fit alone: refused as soon as the light is traced."""
+    image = np.zeros((2400, 2400, 3), np.float32)
+    a_rig = ball_rig(2, pixels=64, display_pixels=1024, image=image)
+    parts = memory.estimated(a_rig, Settings())
+    free = sum(parts.values()) - parts["light"] + 1e6
+    assert parts["display"] + parts["light"] < free
+    monkeypatch.setattr(free_memory, "available", lambda: free)
+    with pytest.raises(RigError, match="GB are free"):
+        finish(Session().solve(a_rig))
 
 
 def test_what_is_free_is_known_here():
