@@ -71,6 +71,7 @@ def how_far_trusted(
     # where most of a piece is off smooth lines, and more than chance would pick is worth it
     is_trusted = _whole(~faces.is_swollen & is_near, of_face)
     far = weights(len(v.at), vertex, trial, is_trusted)
+    far[vertex[parts.is_known]] = 1.0
     in_part = _more(is_irregular(scatter, trial), piece, 0.5)
     in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
     if not in_part.any():

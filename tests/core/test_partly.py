@@ -54,3 +54,23 @@ def test_regular_meshes_are_followed_whole_or_not_at_all(monkeypatch):
         surface = make_surface(replace(mesh, has_mean_normals=True, surface="automatic"))
         assert surface.n_doubted > 0
         assert (asked.pop() == 1).all()
+
+
+def test_faces_that_are_known_exactly_stay_whole_among_irregular_ones(monkeypatch):
+    """As where a part of subdivided glass was decimated."""
+    asked = []
+
+    def every_third_is_known(v, size, faces, trial, parts):
+        is_known = np.arange(len(faces.chosen)) % 3 == 0
+        is_kept, weight = yield from found(v, size, faces, trial, parts._replace(is_known=is_known))
+        asked.append((is_known & ~faces.is_swollen, is_kept, weight[v.of_corner[faces.chosen]]))
+        return is_kept, weight
+
+    found = trust.how_far_trusted
+    monkeypatch.setattr("kiriko.core.glass.surface_fit.how_far_trusted", every_third_is_known)
+    mesh = disturbed("torus, 4096", 0.3, 0)
+    make_surface(replace(mesh, has_mean_normals=True, surface="automatic"))
+    is_known, is_kept, weight = asked.pop()
+    assert is_kept[is_known].all()
+    assert (weight[is_known] == 1).all()
+    assert (weight < 1).any()
