@@ -36,7 +36,7 @@ class Mesh:
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
     surface : that of smooth triangles: the curved one that was meant ("smooth"), or the facets as
         drawn, on which only the normal is interpolated ("facets"), or whichever the mesh shows to
-        be nearer to the one meant, face by face ("automatic")
+        be nearer to the one meant, or a mean of both ("automatic")
     has_mean_normals : corner normals are means over the faces around, as Blender makes them where
         the artist gave none; they only say where the surface is smooth, and its own normals are
         found from the vertices

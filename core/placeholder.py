@@ -102,8 +102,8 @@ def give_up(path: Path) -> None:
 
 
 def remove_left(folder: Path) -> None:
-    """Remove the placeholders in a folder whose processes were killed."""
-    for mark in folder.glob(f"{MARK}*"):
+    """Remove the placeholders and marks in a folder whose processes were killed."""
+    for mark in [*folder.glob(f"{MARK}*"), *folder.glob(f"*{AT_WORK}")]:
         if is_left(mark):
             with suppress(OSError):
                 path = folder / Path(_text(mark).partition("\n")[2]).name

@@ -124,6 +124,18 @@ def test_what_is_whole_stays_where_its_mark_was_left(tmp_path: Path) -> None:
     assert [one.name for one in tmp_path.iterdir()] == ["frame.png"]
 
 
+def test_a_mark_of_work_goes_once_its_process_is_gone(tmp_path: Path) -> None:
+    """As of one that was killed on another machine; one that goes on stays."""
+    with placeholder.taking_part(tmp_path):
+        (mark,) = tmp_path.iterdir()
+        left = tmp_path / f"another{placeholder.AT_WORK}"
+        left.write_text(mark.read_text().replace(disk.PREFIX, f"{disk.PREFIX}0123456789ab"))
+        old = time.time() - placeholder.PATIENCE - 60
+        os.utime(left, (old, old))
+        placeholder.remove_left(tmp_path)
+        assert list(tmp_path.iterdir()) == [mark]
+
+
 def test_work_began_with_the_first_of_those_at_work(tmp_path: Path) -> None:
     """Whoever has ended since: a process that comes later than all of them begins anew."""
     with ExitStack() as second:

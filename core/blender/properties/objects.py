@@ -55,8 +55,8 @@ SURFACES = (
     (
         "AUTOMATIC",
         "Automatic",
-        "Smooth where the mesh is regular enough to tell the curved surface, as drawn elsewhere,"
-        " face by face",
+        "Smooth where the mesh is regular enough to tell the curved surface, between both where it"
+        " is irregular, as drawn elsewhere",
         "NONE",
         2,
     ),
