@@ -68,15 +68,16 @@ def how_far_trusted(
         # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
         is_near |= ~np.isin(piece, piece[~is_fine])
 
-    # where most of a piece is off smooth lines, and more than chance would pick is worth it
+    # in part, where most of a piece is off smooth lines
     is_trusted = _whole(~faces.is_swollen & is_near, of_face)
-    far = weights(len(v.at), vertex, trial, is_trusted)
-    far[vertex[parts.is_known]] = 1.0
     in_part = _more(is_irregular(scatter, trial), piece, 0.5)
-    in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
     if not in_part.any():
         return is_trusted, weight
 
+    # and more than chance would pick is worth it; what is known stays whole
+    far = weights(len(v.at), vertex, trial, is_trusted)
+    far[vertex[parts.is_known]] = 1.0
+    in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
     of_part = vertex[in_part]
     weight[of_part] = far[of_part]
     is_kept = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)

@@ -172,13 +172,8 @@ def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap
         "picture": parts["picture"],
         "borders": parts["borders"],
     }
-    most = max(to_come, key=to_come.get)
-    is_sampled = len(view_map.samples) > len(view_map.points) / 2
-    if most == "borders":
-        remedy = _less_to_cut(viewer, settings, is_sampled)
-    else:
-        remedy = _remedies(rig, settings)[most]
-
+    remedies = _remedies(rig, settings) | {"borders": _less_to_cut(viewer, settings, view_map)}
+    remedy = remedies[max(to_come, key=to_come.get)]
     check_free(sum(to_come.values()) + parts["always"], Message("Solving"), remedy)
 
 
@@ -214,8 +209,8 @@ def _remedies(rig: Rig, settings: Settings) -> dict[str, Message]:
     }
 
 
-def _less_to_cut(viewer: Viewer, settings: Settings, is_sampled: bool) -> Message:
-    """What to do about the pixels that borders cut, or where light is chaotic."""
+def _less_to_cut(viewer: Viewer, settings: Settings, view_map: ViewMap) -> Message:
+    """What to do about pixels that borders cut, or that are sampled."""
     resolution = Message(
         "the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
         viewer=viewer.name,
@@ -223,6 +218,7 @@ def _less_to_cut(viewer: Viewer, settings: Settings, is_sampled: bool) -> Messag
         viewer_height=viewer.height,
     )
 
+    is_sampled = len(view_map.samples) > len(view_map.points) / 2
     if not is_sampled:
         return Message("lower {resolution}", resolution=resolution)
     return Message(
