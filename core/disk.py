@@ -125,7 +125,7 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
     """
     with scratch(folder) as new, ExitStack() as stack:
         yield new
-        staged = {}
+        staged: dict[Path, tuple[Path, Path | None, Path]] = {}
 
         try:
             for path in sorted(path for path in new.rglob("*") if not path.is_dir()):
@@ -133,18 +133,24 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
                 near = Path(stack.enter_context(_temporary(target.parent)))
                 shutil.move(path, near / "new")  # copied only where a link points to another disk
                 staged[path] = target, near / "new", near / "old"
+            for path in sorted({new / name for name in of} - staged.keys()):
+                target = folder / path.name
+                if os.path.lexists(target):  # of a link, the link goes
+                    _check_file(target)
+                    near = Path(stack.enter_context(_temporary(folder)))
+                    staged[path] = target, None, near / "old"
+            is_set = len(staged) > 1  # a single file is replaced at one stroke
             for path in staged:
                 target, made, old = staged[path]
-                if len(staged) > 1 and target.exists():  # a single file is replaced at one stroke
+                if (is_set or not made) and os.path.lexists(target):
                     target.replace(old)
-                made.replace(target)
-            for path in {new / name for name in of} - staged.keys():
-                (folder / path.name).unlink(missing_ok=True)
+                if made:
+                    made.replace(target)
         except BaseException as reason:
             for target, made, old in reversed(staged.values()) if len(staged) > 1 else ():
-                if old.exists():
+                if os.path.lexists(old):
                     old.replace(target)
-                elif not made.exists():
+                elif made and not made.exists():
                     target.unlink()
             if isinstance(reason, OSError):
                 raise unwritable(folder / path.relative_to(new), reason) from None
@@ -156,12 +162,16 @@ def _target(place: Path, stack: ExitStack) -> Path:
     with the stack.
     """
     target = Path(os.path.realpath(place))
-    if target.is_dir():  # which could be moved aside like a file
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    _check_file(target)
     if not target.parent.exists():
         target.parent.mkdir()
         stack.callback(_remove_empty, target.parent)
     return target
+
+
+def _check_file(target: Path) -> None:
+    if target.is_dir():  # which could be moved aside like a file
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
 
 
 def _remove_empty(folder: Path) -> None:

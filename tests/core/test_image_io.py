@@ -51,6 +51,12 @@ def test_a_file_of_a_set_that_has_no_new_one_goes_with_it(tmp_path: Path) -> Non
     with disk.together(tmp_path, of) as new:
         (new / "b.json").write_text("new")
     assert contents(tmp_path) == {"b.json": "new", "mine": "old", "sub": None}
+    with pytest.raises(ImageError, match="sub"), disk.together(tmp_path, ("b.json", "sub")):
+        pass  # a folder is no file of a set, which stays
+    assert contents(tmp_path) == {"b.json": "new", "mine": "old", "sub": None}
+    with disk.together(tmp_path, ("b.json",)):
+        pass
+    assert contents(tmp_path) == {"mine": "old", "sub": None}
 
 
 @pytest.mark.skipif(not disk.BOOT.exists(), reason="the system tells none of its starts")
@@ -108,13 +114,14 @@ def test_what_a_killed_process_left_is_removed(
 def test_a_set_is_all_as_before_whichever_move_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: tuple[str, ...]
 ) -> None:
-    """The k-th file that cannot be moved, old or new: the
+    """The k-th file that cannot be moved, old or new, or one that goes: the
     sentence names a file of the set in its own folder.
     """
-    for name in there:
+    before = (*there, "gone.svg")
+    for name in before:
         (tmp_path / name).write_text("old")
     own = Path.replace
-    for k in range(len(there) + len(NAMES)):
+    for k in range(len(before) + len(NAMES)):
         moves = iter(range(100))
 
         def move(path: Path, target: Path, moves: Iterator[int] = moves, k: int = k) -> Path:
@@ -124,11 +131,11 @@ def test_a_set_is_all_as_before_whichever_move_fails(
 
         with monkeypatch.context() as broken, pytest.raises(ImageError, match="busy") as caught:  # noqa: PT012 - a set
             broken.setattr(Path, "replace", move)
-            with disk.together(tmp_path) as new:
+            with disk.together(tmp_path, (*NAMES, "gone.svg")) as new:
                 for name in NAMES:
                     (new / name).write_text("new")
-        assert any(f"'{tmp_path / name}'" in str(caught.value) for name in NAMES)
-        assert contents(tmp_path) == dict.fromkeys(there, "old"), k
+        assert any(f"'{tmp_path / name}'" in str(caught.value) for name in (*NAMES, "gone.svg"))
+        assert contents(tmp_path) == dict.fromkeys(before, "old"), k
 
 
 @pytest.mark.parametrize("name", NAMES)
