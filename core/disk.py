@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -125,36 +126,51 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
     """
     with scratch(folder) as new, ExitStack() as stack:
         yield new
-        staged: dict[Path, tuple[Path, Path | None, Path]] = {}
+        moves: dict[Path, _Move] = {}
 
         try:
             for path in sorted(path for path in new.rglob("*") if not path.is_dir()):
                 target = _target(folder / path.relative_to(new), stack)
                 near = Path(stack.enter_context(_temporary(target.parent)))
                 shutil.move(path, near / "new")  # copied only where a link points to another disk
-                staged[path] = target, near / "new", near / "old"
-            for path in sorted({new / name for name in of} - staged.keys()):
+                moves[path] = _Move(target, near / "new", near / "old")
+            for path in sorted({new / name for name in of} - moves.keys()):
                 target = folder / path.name
                 if os.path.lexists(target):  # of a link, the link goes
                     _check_file(target)
                     near = Path(stack.enter_context(_temporary(folder)))
-                    staged[path] = target, None, near / "old"
-            is_set = len(staged) > 1  # a single file is replaced at one stroke
-            for path in staged:
-                target, made, old = staged[path]
-                if (is_set or not made) and os.path.lexists(target):
-                    target.replace(old)
-                if made:
-                    made.replace(target)
+                    moves[path] = _Move(target, None, near / "old")
+            for path in moves:
+                moves[path].do(is_alone=len(moves) == 1)
         except BaseException as reason:
-            for target, made, old in reversed(staged.values()) if len(staged) > 1 else ():
-                if os.path.lexists(old):
-                    old.replace(target)
-                elif made and not made.exists():
-                    target.unlink()
+            for move in reversed(moves.values()) if len(moves) > 1 else ():
+                move.undo()
             if isinstance(reason, OSError):
                 raise unwritable(folder / path.relative_to(new), reason) from None
             raise
+
+
+@dataclass(frozen=True)
+class _Move:
+    """A file that takes another's place, or None that does; `old` is the other's place by then."""
+
+    target: Path
+    made: Path | None
+    old: Path
+
+    def do(self, *, is_alone: bool) -> None:
+        """Put the file in its place; one that is alone replaces the other at one stroke."""
+        if not (is_alone and self.made) and os.path.lexists(self.target):
+            self.target.replace(self.old)
+        if self.made:
+            self.made.replace(self.target)
+
+    def undo(self) -> None:
+        """Put back the file of before, if it was done."""
+        if os.path.lexists(self.old):
+            self.old.replace(self.target)
+        elif self.made and not self.made.exists():
+            self.target.unlink()
 
 
 def _target(place: Path, stack: ExitStack) -> Path:
