@@ -12,10 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import ImageError
-
-PREFIX = ".kiriko-"  # of temporary folders' names
-BOOT = Path("/proc/sys/kernel/random/boot_id")  # another one at each start of Linux
-NUMBERS = Path("/proc/self/ns/pid")  # the set that numbers of processes are of
+from .own_files import own_name
 
 
 @contextmanager
@@ -54,59 +51,6 @@ def _temporary(folder: Path) -> Any:
     to the other are not copied, and needs no room.
     """
     return tempfile.TemporaryDirectory(prefix=own_name(), dir=folder, ignore_cleanup_errors=True)
-
-
-def own_name() -> str:
-    """How names of this process's temporary files and folders begin; no other's do."""
-    return f"{PREFIX}{_started()}-{os.getpid()}-"
-
-
-def _started() -> str:
-    """Tells this start of this machine, and its processes' numbers, from others; "any" where the
-    system tells neither, as Windows and macOS.
-    """
-    try:
-        start = BOOT.read_text(encoding="ascii").strip()
-        # processes in a container have numbers of their own
-        return hashlib.sha1(
-            f"{start} {NUMBERS.stat().st_ino}".encode(), usedforsecurity=False
-        ).hexdigest()[:12]
-    except OSError:
-        return "any"
-
-
-def remove_left(folder: Path) -> None:
-    """Remove temporary files and folders that processes left in a folder when they were killed.
-
-    Only those of this start of this machine, whose process is gone: another machine may be at work
-    in the same folder. One that has a user's file, as of a set that was being replaced, stays.
-    """
-    for place in folder.glob(f"{PREFIX}*"):
-        if is_of_the_gone(place.name) and not (place / "old").exists():
-            if place.is_dir():
-                shutil.rmtree(place, ignore_errors=True)
-            else:
-                with suppress(OSError):
-                    place.unlink()
-
-
-def is_of_the_gone(name: str) -> bool:
-    """Does a name begin with that of a process, of this start of this machine, that is gone?"""
-    started = _started()
-    own = f"{PREFIX}{started}-"
-    number, dash, _ = name.removeprefix(own).partition("-")
-    is_own = started != "any" and name.startswith(own) and dash and number.isdecimal()
-    return bool(is_own) and not _is_running(int(number))
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)  # on Linux, nothing else than to ask
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # it is another user's, or no number of a process
-        return True
-    return True
 
 
 @contextmanager

@@ -19,9 +19,9 @@ from pathlib import Path
 from secrets import token_hex
 from time import monotonic
 
-from . import disk
+from . import disk, own_files
 
-MARK = f"{disk.PREFIX}held-"  # how names of marks begin
+MARK = f"{own_files.PREFIX}held-"  # how names of marks begin
 AT_WORK = "-at-work"  # how names of marks of processes end that take part
 PATIENCE = 600.0  # s after which a mark that was not touched is left
 BEAT = 10.0  # s between two touches
@@ -37,7 +37,7 @@ def claim(path: Path) -> bool:
     ImageError
         The folder cannot be written.
     """
-    mark, text = _mark(path), f"{disk.own_name()}\n{path.name}"
+    mark, text = _mark(path), f"{own_files.own_name()}\n{path.name}"
     if not _made(mark, text):
         if not is_left(mark):
             return False
@@ -72,8 +72,8 @@ def taking_part(folder: Path) -> Iterator[float]:
             continue
         with suppress(OSError):  # another process does the same
             other.unlink()
-    mark = folder / f"{disk.own_name()}{token_hex(8)}{AT_WORK}"
-    _made(mark, f"{disk.own_name()}\n{began!r}")
+    mark = folder / f"{own_files.own_name()}{token_hex(8)}{AT_WORK}"
+    _made(mark, f"{own_files.own_name()}\n{began!r}")
     _touched[mark] = monotonic()
     try:
         yield began
@@ -115,7 +115,7 @@ def remove_left(folder: Path) -> None:
 def is_left(mark: Path) -> bool:
     """Was the process killed that made a mark?"""
     try:
-        if disk.is_of_the_gone(_text(mark)):
+        if own_files.is_of_the_gone(_text(mark)):
             return True
         return now(mark.parent) - mark.stat().st_mtime > PATIENCE
     except OSError:  # it is gone by now
@@ -126,7 +126,7 @@ def now(folder: Path) -> float:
     """The time, s, by the clock of a folder's disk, which may be another machine's; OSError where
     it cannot be written.
     """
-    with tempfile.NamedTemporaryFile(prefix=disk.own_name(), dir=folder) as file:
+    with tempfile.NamedTemporaryFile(prefix=own_files.own_name(), dir=folder) as file:
         return os.fstat(file.fileno()).st_mtime
 
 

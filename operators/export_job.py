@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk
+from ..core import disk, own_files
 from ..core.blender.files_read import files_read
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
@@ -106,7 +106,7 @@ def write(
         _refuse_results(target)
 
     kiriko = target / KIRIKO
-    disk.remove_left(kiriko)
+    own_files.remove_left(kiriko)
     with disk.together(target) as new:
         _write_scripts(new / KIRIKO, zips)
         save_copy_into(new, target / job.blend)
@@ -128,7 +128,7 @@ def _refuse_results(target: Path) -> None:
     results = target / OUT
     is_taken = disk.is_there(results) and (
         not results.is_dir()
-        or any(not path.name.startswith(disk.PREFIX) for path in results.iterdir())
+        or any(not path.name.startswith(own_files.PREFIX) for path in results.iterdir())
     )
     if is_taken:
         raise ImageError(

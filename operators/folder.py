@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, placeholder
+from ..core import disk, own_files, placeholder
 from ..core.errors import ImageError
 
 LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
@@ -28,7 +28,7 @@ def made(folder: Path) -> Iterator[None]:
 
     try:
         disk.check_folder(folder)
-        disk.remove_left(folder)
+        own_files.remove_left(folder)
         placeholder.remove_left(folder)
         yield
     finally:

@@ -372,9 +372,9 @@ def test_a_run_removes_what_a_killed_one_left(
     """Its half files go, and its placeholder; that of another machine stays until its mark is old,
     which the sentence tells.
     """
-    disk, placeholder = (
+    disk, own_files, placeholder = (
         importlib.import_module(f"{kiriko.__name__}.core.{name}")
-        for name in ("disk", "placeholder")
+        for name in ("disk", "own_files", "placeholder")
     )
     out = folder(tmp_path)
     out.mkdir()
@@ -384,7 +384,7 @@ def test_a_run_removes_what_a_killed_one_left(
         left = place.with_name(place.name.replace(f"-{os.getpid()}-", f"-{ended.pid}-"))
     left.mkdir()
     (left / "source_0001.png").write_bytes(b"half")
-    for number, name in ((1, left.name), (2, f"{disk.PREFIX}elsewhere-1-")):
+    for number, name in ((1, left.name), (2, f"{own_files.PREFIX}elsewhere-1-")):
         path = out / f"source_000{number}.png"
         assert placeholder.claim(path)
         (mark,) = (one for one in out.glob(".kiriko-held-*") if path.name in one.read_text())

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kiriko.core import disk, image_io, png
+from kiriko.core import disk, image_io, own_files, png
 from kiriko.core.errors import ImageError
 
 NAMES = ("a.csv", "b.json", "c.svg")
@@ -59,7 +59,7 @@ def test_a_file_of_a_set_that_has_no_new_one_goes_with_it(tmp_path: Path) -> Non
     assert contents(tmp_path) == {"mine": "old", "sub": None}
 
 
-@pytest.mark.skipif(not disk.BOOT.exists(), reason="the system tells none of its starts")
+@pytest.mark.skipif(not own_files.BOOT.exists(), reason="the system tells none of its starts")
 def test_what_a_killed_process_left_is_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -83,7 +83,7 @@ def test_what_a_killed_process_left_is_removed(
 
     (one, killed), (other, held), (last, has_old) = (at_work() for _ in range(3))
     try:
-        disk.remove_left(tmp_path)
+        own_files.remove_left(tmp_path)
         assert killed.is_dir()
         assert held.is_dir()
         (has_old / "old").write_text("mine")
@@ -93,16 +93,16 @@ def test_what_a_killed_process_left_is_removed(
         for process in (one, last):
             process.kill()
             process.wait()
-    elsewhere = killed.with_name(killed.name.replace(disk._started(), "0" * 12))
+    elsewhere = killed.with_name(killed.name.replace(own_files._started(), "0" * 12))
     elsewhere.mkdir()
     try:
-        disk.remove_left(tmp_path)
+        own_files.remove_left(tmp_path)
         assert not copy.exists()
         assert sorted(tmp_path.iterdir()) == sorted([held, has_old, elsewhere])
         assert (held / "half").read_text() == "half"
-        monkeypatch.setattr(disk, "BOOT", tmp_path / "none")
+        monkeypatch.setattr(own_files, "BOOT", tmp_path / "none")
         with disk.scratch(tmp_path) as own:
-            disk.remove_left(tmp_path)
+            own_files.remove_left(tmp_path)
             assert own.is_dir()
         assert held.is_dir()
     finally:

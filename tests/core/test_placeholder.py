@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from kiriko.core import disk, placeholder
+from kiriko.core import own_files, placeholder
 from kiriko.core.errors import ImageError
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell it safely")
@@ -79,7 +79,7 @@ def test_elsewhere_a_place_is_free_when_it_was_not_touched_for_long(
     path = tmp_path / "frame.png"
     assert placeholder.claim(path)
     mark = mark_of(path)
-    mark.write_text(mark.read_text().replace(disk.PREFIX, f"{disk.PREFIX}0123456789ab"))
+    mark.write_text(mark.read_text().replace(own_files.PREFIX, f"{own_files.PREFIX}0123456789ab"))
     now = time.time()
     os.utime(mark, (now, now - placeholder.PATIENCE + 60))
     assert not placeholder.claim(path)
@@ -117,7 +117,7 @@ def test_what_is_whole_stays_where_its_mark_was_left(tmp_path: Path) -> None:
     assert placeholder.claim(path)
     path.write_text("whole")
     mark = mark_of(path)
-    mark.write_text(mark.read_text().replace(disk.PREFIX, f"{disk.PREFIX}0123456789ab"))
+    mark.write_text(mark.read_text().replace(own_files.PREFIX, f"{own_files.PREFIX}0123456789ab"))
     old = time.time() - placeholder.PATIENCE - 60
     os.utime(mark_of(path), (old, old))
     placeholder.remove_left(tmp_path)
@@ -129,7 +129,9 @@ def test_a_mark_of_work_goes_once_its_process_is_gone(tmp_path: Path) -> None:
     with placeholder.taking_part(tmp_path):
         (mark,) = tmp_path.iterdir()
         left = tmp_path / f"another{placeholder.AT_WORK}"
-        left.write_text(mark.read_text().replace(disk.PREFIX, f"{disk.PREFIX}0123456789ab"))
+        left.write_text(
+            mark.read_text().replace(own_files.PREFIX, f"{own_files.PREFIX}0123456789ab")
+        )
         old = time.time() - placeholder.PATIENCE - 60
         os.utime(left, (old, old))
         placeholder.remove_left(tmp_path)
