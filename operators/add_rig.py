@@ -13,6 +13,7 @@ from ..core.bench.squares import SEARCH
 from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.kept import Sentences
+from ..core.blender.look import has_own_faces
 from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
 from ..core.blender.rig_record import Record
 from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
@@ -399,7 +400,7 @@ def _on_materials(bench: Bench) -> list[str]:
             name=thing.name,
             ior=DEFAULT_IOR,
             remedy=Message("press Make It Glass")
-            if thing.data
+            if has_own_faces(bpy.context.scene, thing)
             else Message("give its objects glass"),
         )
         for thing in bench.opaque

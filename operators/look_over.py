@@ -13,8 +13,8 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.checklist import entries
-from ..core.blender.look import is_checked, look_at, mesh_faults
-from ..core.blender.to_do import Counts, Entry
+from ..core.blender.look import LookedMesh, is_checked, look_at, look_at_mesh
+from ..core.blender.to_do import Entry
 from ..core.blender.units import length_text
 from ..core.messages import Message
 from . import needed, telling, watch, windows, work
@@ -29,12 +29,12 @@ RESTING = 50.0  # times as long as a look took there is none at the same scene
 class Looked:
     """A scene that was looked at.
 
-    meshes : faults of objects by session uid; one that has changed is not among them
+    meshes : those of objects by session uid; one that has changed is not among them
     asked : has a panel asked since the last look?
     """
 
     entries: list[Entry] = field(default_factory=list)
-    meshes: dict[int, tuple[Counts, Counts]] = field(default_factory=dict)
+    meshes: dict[int, LookedMesh] = field(default_factory=dict)
     asked: bool = True
     rests_until: float = 0.0
     changed_at: float = 0.0
@@ -101,7 +101,7 @@ def _look_at_mesh(looked: Looked, context: bpy.types.Context) -> bool:
             if not by and thing.session_uid not in looked.meshes and is_checked(thing, layer):
                 started = perf_counter()
                 depsgraph = context.evaluated_depsgraph_get()
-                looked.meshes[thing.session_uid] = mesh_faults(thing, depsgraph)
+                looked.meshes[thing.session_uid] = look_at_mesh(thing, depsgraph)
                 looked.lasted = perf_counter() - started
                 return True
     return False

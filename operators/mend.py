@@ -162,6 +162,47 @@ def _merge(mesh: bpy.types.Mesh, distance: float) -> None:
     mesh.update()
 
 
+class KIRIKO_OT_fill_holes(MendsPart, bpy.types.Operator):
+    """Close the mesh with faces over its holes; the mouth of a vessel without walls is one, too"""
+
+    bl_idname = "kiriko.fill_holes"
+    bl_label = "Fill Holes"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        mesh = _mesh_of(thing)
+        n_before = faults_of(mesh).n_open
+        size = max((vertex.co.length for vertex in mesh.vertices), default=1.0)
+        shape = bmesh.new()
+        try:
+            shape.from_mesh(mesh)
+            _fill(shape, JOINED * size)
+            shape.to_mesh(mesh)
+        finally:
+            shape.free()
+        mesh.update()
+
+        n = faults_of(mesh).n_open
+        if n:
+            return Message(
+                "{n} of {all} open edges of '{mesh}' are closed; press Select for the others.",
+                n=n_before - n,
+                all=n_before,
+                mesh=mesh.name,
+            )
+        return Message("All holes of '{mesh}' are closed.", mesh=mesh.name)
+
+
+def _fill(shape: bmesh.types.BMesh, distance: float) -> None:
+    """Join vertices along open edges that are nearer than a distance, and fill the holes that are
+    left with faces that look, shade and shine as those around them.
+    """
+    ends = {vertex for edge in shape.edges if edge.is_boundary for vertex in edge.verts}
+    bmesh.ops.remove_doubles(shape, verts=list(ends), dist=distance)
+    holes = [edge for edge in shape.edges if edge.is_boundary]
+    made = bmesh.ops.holes_fill(shape, edges=holes, sides=0)["faces"]
+    bmesh.ops.face_attribute_fill(shape, faces=made, use_normals=True, use_data=True)
+
+
 class KIRIKO_OT_turn_out(MendsPart, bpy.types.Operator):
     """Turn all faces of the mesh round, so that they look out of the glass"""
 

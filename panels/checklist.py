@@ -47,11 +47,11 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
         found = look_over.found(context)
         for entry in found:
             draw_entry(layout, context, entry)
-        is_solved = context.scene.kiriko.result.source is not None
         if not found:
+            is_solved = context.scene.kiriko.result.source is not None
             sentence(layout, context, READY if is_solved else SOLVE, icon="CHECKMARK")
-        if not is_solved:  # the lattice of Add Rig is nobody's picture
-            layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
+        # the lattice of Add Rig is nobody's picture; it stays, for no button below is to move
+        layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
 
 
 def draw_entry(layout: bpy.types.UILayout, context: bpy.types.Context, entry: Entry) -> None:

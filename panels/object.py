@@ -5,7 +5,7 @@ import bpy
 from ..core.blender.bodies import bodiless
 from ..core.blender.chosen_product import display_product, glass_product, plate_product
 from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.look import evaluated
+from ..core.blender.look import has_own_faces, sides_of
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.result_images import images_of
@@ -146,7 +146,8 @@ def _draw_glass(
 ) -> None:
     """The index of a glass, and the trouble with its shape or its material."""
     ours = thing.kiriko
-    if thing.data is not None and min(evaluated(context.scene, thing).dimensions) == 0:
+    sides = sides_of(context.scene, thing)
+    if has_own_faces(context.scene, thing) and min(sides, default=1.0) == 0:
         text = Message(
             "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
         )

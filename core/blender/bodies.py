@@ -22,3 +22,9 @@ def bodiless(thing: bpy.types.Object) -> str:
         return "" if is_instance else EMPTY
 
     return SURFACELESS.get(thing.type, "")
+
+
+def shows_instances_alone(shown: bpy.types.Object) -> bool:
+    """Does an evaluated object show nothing but instances of others, by its nodes?"""
+    has_nodes = any(m.type == "NODES" and m.show_viewport for m in shown.modifiers)
+    return has_nodes and shown.type == "MESH" and not len(shown.data.polygons)

@@ -11,7 +11,15 @@ from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
 from ..words import percent
-from .checklist_parts import naming, on_hidden, on_missing, on_too_many, on_viewers, shown
+from .checklist_parts import (
+    naming,
+    on_hidden,
+    on_in_glass,
+    on_missing,
+    on_too_many,
+    on_viewers,
+    shown,
+)
 from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Thing
 
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
@@ -59,6 +67,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
         *on_viewers(look),
         *on_too_many(look),
         *on_hidden(look),
+        *on_in_glass(look),
         *(entry for thing in shown(look) for entry in _on_thing(thing)),
         *_on_result(look, length_text),
         *_on_size(look, length_text),
@@ -74,6 +83,15 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
         properties = naming(thing.named)
         button = Button("kiriko.make_glass", Message("Make It Glass"), properties, "MATSPHERE")
         yield Entry(text, PROBLEM, (button,))
+
+    if thing.n_indices > 1:
+        text = Message(
+            "'{name}' has {n} indices of refraction, and counts as of one: make a closed object"
+            " of each.",
+            name=name,
+            n=thing.n_indices,
+        )
+        yield Entry(text, PROBLEM, (_select_part(thing),))
 
     if thing.is_pictureless:
         button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
@@ -113,7 +131,12 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         text = Message(
             "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
         )
-        yield Entry(text, PROBLEM, _select(thing, "OPEN", own.n_open) or (_select_part(thing),))
+        buttons = _select(thing, "OPEN", own.n_open) or (_select_part(thing),)
+        if own.n_open:
+            properties = naming(thing.named)
+            fill = Button("kiriko.fill_holes", Message("Fill Holes"), properties, "SNAP_FACE")
+            buttons = (*buttons, fill)
+        yield Entry(text, PROBLEM, buttons)
 
     if n_cut:
         n = own.n_cut or n_cut

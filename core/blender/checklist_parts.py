@@ -140,3 +140,13 @@ def on_hidden(look: Look) -> Iterator[Entry]:
                 "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
             )
             yield Entry(text, ADVICE, (_show(thing),))
+
+
+def on_in_glass(look: Look) -> Iterator[Entry]:
+    """Objects within the glass that bend the light, too, as wine does, and are no part of the rig:
+    the source image would be that of the glass without them.
+    """
+    for named in look.in_glass[:MOST_OFFERED]:
+        name = named.name
+        text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
+        yield Entry(text, PROBLEM, (_use_as_glass(named),))

@@ -1,20 +1,22 @@
 """Looks at a scene for its checklist: cheap, but for the meshes, which are kept."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 
+from ..arrays import Floats
 from ..bench.helps import Help
 from ..errors import ImageError
 from ..messages import Message
-from .bodies import bodiless
+from .bodies import bodiless, shows_instances_alone
 from .cuts import cut_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
-from .material import refracts
+from .material import read_refraction, refracts
+from .mesh import column, used_slots
 from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
 from .result_images import images_of, lacks_numbers
@@ -22,16 +24,29 @@ from .rigs import active_rig, marked_key
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
 from .viewer import camera_at
+from .visibility import Shown
 
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
+BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
+
+
+class LookedMesh(NamedTuple):
+    """A mesh that was looked at: its faults as it is read and before modifiers, the sides (3,) of
+    its box in the object's own space, and the slots of its materials that are in use.
+    """
+
+    as_read: Counts
+    own: Counts
+    sides: tuple[float, ...] = ()
+    slots: tuple[int, ...] = ()
 
 
 def look_at(
     scene: bpy.types.Scene,
     found: Found,
     missing: Mapping[str, str],
-    meshes: Mapping[int, tuple[Counts, Counts]],
+    meshes: Mapping[int, LookedMesh],
     is_stale: bool = False,
 ) -> Look:
     """A scene as its checklist needs it.
@@ -40,7 +55,7 @@ def look_at(
     ----------
     found : objects by role, each with what hides it
     missing : phrases on roles that are not there
-    meshes : faults of objects by their session uid, as read and before modifiers
+    meshes : those of objects that were looked at, by session uid of the object
     is_stale : is the result that of another scene?
     """
     result = scene.kiriko.result
@@ -55,6 +70,7 @@ def look_at(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
+        in_glass=tuple(_in_glass(scene, found.get("GLASS", {}))),
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
@@ -110,23 +126,71 @@ def _thing(
     thing: bpy.types.Object,
     role: str,
     by: str,
-    faults: tuple[Counts, Counts] | None,
+    looked: LookedMesh | None,
 ) -> Thing:
-    sides = evaluated(scene, thing).dimensions
-    has_mesh = thing.data is not None and thing.type not in {"EMPTY", "META"}
+    sides = sides_of(scene, thing, looked)
+    has_mesh = has_own_faces(scene, thing)
+    is_glass = role == "GLASS" and not thing.kiriko.use_ior
     return Thing(
         named=Named(thing.name, "" if thing.library is None else thing.library.filepath),
         role=role,
         hidden_by=by,
-        width=max(sides) * length_of_unit(scene),
-        is_opaque=has_mesh and role == "GLASS" and not (thing.kiriko.use_ior or refracts(thing)),
+        width=max(sides, default=0.0) * length_of_unit(scene),
+        is_opaque=has_mesh and is_glass and not refracts(thing),
+        n_indices=_n_indices(thing, looked.slots) if is_glass and looked is not None else 0,
         has_no_scale=min(map(abs, thing.scale)) == 0,
-        is_flat=has_mesh and min(sides) == 0,
+        is_flat=has_mesh and min(sides, default=1.0) == 0,
         is_pictureless=_why_no_picture(scene, thing) if role == "PICTURE" else "",
-        faults=None if faults is None else faults[0],
-        own_faults=None if faults is None else faults[1],
+        faults=None if looked is None else looked.as_read,
+        own_faults=None if looked is None else looked.own,
         has_facets=thing.kiriko.surface == "FACETS",
     )
+
+
+def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Has an object a surface of its own, and not alone that of objects that it shows?"""
+    is_surface = thing.data is not None and thing.type not in {"EMPTY", "META"}
+    return is_surface and not shows_instances_alone(evaluated(scene, thing))
+
+
+def sides_of(
+    scene: bpy.types.Scene, thing: bpy.types.Object, looked: LookedMesh | None = None
+) -> tuple[float, ...]:
+    """The sides of an object's box, Blender units; () where they are not known yet."""
+    if thing.type not in BOXLESS:
+        return tuple(evaluated(scene, thing).dimensions)
+    if looked is None or not looked.sides:
+        return ()
+    return tuple(np.multiply(looked.sides, np.abs(thing.matrix_world.to_scale())).tolist())
+
+
+def _n_indices(thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
+    """How many indices of refraction have the materials in use?"""
+    slotted = thing.material_slots
+    used = {slotted[min(k, len(slotted) - 1)].material for k in slots} if slotted else ()
+    found = (read_refraction(material) for material in used)
+    return len({one.ior for one in found if one is not None})
+
+
+def _in_glass(scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str]) -> Iterator[Named]:
+    """Objects without a role that refract, and whose box reaches into that of a glass."""
+    boxes = [_box(scene, glass) for glass, by in glasses.items() if not by]
+    shown = Shown(scene, bpy.context.view_layer)
+    for thing in scene.objects if boxes else ():
+        if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
+            continue
+        low, high = _box(scene, thing)
+        is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
+        if is_in and refracts(thing) and not shown.hidden_by(thing):
+            yield Named(thing.name, "" if thing.library is None else thing.library.filepath)
+
+
+def _box(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Floats]:
+    """The lowest and the highest corner (3,) of an object's box in the world."""
+    shown = thing if thing.type in BOXLESS else evaluated(scene, thing)
+    matrix = np.array(shown.matrix_world)
+    corners = np.array(shown.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Object:
@@ -164,19 +228,23 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
     )
 
 
-def mesh_faults(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[Counts, Counts]:
-    """Faults of an object's mesh as it is read, and of the one before modifiers."""
+def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> LookedMesh:
+    """An object's mesh as it is read, and the faults of the one before modifiers."""
     is_glass = thing.kiriko.role == "GLASS"
     shown = thing.evaluated_get(depsgraph)
     try:
-        as_read = counts_of(shown.to_mesh(), is_glass)
+        mesh = shown.to_mesh()
+        as_read = counts_of(mesh, is_glass)
+        points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
+        sides = tuple(np.ptp(points, axis=0).tolist()) if len(points) else ()
+        slots = used_slots(mesh)
     finally:
         shown.to_mesh_clear()
     if thing.type != "MESH":
-        return as_read, Counts()
+        return LookedMesh(as_read, Counts(), sides, slots)
     if not any(m.show_viewport for m in thing.modifiers) and thing.data.shape_keys is None:
-        return as_read, as_read
-    return as_read, counts_of(thing.data, is_glass)
+        return LookedMesh(as_read, as_read, sides, slots)
+    return LookedMesh(as_read, counts_of(thing.data, is_glass), sides, slots)
 
 
 def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:

@@ -59,6 +59,7 @@ class Thing:
     width : m, the longest side of its box
     faults : of its mesh as it is read; None where not known yet, or of no interest
     own_faults : of its mesh before modifiers, which can be edited
+    n_indices : indices of refraction of the materials of glass; 0 where not known yet
     has_facets : are facets wanted of it, by its setting Surface?
     """
 
@@ -67,6 +68,7 @@ class Thing:
     hidden_by: str = ""
     width: float = 0.0
     is_opaque: bool = False
+    n_indices: int = 0
     has_no_scale: bool = False
     is_flat: bool = False
     is_pictureless: str = ""
@@ -88,6 +90,7 @@ class Look:
         with its name, '' where there was none
     are_viewers_off : all of the list?
     solids : objects without a role that may be glass, the active one first
+    in_glass : objects without a role that refract, and stand within the glass
     images : names of images that may be the picture
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
@@ -105,6 +108,7 @@ class Look:
     empty_seats: tuple[tuple[int, str], ...] = ()
     are_viewers_off: bool = False
     solids: tuple[Named, ...] = ()
+    in_glass: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)

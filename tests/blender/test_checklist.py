@@ -638,13 +638,13 @@ def test_a_mesh_is_looked_at_once(
     """While nothing changes panels and further looks have its faults from the first one."""
     look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
     glass = glass_of(primitive("icosphere", subdivisions=7, radius=SIDE / 2))
-    mesh_faults, looked_at = look_over.mesh_faults, []
+    look_at_mesh, looked_at = look_over.look_at_mesh, []
 
     def counted(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> object:
         looked_at.append(thing)
-        return mesh_faults(thing, depsgraph)
+        return look_at_mesh(thing, depsgraph)
 
-    monkeypatch.setattr(look_over, "mesh_faults", counted)
+    monkeypatch.setattr(look_over, "look_at_mesh", counted)
     look()
     assert looked_at.count(glass) == 1
     before = len(looked_at)

@@ -1,0 +1,240 @@
+"""Glass as artists bring it: text and curves, objects that nodes scatter, wine in a glass, two
+kinds of glass in one object, holes. The checklist tells no fault that is none, and those that are.
+"""
+
+import importlib
+from collections.abc import Callable
+from types import ModuleType
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+from panel_layout import Layout
+from small_rigs import SIDE, new_object, primitive, small_rig
+
+
+@pytest.fixture
+def look(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[[], list]:
+    """The entries of a whole look, with all meshes."""
+    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    return lambda: look_over.look_now(bpy.context)
+
+
+def told(entries: list) -> list[str]:
+    return [str(entry.text) for entry in entries]
+
+
+def press(entries: list, words: str, label: str) -> None:
+    """Press the button with this label of the one entry that has these words."""
+    (entry,) = (entry for entry in entries if words in entry.text)
+    (button,) = (one for one in entry.buttons if str(one.label) == label)
+    verb = getattr(bpy.ops.kiriko, button.operator.split(".")[1])
+    assert verb(**dict(button.properties)) == {"FINISHED"}
+
+
+def glass_material(name: str, ior: float) -> bpy.types.Material:
+    """A Principled material that refracts."""
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    inputs = material.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Transmission Weight"].default_value = 1.0
+    inputs["IOR"].default_value = ior
+    return material
+
+
+def letters(extrude: float) -> bpy.types.Object:
+    """A word, 0.1 m wide."""
+    text = bpy.data.curves.new("word", "FONT")
+    text.body, text.size, text.extrude = "Oo", 0.1, extrude
+    return new_object(text, "GLASS")
+
+
+def ring() -> bpy.types.Object:
+    """A bevelled circle, 84 mm wide."""
+    curve = bpy.data.curves.new("ring", "CURVE")
+    curve.dimensions, curve.bevel_depth = "3D", 0.012
+    spline = curve.splines.new("BEZIER")
+    spline.bezier_points.add(3)
+    spline.use_cyclic_u = True
+    for k, point in enumerate(spline.bezier_points):
+        point.co = (0.03 * np.cos(k * np.pi / 2), 0.03 * np.sin(k * np.pi / 2), 0.0)
+        point.handle_left_type = point.handle_right_type = "AUTO"
+    return new_object(curve, "GLASS")
+
+
+@pytest.mark.parametrize("is_undone", [False, True])
+@pytest.mark.parametrize("make", [lambda: letters(0.01), ring])
+def test_letters_and_curves_have_their_true_size(
+    look: Callable[[], list],
+    drawn: Callable[..., Layout],
+    make: Callable[[], bpy.types.Object],
+    is_undone: bool,
+) -> None:
+    """Blender's box of an evaluated curve has sides of 2 units, and that of a text no depth."""
+    thing = make()
+    thing.kiriko.use_ior = True
+    name = thing.name
+    if is_undone:
+        bpy.context.view_layer.update()
+        bpy.ops.ed.undo_push(message="Glass")
+        thing.location.x = 0.001
+        bpy.ops.ed.undo_push(message="Move")
+        bpy.ops.ed.undo()
+    texts = " ".join(told(look()))
+    assert "flat" not in texts
+    assert "measures" not in texts
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", bpy.data.objects[name], bpy.context.scene)
+    assert "flat" not in " ".join(shown.texts)
+
+
+def test_letters_without_depth_are_flat_and_large_ones_are_told(look: Callable[[], list]) -> None:
+    """The mesh of a text tells both."""
+    thing = letters(0.0)
+    thing.kiriko.use_ior = True
+    assert f"'{thing.name}' is flat, and glass has to have a thickness." in told(look())
+    thing.data.extrude, thing.scale = 0.01, (20.0, 20.0, 20.0)
+    texts = " ".join(told(look()))
+    assert "flat" not in texts
+    assert f"'{thing.name}' measures" in texts
+
+
+def scattered() -> bpy.types.Object:
+    """A flat grid without a material that shows a cube of glass at each vertex, and itself not."""
+    pearl = new_object(primitive("cube", size=0.2 * SIDE))
+    pearl.data.materials.append(glass_material("Pearl", 1.5))
+    pearl.location.x = 10.0
+    grid = new_object(primitive("grid", x_segments=1, y_segments=1, size=0.5 * SIDE), "GLASS")
+    tree = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    nodes = [
+        tree.nodes.new(kind)
+        for kind in (
+            "NodeGroupInput",
+            "NodeGroupOutput",
+            "GeometryNodeInstanceOnPoints",
+            "GeometryNodeObjectInfo",
+        )
+    ]
+    first, last, place, info = nodes
+    info.inputs["Object"].default_value = pearl
+    tree.links.new(first.outputs[0], place.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], place.inputs["Instance"])
+    tree.links.new(place.outputs[0], last.inputs[0])
+    grid.modifiers.new("scatter", "NODES").node_group = tree
+    return grid
+
+
+def test_objects_that_nodes_scatter_are_no_fault_of_the_one_they_are_scattered_on(
+    look: Callable[[], list], drawn: Callable[..., Layout]
+) -> None:
+    """The grid is flat and has no material, and is not seen: the cubes are."""
+    grid = scattered()
+    bpy.context.view_layer.update()
+    texts = " ".join(told(look()))
+    assert "flat" not in texts
+    assert "does not refract" not in texts
+    shown = " ".join(drawn("object", "VIEW3D_PT_kiriko_object", grid, bpy.context.scene).texts)
+    assert "flat" not in shown
+    assert "does not refract" not in shown
+    grid.modifiers[0].show_viewport = False  # then it is
+    bpy.context.view_layer.update()
+    texts = told(look())
+    assert f"'{grid.name}' is flat, and glass has to have a thickness." in texts
+    assert f"'{grid.name}' is no glass: its material does not refract." in texts
+
+
+def test_wine_in_a_glass_is_told_and_taken(look: Callable[[], list]) -> None:
+    """Without it the source image would be that of the empty glass; beside it, it is no matter."""
+    small_rig()
+    assert told(look()) == []
+    wine = new_object(primitive("icosphere", subdivisions=2, radius=0.2 * SIDE))
+    wine.name = "Wine"
+    bpy.context.view_layer.update()
+    assert told(look()) == []  # an opaque thing may be a stand
+    wine.data.materials.append(glass_material("Wine", 1.34))
+    sentence = "'Wine' refracts within the glass, and is no part of the rig."
+    assert told(look()) == [sentence]
+    wine.hide_render = True
+    assert told(look()) == []
+    wine.hide_render = False
+    wine.location.x = SIDE
+    bpy.context.view_layer.update()
+    assert told(look()) == []
+    wine.location.x = 0.6 * SIDE
+    bpy.context.view_layer.update()
+    press(look(), sentence, "Use 'Wine'")
+    assert wine.kiriko.role == "GLASS"
+    assert told(look()) == []
+
+
+def test_an_object_of_two_kinds_of_glass_is_told(look: Callable[[], list]) -> None:
+    """It counts as of one index, that of most of it: where all faces have one, none is told."""
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+    for name, ior in (("Crown", 1.5), ("Flint", 1.7)):
+        glass.data.materials.append(glass_material(name, ior))
+    assert told(look()) == []
+    glass.data.polygons[0].material_index = 1
+    glass.data.update_tag()
+    bpy.context.view_layer.update()
+    sentence = (
+        f"'{glass.name}' has 2 indices of refraction, and counts as of one: make a closed object"
+        " of each."
+    )
+    assert told(look()) == [sentence]
+    glass.material_slots[1].material = glass_material("Crown too", 1.5)
+    assert told(look()) == []
+    glass.material_slots[1].material = bpy.data.materials["Flint"]
+    assert told(look()) == [sentence]
+    glass.kiriko.use_ior = True
+    assert told(look()) == []
+
+
+@pytest.mark.parametrize("is_split", [False, True])
+def test_holes_are_filled_with_faces_that_look_out(
+    look: Callable[[], list], is_split: bool
+) -> None:
+    """Two holes, one of two squares; also where the squares share no vertices.
+
+    The volume, whose sign is that of the faces, is that of the cube.
+    """
+    glass = small_rig()["GLASS"]
+    shape = bmesh.new()
+    shape.from_mesh(glass.data)
+    bmesh.ops.subdivide_edges(shape, edges=shape.edges[:], cuts=4, use_grid_fill=True)
+    for face in shape.faces:
+        face.smooth, face.material_index = True, 0
+    by_height = sorted(shape.faces, key=lambda face: face.calc_center_median()[:])
+    first = by_height[0]
+    around = (face for edge in first.edges for face in edge.link_faces if face != first)
+    beside = next(face for face in around if face.normal.dot(first.normal) > 0.9)
+    bmesh.ops.delete(shape, geom=[first, beside, by_height[-1]], context="FACES_ONLY")
+    if is_split:
+        bmesh.ops.split_edges(shape, edges=[e for e in shape.edges if not e.is_boundary])
+    shape.to_mesh(glass.data)
+    shape.free()
+    glass.data.update_tag()
+    bpy.context.view_layer.update()
+    press(look(), "is not closed: 10 edges", "Fill Holes")
+    assert told(look()) == []
+    shape = bmesh.new()
+    shape.from_mesh(glass.data)
+    assert all(face.smooth for face in shape.faces)
+    assert len(shape.faces) in {6 * 25 - 1, 6 * 25}
+    bmesh.ops.remove_doubles(shape, verts=shape.verts[:], dist=1e-6)
+    assert shape.calc_volume(signed=True) == pytest.approx(SIDE**3, rel=1e-5)
+    shape.free()
+
+
+def test_open_picture_stays_where_it_is(drawn: Callable[..., Layout]) -> None:
+    """Solve stands below it, and is not to move away under the pointer as it is pressed."""
+    small_rig()
+    before = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    bpy.ops.kiriko.solve()
+    after = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    assert "kiriko.open_picture" in before.operators
+    assert "kiriko.open_picture" in after.operators
