@@ -98,6 +98,7 @@ class Live:
         self.kept = Kept()
         self._drop()
         self._key, self._may_keep = None, False
+        self.problem = ""  # of a scene that may be another now
         self.touch()
 
     def touch(self) -> None:

@@ -23,7 +23,7 @@ from .made_for_rig import (
 )
 from .rigs import RIG_MARK, active_rig, let_go, marked_key, rig_of, rigs, rigs_of
 from .viewer import camera_at
-from .viewer_list import bring_back, have_viewer, take_out
+from .viewer_list import bring_back, have_viewer, is_there, take_out
 from .viewer_render import remove_unused
 
 
@@ -182,7 +182,7 @@ def _put_viewers_back(
     """The viewer and the list as they were before; those who came since stay in it."""
     ours = scene.kiriko
     is_own = rig == active_rig(scene)
-    before = ours.viewer_before if is_own else None
+    before = ours.viewer_before if is_own and is_there(ours.viewer_before) else None
     is_first_gone = camera_at(scene, 0) in (None, *going)
     if scene.camera in going:
         scene.camera = None  # no viewer of what stays

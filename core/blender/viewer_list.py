@@ -103,7 +103,7 @@ def set_aside(scene: bpy.types.Scene) -> None:
 
 def bring_back(scene: bpy.types.Scene) -> None:
     """Have the list be as it was set aside, for the viewer that the scene has, and after it whoever
-    came into the list since.
+    came into the list since. Cameras that were deleted meanwhile have no entry.
     """
     ours = scene.kiriko
     if len(ours.viewers_before):
@@ -112,11 +112,20 @@ def bring_back(scene: bpy.types.Scene) -> None:
             known = [one.camera for one in listed]
             for name in ("weight", "is_on", "image"):
                 setattr(listed[0], name, getattr(first, name))
-            for n, one in enumerate([one for one in before if one.camera not in (None, *known)]):
+            others = [one for one in before if is_there(one.camera) and one.camera not in known]
+            for n, one in enumerate(others):
                 copy_settings(one, listed.add())
                 listed.move(len(listed) - 1, n + 1)
+            if listed[0].camera is None and len(listed) > 1:
+                listed.remove(0)
+                ours.viewer_shown = max(ours.viewer_shown - 1, 0)
     ours.viewers_before.clear()
     ours.property_unset("viewer_before")
+
+
+def is_there(camera: bpy.types.Object | None) -> bool:
+    """Is it in a scene, and not only in lists that hold it, as after deleting it?"""
+    return camera is not None and bool(camera.users_scene)
 
 
 def bring_back_by_itself(scene: bpy.types.Scene) -> None:

@@ -686,6 +686,23 @@ def test_undo_is_followed(live: ModuleType) -> None:
     assert not np.array_equal(shown(), before)
 
 
+def test_an_error_is_not_told_of_the_scene_that_undo_brings_back(live: ModuleType) -> None:
+    """Glass that was deleted is there again: until Live has read it there is nothing to tell."""
+    glass = small_rig()["GLASS"]
+    bpy.ops.kiriko.live()
+    settle(live)
+    bpy.ops.ed.undo_push(message="rig")
+    bpy.data.objects.remove(glass)
+    bpy.context.view_layer.update()
+    settle(live)
+    assert live.status()[1]
+    bpy.ops.ed.undo_push(message="delete")
+    bpy.ops.ed.undo()
+    assert live.status() == ("Live: updating.", False)
+    settle(live)
+    assert not live.status()[1]
+
+
 def test_undo_to_before_the_first_picture_is_followed(live: ModuleType) -> None:
     """Undo that takes the image away, while the rig stays as it is, leads to the same
     image again.

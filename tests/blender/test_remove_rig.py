@@ -499,6 +499,38 @@ def test_a_list_of_before_the_rig_is_back(
     assert viewers(scene) == (name, listed, shown)
 
 
+@pytest.mark.parametrize("is_held", [False, True])
+@pytest.mark.parametrize("gone", [("first",), ("second",), ("first", "second")])
+def test_viewers_of_before_that_were_deleted_leave_no_entries(
+    scene: bpy.types.Scene, gone: tuple[str, ...], is_held: bool
+) -> None:
+    """The next one is the viewer then. Blender holds an object that X deletes as long as a list
+    names it, in no scene.
+    """
+    cube()
+    cameras = {name: of_artist(name) for name in ("first", "second", "third")}
+    scene.kiriko.viewer = cameras["first"]
+    add_viewers(cameras["second"], cameras["third"])
+    for number, weight in enumerate((0.5, 2.0, 3.0)):
+        scene.kiriko.viewers[number].weight = weight
+    bpy.context.view_layer.objects.active = scene.objects["Cube"]
+    bpy.ops.kiriko.add_rig(**SMALL)
+    for name in gone:
+        if is_held:
+            scene.collection.objects.unlink(cameras[name])
+        else:
+            bpy.data.objects.remove(cameras[name])
+    bpy.ops.kiriko.remove_rig()
+    stay = [name for name in cameras if name not in gone]
+    weights = {"first": 0.5, "second": 2.0, "third": 3.0}
+    listed = [
+        (name if n else None, weights[name], True, None)
+        for n, name in enumerate(stay)
+        if len(stay) > 1
+    ]
+    assert viewers(scene)[:2] == (stay[0], listed)
+
+
 @pytest.mark.parametrize("first_gone", ["the first", "the second"])
 @pytest.mark.parametrize("choice", ["chosen", "scene's"])
 def test_a_list_of_before_two_rigs_is_back_whichever_goes_first(
