@@ -32,6 +32,11 @@ def on_missing(look: Look) -> Iterator[Entry]:
     """What is not there is made, all by Add Rig as long as there is no rig; a hidden part is
     shown.
     """
+    if look.has_rig and look.missing and not look.things:
+        button = Button("kiriko.remove_rig", Message("Remove Rig"), (), "TRASH")
+        yield Entry(Message("All parts of the rig are gone."), PROBLEM, (button,))
+        return
+
     roles = {thing.role for thing in look.things}
     is_new = not (look.has_rig or roles & set(SINGLE))
     for role, phrase in look.missing:

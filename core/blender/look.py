@@ -59,7 +59,8 @@ def look_at(
     is_stale : is the result that of another scene?
     """
     result = scene.kiriko.result
-    details = Numbers.read(result.details).by_name
+    is_solved = result.source is not None
+    details = Numbers.read(result.details).by_name if is_solved else {}
     helps = details.get("helps")
     things = [
         _thing(scene, thing, role, by, meshes.get(thing.session_uid))
@@ -77,7 +78,7 @@ def look_at(
         is_coarse=result.is_coarse,
         lacks_numbers=lacks_numbers(result),
         is_stale=is_stale,
-        is_solved=result.source is not None,
+        is_solved=is_solved,
     )
 
 

@@ -166,8 +166,10 @@ def test_wine_in_a_glass_is_told_and_taken(look: Callable[[], list]) -> None:
     assert told(look()) == []
     wine.location.x = 0.6 * SIDE
     bpy.context.view_layer.update()
+    assert bpy.context.scene.kiriko.result.summary
     press(look(), sentence, "Use 'Wine'")
     assert wine.kiriko.role == "GLASS"
+    assert bpy.context.scene.kiriko.result.summary == ""  # of the light without it
     assert told(look()) == []
 
 
@@ -238,3 +240,23 @@ def test_open_picture_stays_where_it_is(drawn: Callable[..., Layout]) -> None:
     after = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
     assert "kiriko.open_picture" in before.operators
     assert "kiriko.open_picture" in after.operators
+
+
+def test_a_rig_of_which_nothing_is_left_is_removed(look: Callable[[], list]) -> None:
+    """As after A and X: one line, and not one for each part, of which none can be made."""
+    small_rig()
+    bpy.ops.kiriko.solve()
+    for thing in list(bpy.context.scene.objects):
+        bpy.data.objects.remove(thing)
+    press(look(), "All parts of the rig are gone.", "Remove Rig")
+    assert "Kiriko Rig" not in bpy.data.collections
+
+
+def test_losses_of_an_image_that_is_gone_are_not_told(look: Callable[[], list]) -> None:
+    """Nor those that a deleted rig left behind."""
+    rig = small_rig()
+    rig["DISPLAY"].scale = (0.5, 0.5, 0.5)
+    bpy.ops.kiriko.solve()
+    assert any("missed the display" in text for text in told(look()))
+    bpy.data.images.remove(bpy.context.scene.kiriko.result.source)
+    assert told(look()) == []
