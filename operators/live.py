@@ -36,6 +36,8 @@ def status() -> tuple[str, bool]:
     live = _lives[0]
     if live.problem:
         return live.problem, True
+    if needed.sculpting(bpy.context):
+        return Message("Live: goes on as you leave sculpt mode."), False
     if live.is_working or not live.has_read:
         return Message("Live: updating."), False
     if live.seconds is None:  # what was there is that of the scene

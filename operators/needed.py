@@ -30,6 +30,7 @@ NO_MIRRORS = Message(
 )
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave edit mode first")
+LEAVE_SCULPT_MODE = Message("Leave sculpt mode first: Blender gives out no new shape before")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
 COMING = Message("This is a first, coarse source image: the final one follows.")
 NUMBERLESS = Message("The source image has no numbers yet: solve, or let Live finish")
@@ -175,6 +176,13 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
         lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
     return list(lacks.values())
+
+
+def sculpting(context: bpy.types.Context) -> list[str]:
+    """The reason why a part has not the shape it seems to have, as long as it is sculpted."""
+    thing = context.active_object
+    is_sculpted = thing is not None and thing.mode == "SCULPT" and thing.kiriko.role != "NONE"
+    return [LEAVE_SCULPT_MODE] if is_sculpted else []
 
 
 def no_plate(scene: bpy.types.Scene) -> list[str]:

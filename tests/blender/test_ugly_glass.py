@@ -252,6 +252,27 @@ def test_a_rig_of_which_nothing_is_left_is_removed(look: Callable[[], list]) -> 
     assert "Kiriko Rig" not in bpy.data.collections
 
 
+def test_sculpted_glass_is_waited_for(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """Blender's evaluated mesh is that of before until the mode is left: Solve is grey, and Live
+    tells not to be up to date. What is sculpted beside the rig is no matter.
+    """
+    glass = small_rig()["GLASS"]
+    other = new_object(primitive("cube", size=SIDE))
+    bpy.ops.kiriko.live()
+    live = kiriko.operators.live
+    try:
+        for thing, is_waited_for in ((other, False), (glass, True)):
+            bpy.context.view_layer.objects.active = thing
+            bpy.ops.object.mode_set(mode="SCULPT")
+            assert bpy.ops.kiriko.solve.poll() != is_waited_for
+            assert ("leave sculpt mode" in live.status()[0]) == is_waited_for
+            bpy.ops.object.mode_set(mode="OBJECT")
+            assert bpy.ops.kiriko.solve.poll()
+            assert "sculpt" not in live.status()[0]
+    finally:
+        live.stop()
+
+
 def test_losses_of_an_image_that_is_gone_are_not_told(look: Callable[[], list]) -> None:
     """Nor those that a deleted rig left behind."""
     rig = small_rig()
