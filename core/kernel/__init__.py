@@ -79,8 +79,8 @@ STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
 class Ways:
     """What n rays met at m events at the most.
 
-    places (m, n, 3) m; met (m, n) triangles, -1 after the last; left_at (n,), the
-    event at which a ray met nothing more, -1 where it ended otherwise
+    places (m, n, 3) m; met (m, n) triangles, by their numbers + 1, 0 after the last; left_at (n,),
+    the event at which a ray met nothing more, -1 where it ended otherwise
     """
 
     places: Floats
@@ -90,7 +90,8 @@ class Ways:
     @classmethod
     def none(cls, n: int, m: int) -> "Ways":
         """Ways of which nothing is known yet."""
-        return cls(np.empty((m, n, 3)), np.full((m, n), -1, np.int64), np.full(n, -1, np.int64))
+        # most rays meet few things, so that most of the zeros are never fetched
+        return cls(np.empty((m, n, 3)), np.zeros((m, n), np.int64), np.full(n, -1, np.int64))
 
 
 def can_follow(plan: "Plan", rays: "Rays", has_ways: bool) -> bool:

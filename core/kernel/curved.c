@@ -240,13 +240,22 @@ static bool search_around(Around *around, int64_t triangle) {
     return around->is_found;
 }
 
+static void fetch(const void *from, size_t size) {
+    for (size_t k = 0; k < size; k += LINE) __builtin_prefetch((const char *)from + k);
+}
+
+/* Ask for the memory of a face, which is to be met soon. */
+void fetch_face(const Curved *curved, int64_t k) {
+    fetch(curved->corners + 9 * k, sizeof(double) * 9);
+    if (curved->row[k] >= 0) fetch(curved->coefficients + 3 * N_TERMS * curved->row[k], sizeof(double) * 3 * N_TERMS);
+}
+
 /* Ask for the memory that tells by which normal a face refracts: it has come when the root is found. */
 static void fetch_normals(const Curved *curved, int64_t triangle) {
     if (!curved->normal_terms) return;
     int64_t row = curved->row[triangle], terms = curved->normal_row[row];
     if (terms < 0) return;
-    const char *at = (const char *)(curved->normal_terms + 3 * N_TERMS * terms);
-    for (size_t k = 0; k < sizeof(double) * 3 * N_TERMS; k += LINE) __builtin_prefetch(at + k);
+    fetch(curved->normal_terms + 3 * N_TERMS * terms, sizeof(double) * 3 * N_TERMS);
     for (int i = 0; i < 3; i++) __builtin_prefetch(curved->vertex_normal + 3 * curved->vertex[3 * row + i]);
 }
 

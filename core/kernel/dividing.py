@@ -14,17 +14,21 @@ from .loading import library, loaded, n_threads
 from .structures import DivisionStructure, Made
 
 LEAST_ROOM = 256  # shares
+GUESSED = 256  # cells at the least by which the shares of a lot are guessed
+ROOMIER = 1.05  # times as much room as the guess: where it runs short, one thread goes on
 
 
 class Divided(NamedTuple):
-    """Shares, as `shares.Shares` has them, and the number (n,) of the cell of each."""
+    """Shares, as `shares.Shares` has them, and the number (n,) of the cell of each, where it is
+    asked for.
+    """
 
     display_index: NDArray[np.integer]
     view_xy: Floats
     covariance: NDArray[np.float32]
     area: Floats
     display_area: Floats
-    number: NDArray[np.int64]
+    number: NDArray[np.int64] | None
 
 
 def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
@@ -40,6 +44,7 @@ def divided(
     lots: Sequence[tuple[Floats, Floats]],
     index_type: type[np.signedinteger],
     at_once: int,
+    is_numbered: bool = True,
 ) -> Iterator[tuple[int, Divided]]:
     """Shares of cells, no more than so many at once, and the number of the lot that they are of.
 
@@ -48,13 +53,14 @@ def divided(
     Parameters
     ----------
     lots : polygons on the viewer's image and on the display, as for `rasterise.parts_by_rows`
+    is_numbered : is the number of each share's cell asked for?
     """
     # side by side, as far as there is room
     made = [_lot_of(display_size, *cells) for cells in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
-    rooms = [min(4 * division.n_cells + LEAST_ROOM, at_once) for division in divisions]
+    rooms = [min(_guess(display_size, cells[1]) + LEAST_ROOM, at_once) for cells in lots]
     shares = [
-        _room_for(room, index_type, division)
+        _room_for(room, index_type, division, is_numbered)
         for room, division in zip(rooms, divisions, strict=True)
     ]
     kernel = loaded()
@@ -66,7 +72,7 @@ def divided(
             yield number, _first_of(shares[number], division.n)
         while division.cell < division.n_cells:
             room = min(2 * room, at_once)
-            shares[number] = _room_for(room, index_type, division)
+            shares[number] = _room_for(room, index_type, division, is_numbered)
             kernel.kiriko_divide(ctypes.addressof(division), 1, 1)
             if division.n:
                 yield number, _first_of(shares[number], division.n)
@@ -130,7 +136,24 @@ def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygo
     return made
 
 
-def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Structure) -> Divided:
+def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
+    """About how many shares polygons (n, k, 2) on the display make, by some of them.
+
+    One w wide and h high, of an area a, touches a + w + h + 1 pixels on average.
+    """
+    n = len(polygons)
+    some = polygons[:: 1 + n // GUESSED]
+    low, high = some.min(axis=1, initial=np.inf), some.max(axis=1, initial=-np.inf)
+    with np.errstate(invalid="ignore"):
+        width, height = (np.clip(high, 0, display_size) - np.clip(low, 0, display_size)).T
+        is_seen = ((high > 0) & (low < display_size)).all(axis=1)
+        touched = np.where(is_seen, (width + 1) * (height + 1), 0)
+    return int(ROOMIER * n * np.nan_to_num(touched).sum() / max(len(some), 1))
+
+
+def _room_for(
+    n: int, index_type: type[np.signedinteger], division: ctypes.Structure, is_numbered: bool
+) -> Divided:
     """Arrays for n shares, which a division puts down there, as long as these are kept."""
     shares = Divided(
         np.empty(n, index_type),
@@ -138,10 +161,10 @@ def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Struc
         np.empty((3, n), np.float32),
         np.empty(n),
         np.empty(n),
-        np.empty(n, np.int64),
+        np.empty(n, np.int64) if is_numbered else None,
     )
 
-    pixel, *others = (values.ctypes.data for values in shares)
+    pixel, *others = (None if values is None else values.ctypes.data for values in shares)
     division.pixel, division.wide_pixel = (None, pixel) if index_type is np.int64 else (pixel, None)
     division.view_xy, division.covariance, division.area, division.display_area, division.number = (
         others
@@ -153,9 +176,13 @@ def _room_for(n: int, index_type: type[np.signedinteger], division: ctypes.Struc
 
 def _first_of(shares: Divided, n: int) -> Divided:
     """The first n shares; copies, where most of the room is empty, so that it can be let go."""
-    first = shares._replace(
-        **{name: values[:n] for name, values in shares._asdict().items() if name != "covariance"}
-    )
-    first = first._replace(covariance=shares.covariance[:, :n])
-    in_one_piece = np.copy if 2 * n < len(shares.area) else np.ascontiguousarray
-    return Divided(*map(in_one_piece, first))
+    is_empty = 2 * n < len(shares.area)
+
+    def first(values: NDArray | None) -> NDArray | None:
+        """Those along the last axis, but for places, which are rows."""
+        if values is None:
+            return None
+        some = values[:n] if values is shares.view_xy else values[..., :n]
+        return some.copy() if is_empty else some
+
+    return Divided(*map(first, shares))

@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 7 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 8 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define MOST_BUNDLED 32     /* rays */
@@ -142,7 +142,7 @@ typedef struct {
     uint8_t *is_astray, *has_ended;
     int64_t n_rays, n_steps;           /* n; 0 where no way is written down */
     double *places;                    /* (n_steps, n, 3): of most ways only the first steps are ever touched */
-    int64_t *met;                      /* (n_steps, n) triangles */
+    int64_t *met;                      /* (n_steps, n) triangles, by their numbers + 1; 0 for none */
     int64_t *left_at;                  /* (n,) event at which nothing more was met, -1 where the ray ended otherwise */
     uint8_t *is_reached;               /* (n_aside,) */
 } Rays;
@@ -166,7 +166,7 @@ typedef struct {
     double *view_xy;                   /* (room, 2) */
     float *covariance;                 /* (3, room) */
     double *area, *display_area;
-    int64_t *number;                   /* of the cell */
+    int64_t *number;                   /* of the cell, or NULL */
 } Division;
 
 /* Shares that are painted from a flat picture, as source_image.py has them, and the way to it, as picture.py has it. */
@@ -174,7 +174,8 @@ typedef struct {
     const int32_t *pixel;              /* (n,) of the display, NULL where it takes */
     const int64_t *wide_pixel;
     const double *view_xy;             /* (n, 2) */
-    const float *covariance;           /* (3, n) */
+    const float *covariance;           /* (3, n), its rows `apart` numbers apart */
+    int64_t apart;
     const double *area, *throughput;   /* (n,), throughput or NULL */
     int64_t n;
     double matrix[9];                  /* from viewer px to the picture's UV */
@@ -269,6 +270,7 @@ static inline void slab(const double *low, const double *high, const double *o, 
 }
 
 /* curved.c */
+void fetch_face(const Curved *curved, int64_t k);
 void tangents(const double *d, double axes[2][3]);
 bool is_in_box(const Curved *curved, int64_t k, const double *o, const double axes[2][3]);
 bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, const double *o, const double *d,

@@ -114,10 +114,22 @@ static void search_faces(Search *search, double slack, double far) {
 /* A ray, and what it meets first of a hull: where on the triangle, and the triangle's normal, twice its area long. */
 typedef struct {
     const Hull *hull;
+    const Layer *layer; /* with faces behind it; NULL where these are not asked */
     const double *o, *d;
-    double u, v, along, normal[3];
+    bool is_outside; /* of the glass, so that it may only come out of the hull */
+    double gone;     /* on its way before o */
+    double u, v, normal[3];
     int32_t position;
 } Shot;
+
+/* Does a triangle of the hull, in front of a ray, tell that the ray only comes out there, having left the faces just
+   behind it? */
+static bool only_leaves_hull(const Shot *shot, int32_t position, const double *normal, double along, double t) {
+    if (!(along > 0)) return false;
+    double area = sqrt(dot(normal, normal)), far = shot->gone + t;
+    bool is_steep = along > STEEP * area, is_near = far * far < NEAR * NEAR * area;
+    return is_steep && is_near && shot->hull->tree.items[position] >= shot->hull->n_whole;
+}
 
 static void visit_hull(void *context, int32_t position, double *far) {
     Shot *shot = context;
@@ -133,12 +145,18 @@ static void visit_hull(void *context, int32_t position, double *far) {
     cross(away, shot->d, across);
     double t = dot(away, normal) * inverse, u = dot(e2, across) * inverse, v = -dot(e1, across) * inverse;
     if (!(t > 0 && t < *far && is_within(u, v, HULL_SLACK))) return;
+    if (shot->is_outside && only_leaves_hull(shot, position, normal, -slope, t)) return;
     *far = t;
     shot->position = position;
     shot->u = u;
     shot->v = v;
-    shot->along = -slope;
     copy(normal, shot->normal);
+    if (!shot->layer) return;
+    /* ask for the memory of the face behind it: it has come when the tree is done */
+    int64_t k = shot->hull->owner[position], part = shot->hull->tree.items[position] - shot->hull->n_whole;
+    if (part >= 0) __builtin_prefetch(shot->hull->places + 6 * part);
+    __builtin_prefetch(shot->layer->numbers + k);
+    fetch_face(shot->layer->curved, k);
 }
 
 /* Many rays, and what they meet. */
@@ -178,13 +196,6 @@ KIRIKO_API void kiriko_shoot(const Hull *hull, const float *origins, const float
     share_out(shoot_some, &shots, n, SHOTS_EACH_TURN, n_threads > 1 ? n_threads : 1);
 }
 
-/* Does what was found tell that a ray only comes out of the hull, having left the faces just behind it? */
-static bool only_leaves_hull(const Shot *shot, double far, bool is_whole, bool leaves) {
-    double area = sqrt(dot(shot->normal, shot->normal));
-    bool is_steep = shot->along > STEEP * area, is_near = far * far < NEAR * NEAR * area;
-    return !leaves && is_steep && is_near && !is_whole;
-}
-
 /* Follow a ray from one triangle of the hull to the next until there is a true hit. Returns whether it must have met
    something else. */
 static bool ask_hull(Search *search, double enter, bool is_inside) {
@@ -198,34 +209,34 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
     for (int asked = 0; asked < MOST_ASKED; asked++) {
         double from[3], far = INFINITY;
         for (int j = 0; j < 3; j++) from[j] = (o[j] + start * d[j] - layer->centre[j]) / radius;
-        Shot shot = {.hull = hull, .o = from, .d = d, .position = -1};
+        Shot shot = {.hull = hull, .layer = layer, .o = from, .d = d, .position = -1};
+        shot.is_outside = search->leaves && !*search->leaves;
+        shot.gone = start / radius;
         visit_tree(&hull->tree, from, d, &far, visit_hull, &shot);
         if (shot.position < 0) return is_lost || is_inside;
         double at = start + far * radius;
         int32_t asked_for = hull->tree.items[shot.position];
-        bool is_whole = asked_for < hull->n_whole;
-        if (!search->leaves || !only_leaves_hull(&shot, at / radius, is_whole, *search->leaves)) {
-            int64_t k = hull->owner[shot.position];
-            Hit found;
-            bool is_met, is_wrong = false;
-            if (curved->row[k] < 0) {
-                is_met = meet_plane(search, layer->frames + 12 * k, k, -INFINITY, INFINITY, &found);
-            } else {
-                double u = shot.u, v = shot.v;
-                if (!is_whole) {
-                    const float *at_corner = hull->places + 6 * (asked_for - hull->n_whole);
-                    double w = 1 - shot.u - shot.v;
-                    u = w * at_corner[0] + shot.u * at_corner[2] + shot.v * at_corner[4];
-                    v = w * at_corner[1] + shot.u * at_corner[3] + shot.v * at_corner[5];
-                }
-                is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
+        int64_t k = hull->owner[shot.position];
+        __builtin_prefetch(search->sides->plan->patch + layer->numbers[k]);
+        Hit found;
+        bool is_met, is_wrong = false;
+        if (curved->row[k] < 0) {
+            is_met = meet_plane(search, layer->frames + 12 * k, k, -INFINITY, INFINITY, &found);
+        } else {
+            double u = shot.u, v = shot.v;
+            if (asked_for >= hull->n_whole) {
+                const float *at_corner = hull->places + 6 * (asked_for - hull->n_whole);
+                double w = 1 - shot.u - shot.v;
+                u = w * at_corner[0] + shot.u * at_corner[2] + shot.v * at_corner[4];
+                v = w * at_corner[1] + shot.u * at_corner[3] + shot.v * at_corner[5];
             }
-            if (is_met && accept(search, &found, &is_wrong)) {
-                *search->hit = found;
-                return is_lost;
-            }
-            is_lost |= is_wrong;
+            is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
         }
+        if (is_met && accept(search, &found, &is_wrong)) {
+            *search->hit = found;
+            return is_lost;
+        }
+        is_lost |= is_wrong;
         start = (at > start ? at : start) + step;
         step *= 2;
     }

@@ -16,11 +16,18 @@
 /* The four numbers of a pixel, which lie anywhere in memory. */
 typedef float Colour __attribute__((vector_size(16), aligned(4), may_alias));
 
-/* A picture's sizes, and how many pixels of each there are for one of the picture. */
+/* How places lie on a level: how many of its pixels there are for one of the picture, the last of them, and the last
+   that has another beside or below it. */
+typedef struct {
+    double scale[2], most[2];
+    int32_t last[2];
+} Grid;
+
+/* A picture's sizes. */
 typedef struct {
     const Level *levels;
     int64_t n_levels;
-    double scale[MOST_LEVELS][2];
+    Grid grids[MOST_LEVELS];
 } Reader;
 
 /* Where a share lies on the picture, two sides of it, each as long as its standard deviation, and what it weighs. */
@@ -53,7 +60,7 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     double by_y[2] = {(m[1] - u * m[7]) * x_scale, (m[4] - v * m[7]) * y_scale};
 
     /* the triangular root of the covariance; where rounding is as large as xx it begins with y */
-    double xx = s->covariance[i], xy = s->covariance[s->n + i], yy = s->covariance[2 * s->n + i];
+    double xx = s->covariance[i], xy = s->covariance[s->apart + i], yy = s->covariance[2 * s->apart + i];
     bool is_upright = xx < UPRIGHT * yy;
     double near = is_upright ? yy : xx, far = is_upright ? xx : yy;
     const double *by_near = is_upright ? by_y : by_x, *by_far = is_upright ? by_x : by_y;
@@ -87,19 +94,18 @@ typedef struct {
 } Taps;
 
 /* Read, times weight, one level: centres of pixels at + 0.5, edges extended. */
-static void read_level(const Reader *reader, int64_t k, const double *at, double weight, Taps *taps) {
-    const Level *level = reader->levels + k;
-    int64_t w = level->width, h = level->height;
-    double x = clip(at[0] * reader->scale[k][0] - 0.5, 0, (double)(w - 1));
-    double y = clip(at[1] * reader->scale[k][1] - 0.5, 0, (double)(h - 1));
-    int64_t column = (int64_t)x, row = (int64_t)y;
-    if (column > 0 && column > w - 2) column = w - 2;
-    if (row > 0 && row > h - 2) row = h - 2;
+static inline void read_level(const Reader *reader, int64_t k, double x, double y, double weight, Taps *taps) {
+    const Grid *grid = reader->grids + k;
+    x = clip(x * grid->scale[0] - 0.5, 0, grid->most[0]);
+    y = clip(y * grid->scale[1] - 0.5, 0, grid->most[1]);
+    int32_t column = (int32_t)x, row = (int32_t)y;
+    column = column > grid->last[0] ? grid->last[0] : column;
+    row = row > grid->last[1] ? grid->last[1] : row;
     x -= (double)column;
     double lower = weight * (y - (double)row), upper = weight - lower;
     double upper_right = upper * x, lower_right = lower * x;
-    taps->tap[taps->n++] = (Tap){.row = (int32_t)row,
-                                 .column = (int32_t)column,
+    taps->tap[taps->n++] = (Tap){.row = row,
+                                 .column = column,
                                  .level = (int32_t)k,
                                  .weight = {(float)(upper - upper_right), (float)upper_right,
                                             (float)(lower - lower_right), (float)lower_right}};
@@ -122,39 +128,47 @@ static Mix find_mix(const Reader *reader, double variance) {
 /* Read, times weight, at a place. */
 static inline void read_place(const Reader *reader, Mix mix, double x, double y, double weight, Taps *taps) {
     double of_upper = weight * mix.upper_part, of_lower = weight - of_upper;
-    const double at[2] = {x, y};
-    if (of_lower > 0) read_level(reader, mix.lower, at, of_lower, taps);
-    if (of_upper > 0) read_level(reader, mix.lower + 1, at, of_upper, taps);
+    if (of_lower > 0) read_level(reader, mix.lower, x, y, of_lower, taps);
+    if (of_upper > 0) read_level(reader, mix.lower + 1, x, y, of_upper, taps);
 }
 
 /* How a share is read along a side: at how many places, as parts of the side from its middle. */
 typedef struct {
     int n;
-    double step[MOST_READS];
+    const double *step; /* the same for all sides that are read at one place, or at two far apart; else its own */
+    double own[MOST_READS];
 } Side;
 
-static Side find_side(double length, const Strokes *strokes) {
-    if (length < WELL_BELOW * POINT_SIDE) return (Side){1, {0}};
-    if (length * WELL_BELOW > 2 * POINT_SIDE && length < WELL_BELOW * 2 * strokes->side) return (Side){2, {-1, 1}};
-    double two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
+static const double ONE[1] = {0}, TWO[2] = {-1, 1};
+
+static inline double squared(double number) { return number * number; }
+
+/* By the square of its length, for most sides need no root. */
+static inline void find_side(double square, const Strokes *strokes, Side *side) {
+    side->n = 1;
+    side->step = ONE;
+    if (square < squared(WELL_BELOW * POINT_SIDE)) return;
+    side->n = 2;
+    side->step = TWO;
+    if (square > squared(2 * POINT_SIDE / WELL_BELOW) && square < squared(WELL_BELOW * 2 * strokes->side)) return;
+    double length = sqrt(square), two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
     double four = clip((relative - 2) / APART, 0, 1);
     double eight = strokes->most_reads > 4 ? clip((relative / 2 - 2) / APART, 0, 1) : 0;
-    Side side;
-    side.n = eight > 0 ? 8 : four > 0 ? 4 : two > 0 ? 2 : 1;
+    side->n = eight > 0 ? 8 : four > 0 ? 4 : two > 0 ? 2 : 1;
+    side->step = side->own;
     double far = two < 1 || four > 0 ? sqrt(two / (1 + four * four / 4 + eight * eight / 16)) : 1;
     const double steps[3] = {far, four * far / 2, eight * far / 4};
-    for (int k = 0; k < side.n; k++) {
-        side.step[k] = 0;
-        for (int i = 0, half = side.n / 2; half > 0; i++, half /= 2) side.step[k] += k & half ? steps[i] : -steps[i];
+    for (int k = 0; k < side->n; k++) {
+        side->own[k] = 0;
+        for (int i = 0, half = side->n / 2; half > 0; i++, half /= 2) side->own[k] += k & half ? steps[i] : -steps[i];
     }
-    return side;
 }
 
 /* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
-   shorter, so that the places have the rest. */
-static double leave_to_levels(double *first, double *second, double shorter, const Strokes *strokes) {
-    if (shorter < WELL_BELOW * strokes->side * (double)strokes->most_reads) return 0;
-    double each = shorter / (double)strokes->most_reads, left = (each * each - strokes->side * strokes->side) / 12;
+   shorter, so that the places have the rest. `square`: of the shorter one's length. */
+static double leave_to_levels(double *first, double *second, double square, const Strokes *strokes) {
+    if (square < squared(WELL_BELOW * strokes->side * (double)strokes->most_reads)) return 0;
+    double each = sqrt(square) / (double)strokes->most_reads, left = (each * each - strokes->side * strokes->side) / 12;
     if (!(left > 0)) return 0;
     double of_first = first[0] * first[0] + first[1] * first[1], of_second = second[0] * second[0] + second[1] * second[1];
     double area = first[0] * second[1] - first[1] * second[0], both = of_first + of_second;
@@ -174,9 +188,11 @@ static double leave_to_levels(double *first, double *second, double shorter, con
 /* Read a share at as many places as its sides need. */
 static void read_share(const Strokes *strokes, const Reader *reader, const Footprint *f, Taps *taps) {
     double first[2] = {f->first[0], f->first[1]}, second[2] = {f->second[0], f->second[1]};
-    double length = sqrt(12 * (first[0] * first[0] + first[1] * first[1]));
-    double width = sqrt(12 * (second[0] * second[0] + second[1] * second[1]));
-    Side along = find_side(length, strokes), across = find_side(width, strokes);
+    double length = 12 * (first[0] * first[0] + first[1] * first[1]); /* both squared */
+    double width = 12 * (second[0] * second[0] + second[1] * second[1]);
+    Side along, across;
+    find_side(length, strokes, &along);
+    find_side(width, strokes, &across);
     Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width, strokes));
     double weight = f->weight / (along.n * across.n);
     for (int i = 0; i < along.n; i++) {
@@ -250,8 +266,12 @@ static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, in
     reader->levels = levels;
     reader->n_levels = n_levels < MOST_LEVELS ? n_levels : MOST_LEVELS;
     for (int64_t k = 0; k < reader->n_levels; k++) {
-        reader->scale[k][0] = (double)levels[k].width / canvas->strokes->size[0];
-        reader->scale[k][1] = (double)levels[k].height / canvas->strokes->size[1];
+        const int64_t size[2] = {levels[k].width, levels[k].height};
+        for (int a = 0; a < 2; a++) {
+            reader->grids[k].scale[a] = (double)size[a] / canvas->strokes->size[a];
+            reader->grids[k].most[a] = (double)(size[a] - 1);
+            reader->grids[k].last[a] = size[a] > 1 ? (int32_t)(size[a] - 2) : 0;
+        }
     }
     if (n_threads < 1) n_threads = 1;
     int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;

@@ -55,11 +55,17 @@ class FlatStrokes:
             np.int64 if is_wide else np.int32,
         )
         made.point("view_xy", shares.view_xy, float)
-        made.point("covariance", shares.covariance, np.float32)
+        # rows may lie apart, as where there was room for more
+        covariance = np.asarray(shares.covariance, np.float32)
+        if covariance.strides[1] != covariance.itemsize:
+            covariance = np.ascontiguousarray(covariance)
+        made.keep(covariance)
         made.point("area", shares.area, float)
         made.point("throughput", shares.throughput, float)
         made.set(
             n=len(shares),
+            covariance=covariance.ctypes.data,
+            apart=covariance.strides[0] // covariance.itemsize,
             matrix=way.matrix,
             low=way.low,
             high=way.high,

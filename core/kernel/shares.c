@@ -26,9 +26,9 @@ typedef struct {
     double inverse[8], forward[8]; /* from the display to s, t in the cell, from there to u, v */
 } Crossing;
 
-/* What of an edge lies in a row, and its dy/dx. */
+/* What of an edge lies in a row. */
 typedef struct {
-    double xa, ya, xb, yb, slope;
+    double xa, ya, xb, yb;
 } Edge;
 
 /* Sums over the edges in a pixel: how far they go down, with moments of y, and the area on their left, with moments. */
@@ -107,7 +107,7 @@ static void put_share(Division *d, int64_t pixel, const double *place, const dou
     for (int i = 0; i < 3; i++) d->covariance[i * d->room + n] = to_float(covariance[i]);
     d->area[n] = area;
     d->display_area[n] = display_area;
-    d->number[n] = d->cell;
+    if (d->number) d->number[n] = d->cell;
 }
 
 static bool is_seen(const Division *d, const Cell *cell) {
@@ -257,7 +257,6 @@ static int find_edges(const Crossing *c, int64_t row, Edge *edges, double *first
         edge->xb = (c->x[j] + off[j] * c->slope[i] + 4) - 4;
         edge->ya = inside[i];
         edge->yb = inside[j];
-        edge->slope = (edge->yb - edge->ya) / (edge->xb - edge->xa + (edge->xa == edge->xb));
         double left = edge->xa < edge->xb ? edge->xa : edge->xb, right = edge->xa < edge->xb ? edge->xb : edge->xa;
         if (left < low) low = left;
         if (right > high) high = right;
@@ -284,8 +283,13 @@ static inline void add_piece(Sums *sums, double xa, double ya, double xb, double
 
 /* Add an edge to n pixels from a column on: left of them it counts as on their border, on their right it adds nothing. */
 static void add_edge(const Edge *edge, double column, int64_t n, Sums *sums) {
-    double xa = edge->xa - column, xb = edge->xb - column, ya = edge->ya, yb = edge->yb, slope = edge->slope;
-    double low = xa < xb ? xa : xb, high = xa < xb ? xb : xa;
+    double xa = edge->xa - column, xb = edge->xb - column, ya = edge->ya, yb = edge->yb;
+    double low = xa < xb ? xa : xb, high = xa < xb ? xb : xa, first = (double)(int64_t)low;
+    if (low >= 0 && high <= first + 1 && low < (double)n) { /* in one pixel */
+        add_piece(sums + (int64_t)low, xa - first, ya, xb - first, yb);
+        return;
+    }
+    double slope = (yb - ya) / (edge->xb - edge->xa + (edge->xa == edge->xb));
     if (low < 0) {
         double from = xa > 0 ? ya - xa * slope : ya, to = xb > 0 ? yb - xb * slope : yb;
         add_piece(sums, 0, from, 0, to);

@@ -381,7 +381,7 @@ static void follow_one(Ray *ray) {
         leave_gaps(ray, &hit);
         if (event < rays->n_steps) {
             copy(at, rays->places + 3 * (event * rays->n_rays + i));
-            rays->met[event * rays->n_rays + i] = hit.triangle;
+            rays->met[event * rays->n_rays + i] = hit.triangle + 1;
         }
         int64_t part = hit.part;
         Kind kind = (Kind)plan->kind[part];

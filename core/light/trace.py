@@ -127,12 +127,12 @@ def _following(plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pause
 def _steps_of(plan: Plan, rays: Rays, ways: kernel.Ways) -> Iterator[Step]:
     """The rays at each event, from their ways."""
     for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
-        some = np.flatnonzero(met >= 0)
+        some = np.flatnonzero(met)
         left = np.flatnonzero(ways.left_at == event)
         if not len(some) + len(left):
             return
 
-        triangle = met[some]
+        triangle = met[some] - 1
         yield Step(
             rays=some,
             place=taken(places, some),

@@ -190,7 +190,10 @@ def divided(
     """
     cells = [lot[:2] for lot in lots]
     if all(kernel.can_divide(*of_lot) for of_lot in cells):
-        parts = kernel.divided(display_size, cells, index_type(display_size), SHARES_AT_ONCE)
+        is_numbered = any(values is not None for lot in lots for values in lot[2:])
+        parts = kernel.divided(
+            display_size, cells, index_type(display_size), SHARES_AT_ONCE, is_numbered
+        )
     else:
         parts = (
             (n, part)
