@@ -42,6 +42,14 @@ def mean_at(values: Floats, corners: Ints) -> Floats:
     return sum(taken(values, corner) for corner in corners.T) / corners.shape[1]
 
 
+def in_blocks(image: NDArray, side: int) -> NDArray:
+    """An image (h, w) with each pixel so many times along both axes; `repeat` goes one by one."""
+    h, w = image.shape
+    blocks = np.empty((h, side, w, side), image.dtype)
+    blocks[:] = image[:, None, :, None]
+    return blocks.reshape(h * side, w * side)
+
+
 def each_once(numbers: Ints) -> tuple[Ints, Ints]:
     """Different numbers (u,), none below 0 or much above how many there are, sorted, and the place
     among them of each, as `np.unique` finds them by sorting.

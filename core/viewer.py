@@ -79,20 +79,20 @@ class Viewer(Part):
 
     def plane_from_pixels(self, xy: ArrayLike) -> Floats:
         """Window coordinates (n, 2) of viewer pixels (n, 2)."""
+        return np.stack(self._on_plane(xy), axis=1)
+
+    def _on_plane(self, xy: ArrayLike) -> tuple[Floats, Floats]:
+        """The same, column by column: numpy is slow where rows are short."""
         left, right, bottom, top = self.window
-        xy = np.asarray(xy, float)
-        return np.stack(
-            [
-                left + (right - left) * (xy[:, 0] / self.width),
-                top + (bottom - top) * (xy[:, 1] / self.height),
-            ],
-            axis=1,
+        x, y = np.asarray(xy, float).T
+        return (
+            left + (right - left) * (x / self.width),
+            top + (bottom - top) * (y / self.height),
         )
 
     def rays(self, xy: ArrayLike) -> tuple[Floats, Floats]:
         """Origins and unit directions (n, 3) of the rays through viewer pixels xy (n, 2)."""
-        # column by column: numpy is slow where rows are three numbers long
-        u, v = self.plane_from_pixels(xy).T
+        u, v = self._on_plane(xy)
         right, up, forward = self.axes
         across = [u * right[k] + v * up[k] for k in range(3)]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ..arrays import Bools, Floats, in_blocks
 from ..glass.meshes import interpolate
 from ..light.hits import Hits
 from ..light.ray_engine import Layer
@@ -124,8 +124,7 @@ def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
     is_within = (away > reach).all(axis=0)
     is_beyond = (away < -reach).any(axis=0)
     of_block = np.where(is_within, 1.0, np.where(is_beyond, 0.0, np.nan))
-    of_pixel = of_block.repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)
-    return np.ascontiguousarray(of_pixel[:height, :width])
+    return np.ascontiguousarray(in_blocks(of_block, BLOCK_PX)[:height, :width])
 
 
 def why_unseen(place: PicturePlace, viewer: Viewer) -> str:

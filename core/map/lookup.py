@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, each_value, mean_at
+from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at
 from . import interpolation
 from .interpolation import PARTS, bilinear
 from .points import in_triangles, is_in_image
@@ -159,7 +159,7 @@ def filled(
         )
         image[row, column] = value
 
-    return image.repeat(PARTS, axis=0).repeat(PARTS, axis=1)[:h, :w]
+    return in_blocks(image, PARTS)[:h, :w]
 
 
 def in_quarters(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -82,7 +83,7 @@ class RaysAhead:
 
     @property
     def is_guessed(self) -> bool:
-        return bool(np.isfinite(self.to_come.every))
+        return isfinite(self.to_come.every)
 
     @property
     def expected(self) -> float:

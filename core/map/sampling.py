@@ -109,7 +109,9 @@ class Sampling:
         while len(todo) or len(checking):
             # nodes that were not traced, and checks of squares that were found smooth before
             column, row = todo.nodes()
-            missing = np.unique((row * self.number.shape[1] + column)[self.number[row, column] < 0])
+            is_asked = np.zeros(self.number.size, bool)  # np.unique would sort them
+            is_asked[row * self.number.shape[1] + column] = True
+            missing = np.flatnonzero(is_asked & (self.number.ravel() < 0))
             nodes = np.stack(
                 [missing % self.number.shape[1], missing // self.number.shape[1]], axis=1
             ).astype(float)
@@ -181,9 +183,10 @@ class Sampling:
         expected = interpolation.expected_error(xy[is_smooth])
         is_smooth[is_smooth] = (expected <= self.allowed) | (squares.size[is_smooth] == PARTS)
 
-        met = self.paths.met[nodes]
         # lost in different ways: something between may be seen
-        is_dark &= (met == met[:, :1]).all(axis=(1, 2)) | (squares.size <= REFINEMENT.dark_side_px)
+        large = np.flatnonzero(is_dark & (squares.size > REFINEMENT.dark_side_px))
+        met = self.paths.met[nodes[large]]
+        is_dark[large] = (met == met[:, :1]).all(axis=(1, 2))
 
         # nothing is settled where something passes by
         settled = np.flatnonzero(is_smooth | is_dark | is_aside)

@@ -78,9 +78,12 @@ def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Boo
     is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(
         axis=1
     ) & ~is_lost.all(axis=1)
-    low, high = bounds_of(np.where(is_lost[..., None], np.nan, xy))
-
-    chosen = np.flatnonzero(is_single & ((low > display_size) | (high < 0)).any(axis=1))
+    # the one in the middle, where it lands, tells of most that they are not
+    one = xy.shape[1] // 2
+    is_beyond = ((xy[:, one] > display_size) | (xy[:, one] < 0)).any(axis=1)
+    chosen = np.flatnonzero(is_single & (is_lost[:, one] | is_beyond))
+    low, high = bounds_of(np.where(is_lost[chosen, :, None], np.nan, taken(xy, chosen)))
+    chosen = chosen[((low > display_size) | (high < 0)).any(axis=1)]
 
     # by how much, on a grid, one side of the display after the other; squares
     # come last: numpy is slow where rows are a few numbers long

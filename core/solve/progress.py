@@ -241,13 +241,14 @@ class Ahead:
         to_trace = self._to_trace(rays, so_far)
         viewer, display = self._plan.viewer, self._plan.rig.display
         n_pixels = viewer.width * viewer.height
-        painted = times_slower() * (
+        after = times_slower() * (
             self._through.after_pixel * rays.lit * max(n_pixels, display.width * display.height)
             + self._of.after_view_pixel * n_pixels
             + self._through.after_ray * rays.expected
+            + self._through.measured
         )
         of_ray = (so_far + to_trace) / rays.expected
-        return to_trace + painted + seconds_to_measure(self._plan, of_ray)
+        return to_trace + after + self._through.measured_rays * of_ray
 
     def _to_trace(self, rays: RaysAhead, so_far: float) -> float:
         """Seconds of tracing to come: searches take as much longer than expected as those before.
