@@ -185,7 +185,7 @@ SOLVES = re.compile(
     r" (material_slots|active_material)|meshes .* materials"
 )
 SHOWS_RANGE = re.compile(
-    r"(objects|meshes) Kiriko Visible Range is new|collections .* objects|scenes \S+"
+    r"(objects|meshes) Kiriko Visible Range is new|collections .* (collection_)?objects|scenes \S+"
     r" (objects|collection)"
 )
 SHOWS_BOX = re.compile(SHOWS_RANGE.pattern.replace("Visible Range", "Eye Box"))
