@@ -43,12 +43,8 @@ def status() -> tuple[str, bool]:
     if live.seconds is None:  # what was there is that of the scene
         return Message("Live: up to date."), False
 
-    first, last = live.seconds
-    return Message(
-        "Live: up to date. First picture after {first:.2f} s, final after {last:.2f} s.",
-        first=first,
-        last=last,
-    ), False
+    # one line, as while it works: else all below would move up and down with each change
+    return Message("Live: up to date after {seconds:.1f} s.", seconds=live.seconds[1]), False
 
 
 def start(scene: bpy.types.Scene) -> live_follower.Live:

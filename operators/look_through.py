@@ -11,7 +11,9 @@ from bpy.app.handlers import persistent
 
 from ..core.blender import looking_through, turned_views
 from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.shown_otherwise import reasons
 from ..core.blender.viewer import viewer_of
+from ..core.errors import KirikoError
 from ..core.messages import Message, joined
 from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
@@ -189,6 +191,23 @@ def unregister() -> None:
     work.stop_listening(HANDLERS)
 
 
+def _otherwise(context: bpy.types.Context) -> list[Message]:
+    """A sentence on glass that Cycles shows otherwise than Kiriko follows it, if there is some."""
+    try:
+        told = reasons(work.read(context))
+    except KirikoError:  # Live tells it
+        return []
+    if not told:
+        return []
+    return [
+        Message(
+            "Cycles shows the glass otherwise than it is, for {reasons}: press Before and After to"
+            " see it as it is followed.",
+            reasons=joined(told, "; "),
+        )
+    ]
+
+
 class KIRIKO_OT_look_through(bpy.types.Operator):
     """Show what the viewer sees, in Cycles, with Live on; press again to have your view back"""
 
@@ -221,8 +240,9 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
             enter(context)
             glasses = needed.parts(scene).get("GLASS", ())
             opaque = [thing for thing in glasses if make_glass.can_be_given(thing)]
+            notes = _otherwise(context)
             if opaque:
-                notes = [
+                notes += [
                     Message(
                         "The material of '{name}' does not refract, so that nothing is seen"
                         " through it: press Make It Glass.",
@@ -230,6 +250,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
                     )
                     for thing in opaque
                 ]
+            if notes:
                 telling.report(self, "WARNING", joined(notes))
             return {"FINISHED"}
         return {"CANCELLED"}

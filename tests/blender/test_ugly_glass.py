@@ -252,6 +252,58 @@ def test_a_rig_of_which_nothing_is_left_is_removed(look: Callable[[], list]) -> 
     assert "Kiriko Rig" not in bpy.data.collections
 
 
+def wine_inside(scene: bpy.types.Scene) -> bpy.types.Object:
+    """A ball of wine in the middle of the glass."""
+    wine = new_object(primitive("icosphere", subdivisions=2, radius=0.2 * SIDE), "GLASS")
+    wine.name = "Wine"
+    wine.data.materials.append(glass_material("Wine", 1.34))
+    return wine
+
+
+def reaching_out(scene: bpy.types.Scene) -> None:
+    wine_inside(scene).location.x = 0.5 * SIDE
+
+
+def turned_in(scene: bpy.types.Scene) -> None:
+    scene.objects["Cube"].data.flip_normals()
+
+
+def overridden(scene: bpy.types.Scene) -> None:
+    scene.objects["Cube"].kiriko.use_ior, scene.objects["Cube"].kiriko.ior = True, 1.7
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda scene: None, ""),
+        (wine_inside, "for 'Wine' lies in other glass:"),
+        (reaching_out, "is, for 'Cube' and 'Wine' touch or overlap, which Cycles cannot follow:"),
+        (turned_in, "for the faces of 'Cube' look inward:"),
+        (overridden, "for the Override IOR of 'Cube' is not that of its material:"),
+    ],
+)
+def test_glass_that_cycles_shows_otherwise_is_told_as_it_is_looked_at(
+    scene: bpy.types.Scene,
+    capfd: pytest.CaptureFixture[str],
+    spoil: Callable[[bpy.types.Scene], object],
+    reason: str,
+) -> None:
+    """What is seen would be taken for a fault of the source image."""
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+    glass.data.materials.append(glass_material("Glass", 1.49))
+    spoil(scene)
+    glass.data.update_tag()
+    bpy.context.view_layer.update()
+    capfd.readouterr()
+    assert bpy.ops.kiriko.look_through() == {"FINISHED"}
+    assert scene.kiriko.looking
+    told = capfd.readouterr().out
+    bpy.ops.kiriko.look_through()
+    assert ("Cycles shows the glass otherwise" in told) == bool(reason)
+    assert reason in told
+
+
 def test_sculpted_glass_is_waited_for(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
     """Blender's evaluated mesh is that of before until the mode is left: Solve is grey, and Live
     tells not to be up to date. What is sculpted beside the rig is no matter.
