@@ -223,6 +223,10 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
     bl_label = "Shade Smooth"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if thing.type in {"CURVE", "SURFACE"}:
+            for spline in thing.data.splines:
+                spline.use_smooth = True
+            return Message("'{name}' is shaded smooth now.", name=thing.name)
         mesh = _mesh_of(thing)
         mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
         own = column(mesh.edges, "use_edge_sharp", 1, bool)

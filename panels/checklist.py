@@ -4,7 +4,7 @@ import bpy
 
 from ..core.blender.to_do import Entry
 from ..core.messages import Message
-from ..operators import look_over, needed
+from ..operators import look_over, needed, watch
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
 from .add_menu import add_rig
@@ -48,8 +48,9 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
         for entry in found:
             draw_entry(layout, context, entry)
         if not found:
-            is_solved = context.scene.kiriko.result.source is not None
-            sentence(layout, context, READY if is_solved else SOLVE, icon="CHECKMARK")
+            scene = context.scene
+            is_next = scene.kiriko.result.source is None and not watch.is_followed(scene)
+            sentence(layout, context, SOLVE if is_next else READY, icon="CHECKMARK")
         # the lattice of Add Rig is nobody's picture; it stays, for no button below is to move
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
 

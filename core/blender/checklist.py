@@ -115,7 +115,7 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
     name = thing.named.name
     n_open, n_flat, is_inside_out, n_cut, n_facets = faults
-    if n_flat:
+    if n_flat and thing.is_mesh:  # nobody can take those at the poles of a surface away
         text = Message(
             "'{name}' has {n} triangle{s} without area.",
             name=name,

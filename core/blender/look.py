@@ -139,6 +139,7 @@ def _thing(
         width=max(sides, default=0.0) * length_of_unit(scene),
         is_opaque=has_mesh and is_glass and not refracts(thing),
         n_indices=_n_indices(thing, looked.slots) if is_glass and looked is not None else 0,
+        is_mesh=thing.type == "MESH",
         has_no_scale=min(map(abs, thing.scale)) == 0,
         is_flat=has_mesh and min(sides, default=1.0) == 0,
         is_pictureless=_why_no_picture(scene, thing) if role == "PICTURE" else "",

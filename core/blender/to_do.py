@@ -57,6 +57,7 @@ class Thing:
 
     hidden_by : to follow "is hidden"; '' where it is shown
     width : m, the longest side of its box
+    is_mesh : and no curve, surface or text, whose mesh Blender makes
     faults : of its mesh as it is read; None where not known yet, or of no interest
     own_faults : of its mesh before modifiers, which can be edited
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
@@ -67,6 +68,7 @@ class Thing:
     role: str
     hidden_by: str = ""
     width: float = 0.0
+    is_mesh: bool = True
     is_opaque: bool = False
     n_indices: int = 0
     has_no_scale: bool = False

@@ -101,6 +101,27 @@ def test_letters_without_depth_are_flat_and_large_ones_are_told(look: Callable[[
     assert f"'{thing.name}' measures" in texts
 
 
+def test_faults_of_curves_that_nobody_can_mend_are_not_told(look: Callable[[], list]) -> None:
+    """The poles of a surface are triangles without area; a curve is shaded smooth as a mesh is."""
+    curve = ring()
+    curve.kiriko.use_ior = True
+    bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=0.03)
+    surface = bpy.context.active_object
+    surface.kiriko.role, surface.kiriko.use_ior = "GLASS", True
+    texts = " ".join(told(look()))
+    assert "without area" not in texts
+    assert "looks curved" not in texts
+    for thing in (curve, surface):
+        for spline in thing.data.splines:
+            spline.use_smooth = False
+        thing.data.update_tag()
+        bpy.context.view_layer.update()
+        press(look(), f"'{thing.name}' looks curved", "Shade Smooth")
+        assert all(spline.use_smooth for spline in thing.data.splines)
+        bpy.context.view_layer.update()
+        assert "looks curved" not in " ".join(told(look()))
+
+
 def scattered() -> bpy.types.Object:
     """A flat grid without a material that shows a cube of glass at each vertex, and itself not."""
     pearl = new_object(primitive("cube", size=0.2 * SIDE))
@@ -230,6 +251,19 @@ def test_holes_are_filled_with_faces_that_look_out(
     bmesh.ops.remove_doubles(shape, verts=shape.verts[:], dist=1e-6)
     assert shape.calc_volume(signed=True) == pytest.approx(SIDE**3, rel=1e-5)
     shape.free()
+
+
+def test_nobody_is_to_press_solve_while_live_is_on(
+    kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout]
+) -> None:
+    """It solves by itself."""
+    small_rig()
+    assert "Ready: press Solve." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    bpy.ops.kiriko.live()
+    try:
+        assert "Ready." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    finally:
+        kiriko.operators.live.stop()
 
 
 def test_open_picture_stays_where_it_is(drawn: Callable[..., Layout]) -> None:
