@@ -26,12 +26,13 @@ import numpy as np
 from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, ToolError, can_install, clean_environment, install
 from kiriko.core import kernel
-from kiriko.core.kernel.plans import made_of
+from kiriko.core.kernel.plans import made_of, making_whole
 from kiriko.core.kernel.structures import Made
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, cube_rig, rig, torus
 
 DRIVER = ROOT / "tests" / "kernel" / "follow.c"
@@ -131,6 +132,7 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
     rays = Rays(*viewer.rays(xy), None, False)
     made = kernel.state_of(rays)
+    finish(making_whole(plan))
     of_plan = made_of(plan)
     memory = Memory()
     memory.add(of_plan)

@@ -23,7 +23,7 @@ from .fitting import Fit, agree, make_faces
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
 from .pixels import decode, finish, halved, quantise
-from .plans import left_out, made_of, making
+from .plans import is_whole, left_out, made_of, making, making_whole
 from .structures import Made, RayStateStructure
 from .touching import Boxes
 from .trees import HullEngine
@@ -93,6 +93,11 @@ class Ways:
         # most rays meet few things, so that most of the zeros are never fetched
         return cls(np.empty((m, n, 3)), np.zeros((m, n), np.int64), np.full(n, -1, np.int64))
 
+    def begin_again(self, some: slice) -> None:
+        """Forget what is known of some rays."""
+        self.met[:, some] = 0
+        self.left_at[some] = -1
+
 
 def can_follow(plan: "Plan", rays: "Rays", has_ways: bool) -> bool:
     """Can the kernel follow these rays, and write down their ways if asked to?"""
@@ -139,6 +144,7 @@ def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | N
 
     is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
     made = state_of(rays, ways, is_reached)
+    is_unready = made.point("is_unready", np.zeros(1, np.uint8), np.uint8)
     of_plan = made_of(plan)
     structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
 
@@ -146,7 +152,19 @@ def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | N
     at_once = max(LEAST_AT_ONCE, EVENTS_AT_ONCE // n_events)
     for first in range(0, n, at_once):
         last = min(first + at_once, n)
+        some = slice(first, last)
+        if not is_whole(of_plan):
+            begun = rays.positions[some].copy(), rays.directions[some].copy()
+            reached = is_reached.copy()
         kernel.kiriko_follow(*structures, first, last, n_threads())
+        if is_unready[0]:
+            # a ray was lost behind a hull: all of them go once more, with all faces to ask
+            yield from making_whole(plan)
+            rays.begin_again(some, *begun)
+            if ways is not None:
+                ways.begin_again(some)
+            is_reached[:], is_unready[0] = reached, 0
+            kernel.kiriko_follow(*structures, first, last, n_threads())
         yield last - first
 
     rays.live = rays.live[:0]

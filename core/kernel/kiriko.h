@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 8 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 9 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define MOST_BUNDLED 32     /* rays */
@@ -90,7 +90,7 @@ typedef struct {
     double shift[3];
     double low[3], high[3], centre[3], radius, tolerance;
     int64_t has_engine, n_starts;
-    Tree over_faces;
+    Tree over_faces;        /* of curved ones: without nodes until a ray needs it */
     double *facets;         /* frames at each position of that tree: faces that are met together lie together */
 } Layer;
 
@@ -145,6 +145,7 @@ typedef struct {
     int64_t *met;                      /* (n_steps, n) triangles, by their numbers + 1; 0 for none */
     int64_t *left_at;                  /* (n,) event at which nothing more was met, -1 where the ray ended otherwise */
     uint8_t *is_reached;               /* (n_aside,) */
+    uint8_t *is_unready;               /* set where a ray needed a tree of faces that is not there: it went astray */
 } Rays;
 
 /* Where a ray meets a triangle of a layer; distance is INFINITY and triangle -1 for none. */
@@ -282,6 +283,7 @@ typedef struct {
     uint64_t mask;
     int64_t cluster, last_part, gap;
     double gap_distance;
+    bool is_unready;
 } Sides;
 
 void first_hit(const Layer *layer, Sides *sides, const double *o, const double *d, double within, Hit *hit);

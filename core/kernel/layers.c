@@ -286,6 +286,10 @@ static void find(Search *search, double within) {
         is_lost = search->wrong < search->hit->distance || (is_inside && search->hit->triangle < 0);
     }
     if (!is_lost) return;
+    if (!layer->over_faces.nodes) {
+        sides->is_unready = true;
+        return;
+    }
     /* what was found, if anything, may lie beyond a face that was missed: all faces are asked, with more slack */
     Hit kept = *search->hit;
     search->hit->distance = INFINITY;

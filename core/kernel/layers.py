@@ -16,7 +16,7 @@ from .structures import (
     LayerStructure,
     Made,
 )
-from .trees import frames_of, kept, making_face_tree, making_hull
+from .trees import frames_of, has_face_tree, kept, making_face_tree, making_hull
 
 if TYPE_CHECKING:
     from ..light.plan import PlannedLayer
@@ -52,13 +52,21 @@ def _make_curved(curved: CurvedFaces) -> Made:
 
 
 def growing_trees(layer: "Layer") -> Pauses[None]:
-    """Make the trees that a layer will need."""
-    if layer.has_engine:
+    """Make the trees that every ray asks for in a layer."""
+    if layer.has_engine and has_face_tree(layer):
         yield from making_face_tree(layer)
         yield 0
     if layer.curved is not None:
         yield from making_hull(layer.asked)
         yield 0
+
+
+def growing_faces(layer: "Layer", made: Made) -> Pauses[None]:
+    """Let a layer point to the tree over its faces, which is made if need be."""
+    tree, facets = yield from making_face_tree(layer)
+    made.set(over_faces=tree.structure)
+    made.point("facets", facets, float)
+    made.keep(tree)
 
 
 def make_layer(held: "PlannedLayer", part: Ints) -> Made:
@@ -92,11 +100,8 @@ def make_layer(held: "PlannedLayer", part: Ints) -> Made:
         n_starts=count_starts(layer.n_triangles),
     )
 
-    if layer.has_engine:
-        tree, facets = finish(making_face_tree(layer))
-        made.set(over_faces=tree.structure)
-        made.point("facets", facets, float)
-        made.keep(tree)
+    if layer.has_engine and has_face_tree(layer):
+        finish(growing_faces(layer, made))
 
     if curved is not None:
         faces = _make_curved(curved)

@@ -12,7 +12,7 @@ from ..light.plate import ArrayFrame
 from ..light.ray_engine import Layer
 from ..messages import Message
 from ..steps import Pauses
-from .layers import growing_trees, make_layer
+from .layers import growing_faces, growing_trees, make_layer
 from .loading import MOST_LAYERS, library
 from .structures import (
     ArrayStructure,
@@ -151,6 +151,7 @@ def _point_to_layers(made: Made, plan: "Plan") -> None:
     layers = [make_layer(held, plan.triangles.part) for held in plan.layers]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
+    made.layers = layers
     made.set(n_layers=len(layers), layers=ctypes.addressof(structures))
     # glass comes first: most of what else there is lies beyond, and then need not be asked
     order = np.argsort([not held.layer.has_engine for held in plan.layers], kind="stable")
@@ -162,6 +163,23 @@ def making(plan: "Plan") -> Pauses[None]:
     if plan not in _plans and left_out(plan.layers) is None:
         for held in plan.layers:
             yield from growing_trees(held.layer)
+
+
+def making_whole(plan: "Plan") -> Pauses[None]:
+    """Make the trees that only lost rays ask for, and let a plan that is made point to them."""
+    made = made_of(plan)
+    structures = (LayerStructure * len(made.layers)).from_address(made.structure.layers)
+    for number, (held, layer) in enumerate(zip(plan.layers, made.layers, strict=True)):
+        if held.layer.has_engine and not layer.structure.over_faces.nodes:
+            yield from growing_faces(held.layer, layer)
+            structures[number] = layer.structure
+
+
+def is_whole(made: Made) -> bool:
+    """Has a plan all trees that any ray may ask for?"""
+    return all(
+        layer.structure.over_faces.nodes or not layer.structure.has_engine for layer in made.layers
+    )
 
 
 def made_of(plan: "Plan") -> Made | None:

@@ -52,6 +52,7 @@ RayStateStructure = _structure(
     throughput=_P, n_events=_P, has_met_glass=_P, has_met_plate=_P, plate_path=_P, last_part=_P,
     leak=_P, course=_P, width=_I, is_recorded=_I, light=_I, n_words=_P, is_astray=_P,
     has_ended=_P, n_rays=_I, n_steps=_I, places=_P, met=_P, left_at=_P, is_reached=_P,
+    is_unready=_P,
 )  # fmt: skip
 DivisionStructure = _structure(
     "DivisionStructure",
@@ -96,6 +97,7 @@ class Made:
     def __init__(self, kind: type[ctypes.Structure]) -> None:
         self.structure = kind()
         self.kept: list[object] = []
+        self.layers: list[Made] = []  # of a plan
 
     def keep(self, *others: object) -> None:
         self.kept += others

@@ -94,7 +94,7 @@ static bool find_first_hit(Ray *ray, Hit *first) {
     Rays *rays = ray->rays;
     int64_t i = ray->i;
     const double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i;
-    Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY};
+    Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY, false};
     double nearest = INFINITY, near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
 
     for (int64_t n = 0; n < plan->n_layers; n++) {
@@ -105,6 +105,7 @@ static bool find_first_hit(Ray *ray, Hit *first) {
         first_hit(layer, &sides, o, d, nearest + tolerance, hit);
         if (hit->distance < nearest) nearest = hit->distance;
     }
+    if (sides.is_unready && rays->is_unready) __atomic_store_n(rays->is_unready, 1, __ATOMIC_RELAXED);
     *first = ray->by_layer[0];
     for (int64_t n = 1; n < plan->n_layers; n++)
         if (ray->by_layer[n].distance < first->distance) *first = ray->by_layer[n];

@@ -126,6 +126,14 @@ def making_face_tree(layer: Layer) -> Pauses[tuple[Made, Floats]]:
     return keeping(_trees, whole or layer.frames, lambda: _making_face_tree(layer, whole))
 
 
+def has_face_tree(layer: Layer) -> bool:
+    """Is the tree over a layer's faces there, or made at once because every ray asks it?
+
+    Behind a hull it is asked only by rays that are lost there. Most glass has none.
+    """
+    return layer.curved is None or layer.curved.whole in _trees
+
+
 def making_hull(asked: Asked) -> Pauses[Made]:
     """Make triangles that are asked for hits known to the kernel, with a tree over them."""
     return keeping(_hulls, asked, lambda: _making_hull(asked))

@@ -70,6 +70,14 @@ class Rays:
         self.is_astray = np.zeros(n, bool)
         self.has_ended = np.zeros(n, bool)
 
+    def begin_again(self, some: slice, origins: Floats, directions: Floats) -> None:
+        """Let some of these rays be as they were when they began."""
+        for name, values in vars(Rays(origins, directions, None, False)).items():
+            if isinstance(values, np.ndarray) and name != "live":
+                getattr(self, name)[some] = values
+        if self.is_recorded:
+            self.course[some] = 0
+
     def add_to_branch(self, rays: Ints, patch: Ints, event: Ints | int) -> None:
         with np.errstate(over="ignore"):
             word = (patch * 8 + event + 1).astype(np.uint64)

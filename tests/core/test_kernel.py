@@ -412,6 +412,52 @@ def test_where_ways_part_the_kernel_has_met_the_nearer_face():
     assert found.n_wrong == 0
 
 
+def behind_hull(plan):
+    """The layer of curved faces."""
+    (layer,) = (held.layer for held in plan.layers if held.layer.curved is not None)
+    return layer
+
+
+def test_a_ray_that_is_lost_behind_a_hull_has_all_faces_asked():
+    """The tree over them is made when the first is lost, and all rays beside it go once more: the
+    same landings, ways and courses to the bit as where the tree is there.
+    """
+    a_rig = rig(bottle())
+    rays = rays_of(a_rig)
+
+    def followed(plan):
+        steps = []
+        landings = finish(tracing(plan, *rays, steps=steps))
+        return landings, steps, *finish(recording(plan, *rays))
+
+    def made():
+        return make_plan(replace(a_rig, glasses=rig(bottle()).glasses), DEFAULT)
+
+    plan = made()
+    assert not trees.has_face_tree(behind_hull(plan))
+    found = followed(plan)
+    assert trees.has_face_tree(behind_hull(plan))
+    recorded, courses = finish(recording(made(), *rays))
+
+    landings, steps, of_recorded, of_courses = followed(plan)
+    assert np.array_equal(courses, of_courses)
+    for ours, theirs in ((found[0], landings), (recorded, of_recorded)):
+        for f in fields(Landings):
+            assert np.array_equal(getattr(ours, f.name), getattr(theirs, f.name), equal_nan=True)
+    assert len(found[1]) == len(steps)
+    for ours, theirs in zip(found[1], steps, strict=True):
+        assert all(map(np.array_equal, ours, theirs))
+
+
+def test_no_tree_of_faces_is_made_where_no_ray_is_lost():
+    """As through a ball, whose hull tells of every face that is met."""
+    a_rig = rig(icosphere(0.025, 3))
+    plan = make_plan(a_rig, DEFAULT)
+    found = trace_all(plan, *rays_of(a_rig))
+    assert (found.n_events > 2).mean() > 0.1
+    assert not trees.has_face_tree(behind_hull(plan))
+
+
 NAN = np.nan
 INF = np.inf
 WILD = [
