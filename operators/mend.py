@@ -11,6 +11,7 @@ from ..core.arrays import Ints
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.faults import faults_of
+from ..core.blender.look import sides_of
 from ..core.blender.mesh import column
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
@@ -20,6 +21,7 @@ from .parts import NamesPart
 
 JOINED = 1e-5  # of an object's size: vertices nearer than this are one after Weld
 THICKNESS = 0.1  # of its width: a thickness that a flat glass gets
+WALL = 0.03  # of its width: the walls of a vessel that is drawn as one surface
 WELD = "Kiriko Weld"
 SHARP = radians(30)
 
@@ -68,7 +70,7 @@ class KIRIKO_OT_reset_scale(MendsPart, bpy.types.Operator):
 
 
 class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
-    """Give a flat object a thickness, by a Solidify modifier"""
+    """Give a flat object a thickness, or one of a single surface walls, by a Solidify modifier"""
 
     bl_idname = "kiriko.thicken"
     bl_label = "Thicken"
@@ -76,9 +78,12 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
             raise RigError("'{name}' can have no modifier: turn it into a mesh.", name=thing.name)
-        across = _scale_across(context, thing)
+        sides = sides_of(context.scene, thing) or tuple(thing.dimensions)
+        is_flat = min(sides) == 0
+        size = abs(thing.matrix_world.to_3x3().determinant()) ** (1 / 3)
+        across = _scale_across(context, thing) if is_flat else size or 1.0
         modifier = thing.modifiers.new("Solidify", "SOLIDIFY")
-        modifier.thickness = THICKNESS * max(thing.dimensions) / across
+        modifier.thickness = (THICKNESS if is_flat else WALL) * max(sides) / across
         modifier.offset = 0.0
         thickness = length_text(
             context.scene, modifier.thickness * across * length_of_unit(context.scene)

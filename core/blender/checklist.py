@@ -105,8 +105,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
         yield Entry(text, PROBLEM, (button,))
     elif thing.is_flat and thing.role == "GLASS":
         text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
-        button = Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
-        yield Entry(text, PROBLEM, (button,))
+        yield Entry(text, PROBLEM, (_thicken(thing),))
     elif thing.faults is not None and not thing.is_flat:
         yield from _on_mesh(thing, thing.faults, thing.own_faults or Counts())
 
@@ -136,6 +135,7 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
             properties = naming(thing.named)
             fill = Button("kiriko.fill_holes", Message("Fill Holes"), properties, "SNAP_FACE")
             buttons = (*buttons, fill)
+        buttons = (*buttons, _thicken(thing))  # as a bowl of one surface wants
         yield Entry(text, PROBLEM, buttons)
 
     if n_cut:
@@ -166,6 +166,10 @@ def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
         return ()
     properties = naming(thing.named, kind=kind)
     return (Button("kiriko.select_faults", Message("Select"), properties, "RESTRICT_SELECT_OFF"),)
+
+
+def _thicken(thing: Thing) -> Button:
+    return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
 
 
 def _select_part(thing: Thing) -> Button:

@@ -266,6 +266,35 @@ def test_nobody_is_to_press_solve_while_live_is_on(
         kiriko.operators.live.stop()
 
 
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, -2, 2)])
+def test_a_bowl_of_one_surface_gets_walls(
+    look: Callable[[], list], scale: tuple[float, float, float]
+) -> None:
+    """Half a ball: walls of 3 % of its width, all of them glass, whatever its scale."""
+    glass = small_rig()["GLASS"]
+    bowl = primitive("icosphere", subdivisions=3, radius=0.5 * SIDE)
+    shape = bmesh.new()
+    shape.from_mesh(bowl)
+    upper = [face for face in shape.faces if face.calc_center_median().z > 0]
+    bmesh.ops.delete(shape, geom=upper, context="FACES")
+    area = sum(face.calc_area() for face in shape.faces)
+    shape.to_mesh(bowl)
+    shape.free()
+    bowl.polygons.foreach_set("use_smooth", [True] * len(bowl.polygons))
+    glass.data, glass.scale = bowl, scale
+    bpy.context.view_layer.update()
+    press(look(), "is not closed", "Thicken")
+    assert told(look()) == []
+    wall = glass.modifiers[0].thickness
+    assert wall == pytest.approx(0.03 * SIDE, rel=0.02)
+    shown = glass.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    shape = bmesh.new()
+    shape.from_mesh(shown)
+    assert not any(edge.is_boundary for edge in shape.edges)
+    assert shape.calc_volume() == pytest.approx(area * wall, rel=0.05)
+    shape.free()
+
+
 def test_open_picture_stays_where_it_is(drawn: Callable[..., Layout]) -> None:
     """Solve stands below it, and is not to move away under the pointer as it is pressed."""
     small_rig()
