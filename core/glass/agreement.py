@@ -183,12 +183,14 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
 class Trial(NamedTuple):
     """What curved faces (p,) stand to lose and to gain over their facets, rad squared.
 
-    unsure : by how much their normals may be wrong; gained : by how much those of the facet are;
-    turn : rad, by how much the normals at their corners differ
+    unsure : by how much their normals may be wrong; gained : by how much those of the facet are,
+        apart : or would be between the given ones; turn : rad, by how much the normals at their
+        corners differ
     """
 
     unsure: Floats
     gained: Floats
+    apart: Floats
     turn: Floats
 
     @property
@@ -255,29 +257,36 @@ class Trial(NamedTuple):
 
 
 def on_trial(
-    corners: Floats, coefficients: Floats, at_corners: Floats, agreed: Agreed
+    corners: Floats, coefficients: Floats, at_corners: Floats, given: Floats, agreed: Agreed
 ) -> Pauses[Trial]:
     """Curved faces on trial, as far as the fit can tell by itself.
 
     The jump of normals between neighbours is about their error. The gain of a face is the angle by
-    which its normals differ from the facet's, and by which its height turns them.
+    which its normals differ from the facet's, and by which its height turns them. As drawn it has
+    what is between the given ones, which are off where faces around a vertex are uneven.
 
     Parameters
     ----------
-    corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals
+    corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals, and
+        given (p, 3, 3) those of the facets
     agreed : normals that neighbours agree on
     """
-    gained, turn = np.empty((2, len(corners)))
+    gained, apart, turn = np.empty((3, len(corners)))
     for k in range(0, len(corners), FACES_AT_ONCE):
         some = slice(k, k + FACES_AT_ONCE)
         ends = corners[some], at_corners[some]
-        away = agreed.normals[some] - normalise(np.matmul(NODES, ends[1]))
-        turned = np.einsum("nkc,nkc->n", away, away) / N_NODES
+        turned, turned_as_drawn = (
+            np.einsum("nkc,nkc->n", away, away) / N_NODES
+            for normals in (ends[1], given[some])
+            for away in [agreed.normals[some] - normalise(np.matmul(NODES, normals))]
+        )
 
         # a ray that meets the face later, by its height, finds it turned by so much more
         height = length_of(np.matmul(AT_NODES, coefficients[some])).max(axis=1)
         along, turn[some] = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in ends)
-        gained[some] = (np.sqrt(turned) + height * turn[some] / along) ** 2
+        by_height = height * turn[some] / along
+        gained[some] = (np.sqrt(turned) + by_height) ** 2
+        apart[some] = turned_as_drawn + by_height**2
         yield 0
 
-    return Trial((agreed.jump**2).mean(axis=1), gained, turn)
+    return Trial((agreed.jump**2).mean(axis=1), gained, apart, turn)

@@ -29,7 +29,7 @@ class PartKnobs:
     Parameters
     ----------
     told : the square of a curved face's error, in those of the jumps of its normals, where vertices
-        are off at random: 7.0 to 8.8 on balls, ellipsoids and tori with noise, whatever its size
+        are off at random: 6.8 to 8.8 on balls, ellipsoids and tori with noise, whatever its size
     least : weights below count for nothing: they would take less than a fifth off the error
     irregular : times the gain, rms: faces whose vertices are further off smooth lines are such. On
         decimated and scanned meshes it is 2 to 20 in the median, on Subdivision's, on waves and
@@ -38,7 +38,7 @@ class PartKnobs:
         spoils the gain, and 0.09 on scans and voxels: a piece in which no more are is not blended
     """
 
-    told: float = 7.7
+    told: float = 7.3
     least: float = 0.36
     irregular: float = 2.0
     chance: float = 0.15
@@ -48,11 +48,8 @@ PART = PartKnobs()
 
 
 def is_irregular(scatter: Floats, trial: Trial) -> Bools:
-    """Which faces (p,) have vertices that lie off smooth lines by
-    scatter (p, 3), and not for want of lines.
-    """
-    off = (scatter**2).mean(axis=1)
-    return np.isfinite(off) & (off > PART.irregular**2 * trial.gained)
+    """Which faces (p,) have vertices that lie off smooth lines by scatter (p, 3), or on none."""
+    return (scatter**2).mean(axis=1) > PART.irregular**2 * trial.gained
 
 
 def weights(n_vertices: int, vertex: Ints, trial: Trial, is_trusted: Bools) -> Floats:

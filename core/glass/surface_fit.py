@@ -116,7 +116,8 @@ def make_curved(
 
     if is_automatic:
         at = taken(corners, faces.chosen)
-        trial = yield from on_trial(at, faces.coefficients, at_corners, agreed)
+        given = taken(found.given, v.of_corner[faces.chosen])
+        trial = yield from on_trial(at, faces.coefficients, at_corners, given, agreed)
         yield 0
         shell = whole_shells(drawn.triangles, asked, faces)
         yield 0

@@ -18,9 +18,19 @@ LEAST_DISTANCE = 1e-12
 # cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
 LEAST_UPRIGHT = 0.2
 VERTICES_AT_ONCE = 1 << 14  # vertices, by the kernel, between two pauses
-# Where data are few the high degrees give way first. The factor makes
-# it the same for all turns of the axes (Bombieri).
-RIDGE = np.array([(1e-12, 1e-11, 1e-9, 1e-7)[a + b - 1] / comb(a + b, a) for a, b in POWERS])
+
+
+def _ridge(*by_degree: float) -> Floats:
+    """Of the terms (14,), by degree. The factor makes it the same for all turns of the axes
+    (Bombieri).
+    """
+    return np.array([by_degree[a + b - 1] / comb(a + b, a) for a, b in POWERS])
+
+
+# Where data are few the high degrees give way first.
+RIDGE = _ridge(1e-12, 1e-11, 1e-9, 1e-7)
+# Where neighbours are so uneven that slopes do not settle they give way earlier.
+STIFFER = _ridge(1e-12, 1e-10, 1e-4, 1e-2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +84,15 @@ def gradients(
 
 
 def system(
-    v: Vertices, fields: Fields, some: Ints, pairs: Ints, terms: slice
+    v: Vertices, fields: Fields, some: Ints, pairs: Ints, ridge: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix.
 
-    Heights (n, m).
+    Heights (n, m). Of the last terms, as many as the ridge (terms,) has.
     """
     x, y, z, distance, is_used = _around(v, fields, some, pairs)
     by_x, by_y = slopes(x, y)
-    rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., terms]
+    rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., -len(ridge) :]
 
     # a height tells as much of the slope as the slope itself does, over its distance
     weights = np.concatenate(
@@ -94,7 +104,7 @@ def system(
     matrix = np.matmul(rows.transpose(0, 2, 1), rows)
     scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0
     diagonal = np.arange(matrix.shape[1])
-    matrix[:, diagonal, diagonal] += RIDGE[terms] * scale
+    matrix[:, diagonal, diagonal] += ridge * scale
 
     return rows, weights, matrix, z
 
@@ -115,7 +125,7 @@ def fitting_fields(v: Vertices, wanted: Bools) -> Pauses[Fields]:
         return fields
 
     for some, pairs in v.by_valence(wanted):
-        rows, weights, matrix, z = system(v, fields, some, pairs, slice(2, None))
+        rows, weights, matrix, z = system(v, fields, some, pairs, RIDGE[2:])
         right = np.concatenate([z, *gradients(v, fields, some, pairs, v.normal)], axis=1) * weights
         solved = solve_symmetric(matrix, np.einsum("nrk,nr->nk", rows, right)[..., None])
         fields.coefficients[some, 2:] = solved[..., 0]

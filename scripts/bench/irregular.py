@@ -4,9 +4,10 @@
 `python3 scripts/dev.py irregular [--mesh NAME ...]`. Rays and errors are those of `dev.py surface`.
 Vertices are moved by up to a part of an edge and put back onto the surface, and then off it as a
 scanner's are, by a part of the size; or Blender's own modifiers make a mesh anew: Decimate, Remesh
-by voxels, and Decimate after noise as on a scan. `rest` is the rms without the ten worst rays:
-they go another way, or leave at a grazing angle. After them regular meshes that are coarse, of so
-many segments around. Normals are Blender's means. `curved` is the share of the triangles that
+by voxels, and Decimate after noise as on a scan; or it is the convex hull of so many random places
+on the shape. `rest` is the rms without the ten worst rays: they go another way, or leave at a
+grazing angle. After them regular meshes that are coarse, of so many segments around, or segments
+and rings. Normals are Blender's means. `curved` is the share of the triangles that
 *Automatic* follows as curved, `worse` by how many px rms it is further off than the better of the
 other two.
 """
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +26,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh, SurfaceChoice
 from kiriko.core.settings import Settings
-from known.reference_rigs import icosphere, mean_normals, rig, torus
+from known.reference_rigs import icosphere, mean_normals, rig, torus, uv_ellipsoid
 
 from .surface import (
     BALL,
@@ -95,12 +97,22 @@ REBUILT: dict[str, tuple[str, int, float, dict[str, object]]] = {
     )
 }
 
-# shapes of regular meshes, and their segments
-COARSE = {
+# a shape, the number of random places on it, and noise, of the size
+HULLS: dict[str, tuple[str, int, float]] = {
+    f"{shape}, hull of {n}": (shape, n, noise)
+    for shape in BALLS
+    for n, noise in ((120, 0.0), (250, 0.0), (500, 0.0), (800, 1e-4), (2000, 0.0))
+}
+
+# shapes of regular meshes, and their segments, or segments and rings
+COARSE: dict[str, tuple[int | tuple[int, int], ...]] = {
     "ball": (8, 9, 12),
-    "ellipsoid": (8, 9, 10, 11, 12, 13, 14, 15, 16),
-    "lentil": (12, 16, 17, 20, 24),
-    "torus": (12, 13, 16, 20, 24),
+    "ellipsoid": (
+        *(8, 9, 10, 11, 12, 13, 14, 15, 16),
+        *((8, 6), (8, 12), (9, 6), (9, 9), (10, 7), (12, 5), (12, 9), (16, 6)),
+    ),
+    "lentil": (12, 16, 17, 20, 24, (8, 12), (11, 8)),
+    "torus": (12, 13, 16, 20, 24, (16, 6), (16, 7), (24, 6)),
     "Blender's torus": (32, 48),
     "wavy slab": (16, 24, 32),
 }
@@ -137,6 +149,46 @@ def disturbed(name: str, aside: float, noise: float) -> Mesh:
     )
 
 
+def hull(shape: str, n: int, noise: float, seed: int = SEED) -> Mesh:
+    """The convex hull of so many random places on a shape, and
+    then off it by a part of the size; mean normals.
+    """
+    random = np.random.default_rng(seed)
+    places = random.normal(size=(n, 3))
+    places /= np.linalg.norm(places, axis=1, keepdims=True)
+    away = 1 + noise * random.normal(size=(n, 1))
+    triangles = hull_of(places)
+    corner_normals = np.zeros((len(triangles), 3, 3))
+    is_smooth = np.ones(len(triangles), bool)
+    return mean_normals(Mesh(away * places * BALLS[shape], triangles, corner_normals, is_smooth))
+
+
+def hull_of(places: Floats) -> NDArray[np.int64]:
+    """Triangles (t, 3) of the convex hull of places (n, 3) on the unit sphere, four of the first
+    of them around its middle: each place takes away those that it sees, and joins their outline.
+    """
+    first = next(
+        four
+        for four in combinations(range(len(places)), 4)
+        if (np.linalg.solve(np.c_[places[list(four)], np.ones(4)].T, [0, 0, 0, 1]) > 0).all()
+    )
+    triangles = np.array([list(three) for three in combinations(first, 3)])
+    around = np.cross(*(places[triangles[:, k]] - places[triangles[:, 0]] for k in (1, 2)))
+    is_inward = (around * places[triangles[:, 0]]).sum(axis=1) < 0
+    triangles[is_inward] = triangles[is_inward][:, ::-1]
+
+    for place in np.setdiff1d(np.arange(len(places)), first):
+        at = places[triangles]
+        around = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+        is_seen = ((places[place] - at[:, 0]) * around).sum(axis=1) > 0
+        edges = triangles[is_seen][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        outline = edges[~np.isin(edges @ [len(places), 1], edges @ [1, len(places)])]
+        added = np.c_[outline, np.full(len(outline), place)]
+        triangles = np.concatenate([triangles[~is_seen], added])
+
+    return triangles
+
+
 def rebuilt(name: str) -> Mesh:
     """A fine mesh, made anew by one of Blender's modifiers."""
     # needs Blender, which tests of core that read this file do without
@@ -149,9 +201,15 @@ def rebuilt(name: str) -> Mesh:
     return glasses.rebuilt(replace(fine, vertices=fine.vertices + away), **options)
 
 
-def coarse(shape: str, segments: int) -> Mesh:
-    """A regular mesh of so many segments around, with mean normals."""
-    return mean_normals((SHAPES | BLENDERS)[shape].mesh(segments))
+def coarse(shape: str, segments: int | tuple[int, int]) -> Mesh:
+    """A regular mesh of so many segments around, or segments and rings, with mean normals."""
+    if isinstance(segments, int):
+        return mean_normals((SHAPES | BLENDERS)[shape].mesh(segments))
+    return mean_normals(
+        uv_ellipsoid(BALLS[shape], *segments)
+        if shape in BALLS
+        else torus(*TORI[shape][0], *segments)
+    )
 
 
 def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
@@ -170,7 +228,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    every = [*MESHES, *REBUILT]
+    every = [*MESHES, *REBUILT, *HULLS]
     parser.add_argument(
         "--mesh", nargs="+", metavar="NAME", choices=every, default=every, help="only these"
     )
@@ -185,6 +243,10 @@ def main() -> None:
             worst = max(
                 worst, print_row(name, REBUILT[name][0], rebuilt(name), 0.0, REBUILT[name][2])
             )
+            continue
+        if name in HULLS:
+            shape, n, noise = HULLS[name]
+            worst = max(worst, print_row(name, shape, hull(shape, n, noise), 0.0, noise))
             continue
         cases = (
             [(aside, 0.0) for aside in ASIDE]
@@ -201,7 +263,12 @@ def main() -> None:
     )
     for shape, numbers in COARSE.items() if arguments.mesh == every else ():
         for segments in numbers:
-            print_row(f"{shape}, {segments}", shape, coarse(shape, segments), 0.0, 0.0)
+            print_row(f"{shape}, {told(segments)}", shape, coarse(shape, segments), 0.0, 0.0)
+
+
+def told(segments: int | tuple[int, int]) -> str:
+    """Segments, and rings where they are not half as many."""
+    return f"{segments}" if isinstance(segments, int) else "{} x {}".format(*segments)
 
 
 def print_row(name: str, shape: str, mesh: Mesh, aside: float, noise: float) -> float:
