@@ -68,17 +68,18 @@ def how_far_trusted(
         # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
         is_near |= ~np.isin(piece, piece[~is_fine])
 
+    # in part, where most of a piece is off smooth lines
+    is_trusted = _whole(~faces.is_swollen & is_near, of_face)
     in_part = _more(is_irregular(scatter, trial), piece, 0.5)
     if not in_part.any():
-        return _whole(~faces.is_swollen & is_near, of_face), weight
+        return is_trusted, weight
 
-    # in part, where most of a piece is off smooth lines: given normals are off as well there
+    # there given normals are off as well, and those of the facets with them
     trial = trial._replace(gained=trial.apart)
-    is_near |= in_part & trial.trusted(vertex)
-    is_trusted = _whole(~faces.is_swollen & is_near, of_face)
+    is_near |= trial.trusted(vertex)
+    far = weights(len(v.at), vertex, trial, _whole(~faces.is_swollen & is_near, of_face))
 
     # and more than chance would pick is worth it; what is known stays whole
-    far = weights(len(v.at), vertex, trial, is_trusted)
     far[vertex[parts.is_known]] = 1.0
     in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
     of_part = vertex[in_part]
