@@ -115,8 +115,7 @@ def make_curved(
     is_doubted = np.zeros(n_triangles, bool)
 
     if is_automatic:
-        at = taken(corners, faces.chosen)
-        given = taken(found.given, v.of_corner[faces.chosen])
+        at, given = taken(corners, faces.chosen), taken(found.given, v.of_corner[faces.chosen])
         trial = yield from on_trial(at, faces.coefficients, at_corners, given, agreed)
         yield 0
         shell = whole_shells(drawn.triangles, asked, faces)
