@@ -140,9 +140,6 @@ class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         thing.kiriko.role = "GLASS"
-        result = context.scene.kiriko.result
-        if result.source is None:
-            result.summary = ""  # of Add Rig, of the light without it
         return Message("'{name}' is glass of the rig now.", name=thing.name)
 
 

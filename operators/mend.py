@@ -42,6 +42,9 @@ class MendsPart(NamesPart):
                     "'{name}' is linked from another file: mend it there.", name=thing.name
                 )
             telling.report(self, "INFO", self.mend(context, thing))
+            result = context.scene.kiriko.result
+            if result.source is None:
+                result.summary = ""  # of Add Rig, on the light as it went before
             return {"FINISHED"}
 
         return {"CANCELLED"}
