@@ -155,9 +155,10 @@ class KirikoScene(ViewersBefore, bpy.types.PropertyGroup):
     )
     effort: IntProperty(
         name="Effort",
-        description="Rays that sample a viewer pixel where light is chaotic, a square number; none"
-        " takes more than 24 times as many, unless the display is finer. Less is a faster, rougher"
-        " draft; four times as many halve the noise, and take up to four times as long",
+        description="Rays that sample a viewer pixel where light is chaotic, a square number: more"
+        " where it falls on faint parts of the display. None takes more than 24 times as many,"
+        " unless the display is finer. Less is a faster, rougher draft; four times as many halve"
+        " the noise, and take up to four times as long",
         default=16,
         min=1,
         max=4096,
