@@ -34,7 +34,7 @@ class FaintRule:
     block_px: int = 8
     times: tuple[float, ...] = (1.5, 2.0, 3.0)
     most_along: int = 12
-    from_share: float = 0.4
+    from_share: float = 0.8
 
 
 FAINT = FaintRule()
