@@ -69,7 +69,7 @@ def test_a_pixel_takes_as_many_samples_as_its_allowance_has():
     side = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 1.0])
     allowance.take(middle[1:2], 260)
     left = allowance.left.copy()
-    worth = np.array([1000, 1000, 30, 1000, 1000, 14.0])
+    worth = np.array([1000, 1000, 60, 1000, 1000, 28.0])
     found = more_along(worth, middle, side, 4, allowance)
     assert found.tolist() == [12, 8, 8, 12, 12, 0]
     taken = (left - allowance.left)[:5]
@@ -86,7 +86,7 @@ def facets():
 
 
 def test_more_rays_for_faint_light_are_worth_more_than_more_effort():
-    """Against very many samples, with all display pixels alike, it errs an eighth less by fewer
+    """Against very many samples, with all display pixels alike, it errs less by a third fewer
     samples.
     """
     much = solve(facets(), effort=1024).source
@@ -94,8 +94,8 @@ def test_more_rays_for_faint_light_are_worth_more_than_more_effort():
     with patch.object(faint, "numbers_along", lambda along: []):
         alike = solve(facets(), effort=49)
     ours, theirs = (np.sqrt(np.mean((some.source - much) ** 2)) for some in (found, alike))
-    assert found.first.map_error.n_samples < alike.first.map_error.n_samples
-    assert ours < 7 / 8 * theirs
+    assert found.first.map_error.n_samples < 2 / 3 * alike.first.map_error.n_samples
+    assert ours < theirs
 
 
 def test_a_first_picture_takes_no_more():
