@@ -14,7 +14,6 @@ from ..steps import Pauses
 from . import interpolation
 from .bisection import BISECTION, n_digits
 from .doubts import CUT
-from .faint import numbers_along
 from .interpolation import NODES_ALONG, PARTS
 from .points import Points
 
@@ -35,7 +34,6 @@ class RayGuess:
     of_quarters : share of their rays that look for the borders of quarters
     of_square : at the nodes that it does not share with those before
     missed : share of the smallest squares that look bent and do not pass their checks
-    of_faint : as many samples as at first are taken anew for faint light, times this
     """
 
     of_edge: float = 13
@@ -45,7 +43,6 @@ class RayGuess:
     of_quarters: float = 0.5
     of_square: float = 16
     missed: float = 0.7
-    of_faint: float = 3.0
 
 
 class Rays(NamedTuple):
@@ -185,10 +182,9 @@ def rays_of_cut(
 
 
 def rays_of_samples(plan: Plan, points: Points, chaotic: Sequence[Ints]) -> Rays:
-    """To sample chaotic cells (c, 4), and faint ones among them once more."""
+    """To sample chaotic cells (c, 4)."""
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    times = 1 + RAYS.of_faint * bool(numbers_along(plan.settings.samples_along))
-    rays = times * plan.settings.effort * sum(float((side**2).sum()) for side in sides)
+    rays = plan.settings.effort * sum(float((side**2).sum()) for side in sides)
     return Rays(rays, rays)
 
 

@@ -2,76 +2,45 @@
 
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
 mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
-bisection have an end there. Cells whose light falls where the display is faint are sampled anew,
-by more (faint.py): other samples than those that have told so, which keeps the light right on
-average.
+bisection have an end there.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats
 from ..free_memory import check_free
 from ..light.plan import Plan
 from ..messages import Message
-from .allowance import Allowance
-from .faint import light_on_blocks, more_along, samples_worth
 from .points import BYTES_OF_POINT, Points, trace_points
-from .ray_guess import Rays, RaysAhead
-from .view_map import ViewMap
 
 TILE_CELLS = 64  # cells each way, after which the random places begin anew
 MOST_JITTER = 1024  # random places each way, of all cells of a tile
 
 
-def sample_cells(
-    plan: Plan, view_map: ViewMap, corners: Floats, allowance: Allowance | None, ahead: RaysAhead
-) -> Generator[int, None, tuple[Points, Floats]]:
+def sample_cells(plan: Plan, corners: Floats) -> Generator[int, None, tuple[Points, Floats]]:
     """Trace samples of square cells with corners (m, 4, 2),
     viewer px; yields how many were traced since.
 
     Returns the samples (s,), those without a landing as well, and
     the areas (s,) that they stand for, viewer px^2.
 
-    view_map : all but the samples; allowance : of rays, for more samples of faint light, None for
-    none; ahead : is told how many these are
-
     Raises
     ------
     RigError : they would take more memory than is free
     """
-    along = plan.settings.samples_along
-    places, area = strata(corners, along)
-    _check_memory(plan, len(places))
-    points = yield from trace_points(plan, places)
-    if allowance is None or not len(corners):
-        return points, area
-
-    # cells that are worth more
-    owner = cells_of(corners, along)
-    yield 0
-    light = yield from light_on_blocks(view_map, points, area)
-    worth = samples_worth(plan, light, points, area, owner, len(corners))
-    more = more_along(worth, corners.mean(axis=1), _sides(corners), along, allowance)
-    yield 0
-
-    # these anew, the others as they are
-    kept = np.flatnonzero(more[owner] == 0)
-    none = strata(corners[:0], 1)
-    anew = [strata(corners[more == n], n) for n in np.unique(more[more > 0])]
-    places, areas = map(np.concatenate, zip(none, *anew, strict=True))
-    _check_memory(plan, len(kept) + len(places))
-    ahead.expect(Rays(len(places), len(places)))
-    found = yield from trace_points(plan, places)
-    return points.at(kept).and_more(found), np.append(area[kept], areas)
+    _check_memory(plan, corners)
+    places, area = strata(corners, plan.settings.samples_along)
+    return (yield from trace_points(plan, places)), area
 
 
-def _check_memory(plan: Plan, n_rays: int) -> None:
+def _check_memory(plan: Plan, corners: Floats) -> None:
     viewer = plan.viewer
     effort = plan.settings.effort
+    area = float((_sides(corners) ** 2).sum())
     check_free(
-        BYTES_OF_POINT * n_rays,
+        BYTES_OF_POINT * effort * area,
         Message("Sampling where light is chaotic"),
         Message(
             "lower Effort ({effort}), or the resolution of the viewer '{viewer}'"
@@ -94,8 +63,10 @@ def strata(corners: Floats, along: int) -> tuple[Floats, Floats]:
     """
     places = [np.empty((0, 2))]
     area = [np.empty(0)]
-    for side, k, cells in _by_side(corners, along):
-        first = corners[cells, 0]
+    sides = _sides(corners)
+    for side in np.unique(sides):
+        first = corners[sides == side, 0]
+        k = max(1, int(along * side))
         stratum = np.stack(np.meshgrid(np.arange(k), np.arange(k)), axis=-1).reshape(-1, 2)
 
         tile = max(1, min(TILE_CELLS, MOST_JITTER // k))
@@ -107,19 +78,6 @@ def strata(corners: Floats, along: int) -> tuple[Floats, Floats]:
         area.append(np.full(len(first) * k * k, (side / k) ** 2))
 
     return np.concatenate(places), np.concatenate(area)
-
-
-def cells_of(corners: Floats, along: int) -> Ints:
-    """The cells (s,), by number, of the strata of cells (m, 4, 2)."""
-    numbers = [np.repeat(cells, k * k) for _, k, cells in _by_side(corners, along)]
-    return np.concatenate([np.empty(0, np.int64), *numbers])
-
-
-def _by_side(corners: Floats, along: int) -> Iterator[tuple[float, int, Ints]]:
-    """Sides of cells (m, 4, 2), viewer px, how many strata lie along each, and the cells (c,)."""
-    sides = _sides(corners)
-    for side in np.unique(sides):
-        yield float(side), max(1, int(along * side)), np.flatnonzero(sides == side)
 
 
 def _sides(corners: Floats) -> Floats:

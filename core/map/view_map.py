@@ -1,7 +1,7 @@
 """The view map, viewer pixels to display pixels, as cells, by which the source image is painted."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import numpy as np
@@ -52,9 +52,6 @@ class MapError:
     n_checked: int
 
 
-NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)
-
-
 @dataclass(frozen=True, eq=False)
 class ViewMap:
     """Cells of the viewer's image and where the display shows them.
@@ -80,18 +77,12 @@ class ViewMap:
     nodes: Ints
     quads: Ints
     triangles: Ints
+    samples: Ints
+    sample_area: Floats
     reason: np.ndarray
     tolerance: float
-    samples: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    sample_area: Floats = field(default_factory=lambda: np.empty(0))
-    error: MapError = NO_ERROR
-    n_rays: int = 0
-
-    def with_samples(self, samples: Points, area: Floats) -> "ViewMap":
-        """The same map, which had no samples yet, with some, each of an area (s,), viewer px^2."""
-        number = len(self.points) + np.arange(len(samples))
-        points = self.points.and_more(samples)
-        return replace(self, points=points, samples=number, sample_area=area)
+    error: MapError
+    n_rays: int
 
     @cached_property
     def _n_parts(self) -> Ints:
@@ -242,3 +233,6 @@ class ViewMap:
     def is_one_cell(self) -> Bools:
         """Viewer pixels (h, w) that lie in one cell, wholly."""
         return self.lookup.owner != -1
+
+
+NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)

@@ -10,7 +10,6 @@ from ..image.picture import cover_in_view
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
-from ..map.faint import numbers_along
 from ..map.points import areas
 from ..map.view_map import MapError
 from ..messages import Length, Message, joined
@@ -204,8 +203,7 @@ def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
     if error.sampled <= BEYOND:
         return
 
-    along = plan.settings.samples_along
-    n = max(numbers_along(along), default=along) ** 2
+    n = plan.settings.samples_along**2
     rays = (
         Message("one ray stands for a viewer pixel")
         if n == 1
