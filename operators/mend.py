@@ -37,10 +37,7 @@ class MendsPart(NamesPart):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             thing = self.found(context)
-            if not thing.is_editable:
-                raise RigError(
-                    "'{name}' is linked from another file: mend it there.", name=thing.name
-                )
+            _check_own(thing)
             telling.report(self, "INFO", self.mend(context, thing))
             result = context.scene.kiriko.result
             if result.source is None:
@@ -48,6 +45,11 @@ class MendsPart(NamesPart):
             return {"FINISHED"}
 
         return {"CANCELLED"}
+
+
+def _check_own(block: bpy.types.ID) -> None:
+    if not block.is_editable:
+        raise RigError("'{name}' is linked from another file: mend it there.", name=block.name)
 
 
 class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
@@ -115,9 +117,12 @@ def _scale_across(context: bpy.types.Context, thing: bpy.types.Object) -> float:
 
 
 def _mesh_of(thing: bpy.types.Object) -> bpy.types.Mesh:
-    """An object's mesh; MeshError where it has none, as a curve."""
+    """An object's mesh, to be changed; MeshError where it has none, as a curve, RigError where it
+    is another file's.
+    """
     if thing.type != "MESH":
         raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
+    _check_own(thing.data)
     return thing.data
 
 
@@ -232,6 +237,7 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type in {"CURVE", "SURFACE"}:
+            _check_own(thing.data)
             for spline in thing.data.splines:
                 spline.use_smooth = True
             return Message("'{name}' is shaded smooth now.", name=thing.name)

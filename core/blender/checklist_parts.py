@@ -149,9 +149,10 @@ def on_hidden(look: Look) -> Iterator[Entry]:
 
 def on_in_glass(look: Look) -> Iterator[Entry]:
     """Objects within the glass that bend the light, too, as wine does, and are no part of the rig:
-    the source image would be that of the glass without them.
+    the source image would be that of the glass without them. Advice, for some are left out on
+    purpose, and only boxes are looked at.
     """
     for named in look.in_glass[:MOST_OFFERED]:
         name = named.name
         text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
-        yield Entry(text, PROBLEM, (_use_as_glass(named),))
+        yield Entry(text, ADVICE, (_use_as_glass(named),))

@@ -1,6 +1,7 @@
 """Looks at a scene for its checklist: cheap, but for the meshes, which are kept."""
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import bpy
@@ -178,12 +179,15 @@ def _in_glass(scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str]) -
     """Objects without a role that refract, and whose box reaches into that of a glass."""
     boxes = [_box(scene, glass) for glass, by in glasses.items() if not by]
     shown = Shown(scene, bpy.context.view_layer)
+    bends = cache(lambda material: read_refraction(material) is not None)  # of thousands of objects
     for thing in scene.objects if boxes else ():
         if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
             continue
+        if not any(bends(slot.material) for slot in thing.material_slots):
+            continue
         low, high = _box(scene, thing)
         is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
-        if is_in and refracts(thing) and not shown.hidden_by(thing):
+        if is_in and not shown.hidden_by(thing):
             yield Named(thing.name, "" if thing.library is None else thing.library.filepath)
 
 

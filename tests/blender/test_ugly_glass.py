@@ -398,3 +398,34 @@ def test_losses_of_an_image_that_is_gone_are_not_told(look: Callable[[], list]) 
     assert any("missed the display" in text for text in told(look()))
     bpy.data.images.remove(bpy.context.scene.kiriko.result.source)
     assert told(look()) == []
+
+
+def test_a_mesh_of_another_file_is_mended_there(look, tmp_path):
+    """Changed here it would be as before once the file is opened again."""
+    glass = small_rig()["GLASS"]
+    library = tmp_path / "library.blend"
+    bpy.data.libraries.write(str(library), {glass.data})
+    with bpy.data.libraries.load(str(library), link=True) as (_, found):
+        found.meshes = [glass.data.name]
+    (glass.data,) = found.meshes
+    n_faces = len(glass.data.polygons)
+    for mend in ("fill_holes", "turn_out", "merge_flat", "shade_smooth"):
+        with pytest.raises(RuntimeError, match="is linked from another file: mend it there"):
+            getattr(bpy.ops.kiriko, mend)(part=glass.name)
+    assert len(glass.data.polygons) == n_faces
+
+
+def test_only_what_bends_light_is_looked_for_within_glass(kiriko, look, monkeypatch):
+    """The boxes of thousands of other objects take seconds."""
+    small_rig()
+    mesh = primitive("cube", size=0.01)
+    for _ in range(20):
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new("Other", mesh))
+    asked = []
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.look")
+    own = module._box
+    monkeypatch.setattr(
+        module, "_box", lambda scene, thing: asked.append(thing) or own(scene, thing)
+    )
+    look()
+    assert {thing.kiriko.role for thing in asked} == {"GLASS"}
