@@ -137,9 +137,9 @@ def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygo
 
 
 def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
-    """About how many shares polygons (n, k, 2) on the display make, by some of them.
+    """About how many shares polygons (n, k, 2) on the display make at the most, by some of them.
 
-    One w wide and h high, of an area a, touches a + w + h + 1 pixels on average.
+    The box around one, w wide and h high, touches (w + 1) (h + 1) pixels on average.
     """
     n = len(polygons)
     some = polygons[:: 1 + n // GUESSED]
