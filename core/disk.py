@@ -96,7 +96,9 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
 
 @dataclass(frozen=True)
 class _Move:
-    """A file that takes another's place, or None that does; `old` is the other's place by then."""
+    """The file `made` takes the place of the one at `target`, if there is one, which goes to `old`.
+    Where nothing was made it only goes.
+    """
 
     target: Path
     made: Path | None

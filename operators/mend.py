@@ -1,5 +1,7 @@
 """Mend a part: the buttons of the checklist that change an object, its mesh or the scene's unit."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import radians
 
 import bmesh
@@ -135,9 +137,8 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         mesh = _mesh_of(thing)
         n_before = faults_of(mesh).n_flat
-        size = max((vertex.co.length for vertex in mesh.vertices), default=1.0)
         if n_before:
-            _merge(mesh, JOINED * size)
+            _merge(mesh)
             return Message(
                 "{n} of {all} triangles without area are gone from '{mesh}'.",
                 n=n_before - faults_of(mesh).n_flat,
@@ -146,7 +147,7 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
             )
 
         modifier = thing.modifiers.new(WELD, "WELD")
-        modifier.merge_threshold = JOINED * size
+        modifier.merge_threshold = _near(mesh)
         return Message(
             "Modifiers make them: '{modifier}', the last one of '{name}', joins their vertices.",
             modifier=modifier.name,
@@ -154,13 +155,30 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
         )
 
 
-def _merge(mesh: bpy.types.Mesh, distance: float) -> None:
-    """Take triangles without area out of a mesh: first those that are short, then those whose
-    corners lie in a line, which a larger face is divided into.
-    """
+def _near(mesh: bpy.types.Mesh) -> float:
+    """Vertices of a mesh that are nearer than this are one, in the object's own units."""
+    return JOINED * max((vertex.co.length for vertex in mesh.vertices), default=1.0)
+
+
+@contextmanager
+def _edited(mesh: bpy.types.Mesh) -> Iterator[bmesh.types.BMesh]:
+    """A mesh as bmesh has it, to be changed; the mesh is changed at the end."""
     shape = bmesh.new()
     try:
         shape.from_mesh(mesh)
+        yield shape
+        shape.to_mesh(mesh)
+    finally:
+        shape.free()
+    mesh.update()
+
+
+def _merge(mesh: bpy.types.Mesh) -> None:
+    """Take triangles without area out of a mesh: first those that are short, then those whose
+    corners lie in a line, which a larger face is divided into.
+    """
+    distance = _near(mesh)
+    with _edited(mesh) as shape:
         bmesh.ops.dissolve_degenerate(shape, dist=distance, edges=shape.edges[:])
         shape.to_mesh(mesh)
         is_flat = faults_of(mesh).is_flat
@@ -169,10 +187,6 @@ def _merge(mesh: bpy.types.Mesh, distance: float) -> None:
             faces = [shape.faces[k] for k in np.flatnonzero(is_flat)]
             bmesh.ops.triangulate(shape, faces=faces, ngon_method="EAR_CLIP", quad_method="BEAUTY")
             bmesh.ops.dissolve_degenerate(shape, dist=distance, edges=shape.edges[:])
-            shape.to_mesh(mesh)
-    finally:
-        shape.free()
-    mesh.update()
 
 
 class KIRIKO_OT_fill_holes(MendsPart, bpy.types.Operator):
@@ -184,15 +198,8 @@ class KIRIKO_OT_fill_holes(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         mesh = _mesh_of(thing)
         n_before = faults_of(mesh).n_open
-        size = max((vertex.co.length for vertex in mesh.vertices), default=1.0)
-        shape = bmesh.new()
-        try:
-            shape.from_mesh(mesh)
-            _fill(shape, JOINED * size)
-            shape.to_mesh(mesh)
-        finally:
-            shape.free()
-        mesh.update()
+        with _edited(mesh) as shape:
+            _fill(shape, _near(mesh))
 
         n = faults_of(mesh).n_open
         if n:

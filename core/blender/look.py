@@ -111,7 +111,7 @@ def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
     for thing in sorted(scene.objects, key=lambda thing: thing != active):
         is_free = thing.kiriko.role == "NONE" and OBJECT_MARK not in thing
         if is_free and not bodiless(thing) and thing.visible_get() and min(thing.dimensions) > 0:
-            yield Named(thing.name, "" if thing.library is None else thing.library.filepath)
+            yield _named(thing)
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[str]:
@@ -134,7 +134,7 @@ def _thing(
     has_mesh = has_own_faces(scene, thing)
     is_glass = role == "GLASS" and not thing.kiriko.use_ior
     return Thing(
-        named=Named(thing.name, "" if thing.library is None else thing.library.filepath),
+        named=_named(thing),
         role=role,
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
@@ -148,6 +148,10 @@ def _thing(
         own_faults=None if looked is None else looked.own,
         has_facets=thing.kiriko.surface == "FACETS",
     )
+
+
+def _named(thing: bpy.types.Object) -> Named:
+    return Named(thing.name, "" if thing.library is None else thing.library.filepath)
 
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
@@ -178,9 +182,11 @@ def _n_indices(thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
 def _in_glass(scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str]) -> Iterator[Named]:
     """Objects without a role that refract, and whose box reaches into that of a glass."""
     boxes = [_box(scene, glass) for glass, by in glasses.items() if not by]
+    if not boxes:
+        return
     shown = Shown(scene, bpy.context.view_layer)
     bends = cache(lambda material: read_refraction(material) is not None)  # of thousands of objects
-    for thing in scene.objects if boxes else ():
+    for thing in scene.objects:
         if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
             continue
         if not any(bends(slot.material) for slot in thing.material_slots):
@@ -188,7 +194,7 @@ def _in_glass(scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str]) -
         low, high = _box(scene, thing)
         is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
         if is_in and not shown.hidden_by(thing):
-            yield Named(thing.name, "" if thing.library is None else thing.library.filepath)
+            yield _named(thing)
 
 
 def _box(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Floats]:

@@ -75,13 +75,12 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
     turn = length_of(taken(v.normal, v.end) - taken(v.normal, v.start))
     turn = np.maximum.reduceat(turn, v.first[:-1])
 
-    for ridge in (RIDGE, STIFFER):
+    for ridge, straight in ((RIDGE, NORMALS.straight), (STIFFER, NORMALS.firm)):
         found = normal.copy()
         change = yield from _settling_normals(v, fields, ridge, is_left, found)
         yield 0
-        is_near, is_straight = _are_near(v, turn, found, change)
-        if ridge is not RIDGE:
-            is_straight &= _bend(v, found) < NORMALS.firm * turn
+        is_near, is_straight = _are_near(v, turn, found, change, straight)
+        if ridge is STIFFER:  # which settles near the mean whatever chords say
             is_near &= is_straight
         is_near |= is_held
 
@@ -101,15 +100,19 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
     return normal
 
 
-def _are_near(v: Vertices, turn: Floats, normal: Floats, change: Floats) -> tuple[Bools, Bools]:
+def _are_near(
+    v: Vertices, turn: Floats, normal: Floats, change: Floats, straight: float
+) -> tuple[Bools, Bools]:
     """Which normals (f, 3) that the last sweep changed by so much (f, 3) are near the means, and
-    which others chords do not contradict. turn (f,): rad, from a mean to its neighbours.
+    which chords do not contradict by more than a part of the turn.
+
+    turn : (f,) rad, from a mean to its neighbours
     """
     with np.errstate(invalid="ignore"):
         moved = length_of(normal - v.normal)
         is_settled = length_of(change) <= NORMALS.restless * turn
         is_near = is_settled & (moved <= NORMALS.moved * turn)
-        is_straight = is_settled & (_bend(v, normal) < NORMALS.straight * turn)
+        is_straight = is_settled & (_bend(v, normal) < straight * turn)
         is_straight &= moved <= NORMALS.most_moved * turn
 
     return is_near, is_straight

@@ -48,6 +48,13 @@ def kiriko(blender: ModuleType) -> ModuleType:
 
 
 @pytest.fixture
+def look(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[[], list]:
+    """The entries of a whole look for the checklist, with all meshes."""
+    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    return lambda: look_over.look_now(bpy.context)
+
+
+@pytest.fixture
 def no_remedies(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """What would bring lost light back is not looked for, as where there is no time left: for tests
     that do not read it, half of whose time it takes.

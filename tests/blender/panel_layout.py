@@ -10,6 +10,11 @@ ICONS = {
 }
 
 
+def told(entries: list) -> list[str]:
+    """The sentences of entries of the checklist."""
+    return [str(entry.text) for entry in entries]
+
+
 class Layout:
     """Takes the items of a panel: properties have to be there,
     and operators, with the properties of theirs.

@@ -11,19 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
+from panel_layout import Layout, told
 from small_rigs import SIDE, new_object, primitive, small_rig
-
-
-@pytest.fixture
-def look(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[[], list]:
-    """The entries of a whole look, with all meshes."""
-    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
-    return lambda: look_over.look_now(bpy.context)
-
-
-def told(entries: list) -> list[str]:
-    return [str(entry.text) for entry in entries]
 
 
 def press(entries: list, words: str, label: str) -> None:
