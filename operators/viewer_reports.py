@@ -18,6 +18,7 @@ from ..core.messages import Message, quoted
 from ..core.settings import Settings
 from ..core.solve.disagreement import is_sharp
 from ..core.solve.solution import Solution
+from ..core.steps import at
 from .folder import names_for
 
 CONFLICT = "conflict"
@@ -155,7 +156,8 @@ def images_of(
         if name in asked:
             yield from channel.look_beside()
             found[f"ideal {name}"] = channel.ideal()
-            found[f"seen {name}"] = channel.seen(solution.source, beside=True)
+            seeing = channel.seeing(solution.source, beside=True)
+            found[f"seen {name}"] = yield from at(1.0, seeing)
     if asked and conflict is not None:
         found[CONFLICT] = conflict.of_pixel.astype(np.float32)
     return found

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..map.share_batches import ShareBatches
 from ..map.shares import add_at
+from ..steps import Pauses
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,17 @@ class DotKnobs:
 DOT_KNOBS = DotKnobs()
 
 
-def seen_image(batches: ShareBatches, source: NDArray[np.float32]) -> NDArray[np.float32]:
+def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Pauses[NDArray[np.float32]]:
     """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with
-    the shares.
+    the shares. Pauses while these are made, and after each batch.
     """
     width, height = batches.view_size
     n_channels = source.shape[2]
     seen = np.zeros((n_channels, height, width))
-    for shares in batches:
+    for shares in batches.pausing():
+        yield 0
+        if shares is None:
+            continue
         weight = shares.area if shares.throughput is None else shares.area * shares.throughput
         shown = source.reshape(-1, n_channels)[shares.display_index]
         pixel = shares.view_index

@@ -15,7 +15,7 @@ from ..arrays import Floats
 from ..image.ghosts import paths_of
 from ..image.glare import Glare, looking_beside
 from ..image.ideal_image import ideal_image
-from ..image.seen_image import seen_image
+from ..image.seen_image import seeing
 from ..image.simulation import PlateView
 from ..light.plan import Plan
 from ..map.pieces import Piece
@@ -23,7 +23,7 @@ from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares
 from ..map.view_map import MapError, ViewMap
-from ..steps import finish
+from ..steps import Pauses, finish
 from ..viewer import Viewer
 from .accuracy import Accuracy
 from .measured import Measured
@@ -106,11 +106,17 @@ class Channel:
         beside : and by way of the plate alone, beside the glass; that
             is traced when first asked for, see `look_beside`
         """
+        return finish(self.seeing(source, beside))
+
+    def seeing(
+        self, source: NDArray[np.float32], beside: bool = False
+    ) -> Pauses[NDArray[np.float32]]:
+        """The same, with pauses: the first pass over large images takes seconds."""
         shown = self.plan.rig.display.light_of(source)
-        seen = seen_image(self._seen_shares, shown)
+        seen = yield from seeing(self._seen_shares, shown)
         if not beside or self._seen_beside is None:
             return seen
-        return seen + seen_image(self._seen_beside, shown)
+        return seen + (yield from seeing(self._seen_beside, shown))
 
     @cached_property
     def _seen_shares(self) -> ShareBatches:

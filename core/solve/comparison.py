@@ -11,7 +11,7 @@ from ..fingerprint import fingerprint
 from ..image.ideal_image import ideal_image
 from ..rig import Picture, Rig, Viewer
 from ..settings import Settings
-from ..steps import within
+from ..steps import at, within
 from .session import Session
 from .solution import Solution, without_glass
 
@@ -68,9 +68,8 @@ class Comparer:
             self._key, self._plain, self._ideal = key, found.source, solution.ideal()
 
         yield 0.7
-        before = solution.seen(self._plain)
-        yield 0.9
-        after = solution.seen()
+        before = yield from at(0.7, solution.seeing(self._plain))
+        after = yield from at(0.9, solution.seeing(solution.source))
         return Comparison(before, after, self._ideal, solution.source, solution.first.viewer)
 
 

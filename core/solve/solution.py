@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..rig import ConstantIndex, Rig
+from ..steps import Pauses
 from .channel import Channel
 from .disagreement import Settled
 from .remark import Remark
@@ -87,6 +88,10 @@ class Solution:
         image or of another one: (h, w, 3) linear; `beside` as in Channel.seen.
         """
         return self.first.seen(self.source if source is None else source, beside)
+
+    def seeing(self, source: NDArray[np.float32]) -> Pauses[NDArray[np.float32]]:
+        """The same of another source image, with pauses."""
+        return self.first.seeing(source)
 
     def look_beside(self) -> Generator[float, None, None]:
         """Trace light beside the glass for the first viewer; yields progress 0..1."""

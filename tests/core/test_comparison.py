@@ -83,3 +83,26 @@ def test_source_fits_into_the_viewers_image(size: tuple[int, int]) -> None:
 def test_side_by_side() -> None:
     both = side_by_side(np.zeros((2, 3, 3)), np.full((2, 3, 3), 0.5), 1)
     assert both[0, :, 0].tolist() == [0, 0, 0, 1, 0.5, 0.5, 0.5]
+
+
+def test_each_pass_over_the_shares_may_be_stopped() -> None:
+    """Seen images are made with pauses, of which the first pass over the cells has many: Esc and a
+    newer change of the glass need not wait for all of it.
+    """
+    a_rig = cube_rig(**SMALL | {"pixels": 256, "display_pixels": 256})
+    solution = finish(Session().solve(a_rig, Settings()))
+    steps = solution.seeing(solution.source)
+    n_pauses = 0
+    try:
+        while True:
+            next(steps)
+            n_pauses += 1
+    except StopIteration as done:
+        seen = done.value
+    assert n_pauses > 10
+    assert np.array_equal(seen, solution.seen())
+
+    told = list(Comparer().compare(solution, a_rig, Settings()))
+    assert told == sorted(told)
+    assert told.count(0.7) > 1
+    assert told.count(0.9) >= 1
