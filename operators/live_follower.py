@@ -26,6 +26,7 @@ from ..core.blender.result import (
 from ..core.blender.result_images import images_of
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
+from ..core.blender.shown_otherwise import reasons
 from ..core.errors import KirikoError, one_line
 from ..core.fingerprint import fingerprint
 from ..core.messages import Message
@@ -65,6 +66,7 @@ WRITING = Message("writing the source image")
 COMPARING = Message("comparing before and after")
 REMEDIES = Message("looking for remedies")
 VIEWERS = Message("comparing the viewers")
+GLASS = Message("comparing the glass with that of Cycles")
 
 
 class Live:
@@ -75,6 +77,7 @@ class Live:
         self.problem = ""
         self.n_pictures = 0
         self.is_unpacked = False
+        self.otherwise: list[Message] = []  # why Cycles shows the glass otherwise, as last read
         # from a change to the first and to the last picture of it
         self.seconds: tuple[float, float] | None = None
         self._shown_at: list[float] = []  # when, the pictures of the update under way
@@ -90,6 +93,7 @@ class Live:
         self._looked = -np.inf  # when, at the settings
         self._solved_meshes: list[object] = []
         self._reading: Reading | None = None
+        self._compared: Reading | None = None  # whose glass was compared with that of Cycles
         self.start_over()
         self._may_keep = True  # a result that is there, at the first reading
 
@@ -177,13 +181,27 @@ class Live:
         """
         if self.is_changed and (self._work is None or self._has_picture):
             return Step(READING, (self.kept.is_whole,))
+        if self._pending is None and self._is_to_compare:
+            return Step(GLASS, (*_sizes(self._reading.rig),))
         return self._pending
+
+    @property
+    def _is_to_compare(self) -> bool:
+        """Is the scene looked at through the viewer, and is its glass another than was compared?"""
+        now, before = self._reading, self._compared
+        if now is None or not scene_by_uid(self.uid).kiriko.looking:
+            return False
+        return before is None or _glass_of(now) != _glass_of(before)
 
     def _do(self, step: Step, context: bpy.types.Context) -> None:
         started = perf_counter()
         try:
             if step.phrase == READING:
                 self._read(context)
+            elif step.phrase == GLASS:
+                self._compared = self._reading
+                self.otherwise = reasons(self._reading)
+                redraw()
             else:
                 self._pending = next(self._work, None)
                 if self._pending is None:
@@ -382,6 +400,12 @@ class Live:
                 with bpy.context.temp_override(workspace=workspace):
                     workspace.status_text_set(None)
         return True
+
+
+def _glass_of(reading: Reading) -> tuple[object, ...]:
+    """All that tells whether Cycles shows the glass as it is; meshes by their identity."""
+    glasses = [(id(one.mesh), one.name, one.ior, one.priority) for one in reading.rig.glasses]
+    return (*glasses, reading.materials)
 
 
 def _sizes(rig: Rig) -> tuple[int, ...]:

@@ -11,10 +11,8 @@ from bpy.app.handlers import persistent
 
 from ..core.blender import looking_through, turned_views
 from ..core.blender.rigs import active_rig, rigs
-from ..core.blender.shown_otherwise import reasons
 from ..core.blender.viewer import viewer_of
-from ..core.errors import KirikoError
-from ..core.messages import Message, joined
+from ..core.messages import Message, joined, quoted
 from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
 
@@ -191,21 +189,19 @@ def unregister() -> None:
     work.stop_listening(HANDLERS)
 
 
-def _otherwise(context: bpy.types.Context) -> list[Message]:
-    """A sentence on glass that Cycles shows otherwise than Kiriko follows it, if there is some."""
-    try:
-        told = reasons(work.read(context))
-    except KirikoError:  # Live tells it
-        return []
-    if not told:
-        return []
-    return [
-        Message(
-            "Cycles shows the glass otherwise than it is, for {reasons}: press Before and After to"
-            " see it as it is followed.",
-            reasons=joined(told, "; "),
-        )
-    ]
+def otherwise(scene: bpy.types.Scene) -> Message | None:
+    """A sentence on glass that Cycles shows otherwise than Kiriko follows it, if there is some: by
+    what Live has read, once it comes to rest.
+    """
+    followed = live.followed()
+    is_seen = scene.kiriko.looking and followed is not None and followed.uid == scene.session_uid
+    if not is_seen or followed.problem or not followed.otherwise:
+        return None
+    return Message(
+        "Cycles shows the glass otherwise than it is, for {reasons}: press Before and After to"
+        " see it as it is followed.",
+        reasons=joined(followed.otherwise, "; "),
+    )
 
 
 class KIRIKO_OT_look_through(bpy.types.Operator):
@@ -239,18 +235,11 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
 
             enter(context)
             glasses = needed.parts(scene).get("GLASS", ())
-            opaque = [thing for thing in glasses if make_glass.can_be_given(thing)]
-            notes = _otherwise(context)
-            if opaque:
-                notes += [
-                    Message(
-                        "The material of '{name}' does not refract, so that nothing is seen"
-                        " through it: press Make It Glass.",
-                        name=thing.name,
-                    )
-                    for thing in opaque
-                ]
-            if notes:
-                telling.report(self, "WARNING", joined(notes))
+            opaque = [thing.name for thing in glasses if make_glass.can_be_given(thing)]
+            if opaque:  # short, for the status bar cuts off what is longer
+                text = Message(
+                    "Nothing is seen through {opaque}: press Make It Glass.", opaque=quoted(opaque)
+                )
+                telling.report(self, "WARNING", text)
             return {"FINISHED"}
         return {"CANCELLED"}

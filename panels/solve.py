@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..operators import live, needed
+from ..operators import live, look_through, needed
 from ..operators.wrapping import sentence
 from .words import OfRig
 
@@ -36,6 +36,9 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
         text, is_problem = live.status()
         if text:
             sentence(layout, context, text, icon="ERROR" if is_problem else "INFO")
+        otherwise = look_through.otherwise(context.scene)
+        if otherwise is not None:
+            sentence(layout, context, otherwise, icon="ERROR")
 
 
 class VIEW3D_PT_kiriko_settings(OfRig, bpy.types.Panel):

@@ -29,7 +29,8 @@ class MaterialReading:
     """One material of a glass object, as read.
 
     `source` is the shader that gave the index, 'override' or
-    'default'; `ignored` is in the material but not followed.
+    'default'; `ignored` is in the material but not followed;
+    `own_ior` is the material's index, which renders have.
     """
 
     object_name: str
@@ -37,6 +38,7 @@ class MaterialReading:
     ior: float
     source: str
     ignored: tuple[str, ...] = ()
+    own_ior: float | None = None
 
 
 def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
@@ -87,6 +89,7 @@ def _readings_of(part: Part) -> tuple[list[MaterialReading], list[str]]:
                 ior=ior,
                 source=source,
                 ignored=found.ignored,
+                own_ior=found.ior,
             )
         )
 

@@ -5,12 +5,8 @@ the artist's own objects. Cycles takes a material's index for a ratio to air and
 the way out, and knows no priorities.
 """
 
-import bpy
-
 from ..messages import Message
 from ..rig import WAVELENGTH
-from .elements import OVERRIDE
-from .material import read_refraction
 from .nested_glass import interfaces
 from .scene import Reading
 
@@ -34,9 +30,7 @@ def reasons(reading: Reading) -> list[Message]:
             told.append(Message("the faces of '{name}' look inward", name=glass.name))
 
     for one in reading.materials:
-        material = bpy.data.materials.get(one.material_name)
-        own = read_refraction(material) if one.source == OVERRIDE else None
-        if own is not None and abs(own.ior - one.ior) > SAME:
+        if one.own_ior is not None and abs(one.own_ior - one.ior) > SAME:
             told.append(
                 Message(
                     "the Override IOR of '{name}' is not that of its material",
