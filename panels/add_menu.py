@@ -6,13 +6,22 @@ from ..core.messages import Message, as_message
 from ..operators.add_rig import KINDS
 from ..operators.telling import in_words
 
+ICONS = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
 
-def add_rig(layout: bpy.types.UILayout, words: str) -> None:
-    """A button for each kind of rig, with words before its name."""
-    icons = {"IN_GLASS": "MATSPHERE", "BEHIND_GLASS": "RESTRICT_VIEW_OFF"}
-    for kind, label, _ in KINDS:
-        text = in_words(Message("{words}: {kind}", words=as_message(words), kind=as_message(label)))
-        button = layout.operator("kiriko.add_rig", text=text, icon=icons[kind])
+
+def labels_of(words: str) -> list[str]:
+    """What the buttons of the kinds of rigs say: words, and the kind's name."""
+    texts = (
+        Message("{words}: {kind}", words=as_message(words), kind=as_message(label))
+        for _, label, _ in KINDS
+    )
+    return [in_words(text) for text in texts]
+
+
+def add_rig(layout: bpy.types.UILayout, labels: list[str]) -> None:
+    """A button for each kind of rig, with its label."""
+    for (kind, _, _), text in zip(KINDS, labels, strict=True):
+        button = layout.operator("kiriko.add_rig", text=text, icon=ICONS[kind])
         button.kind = kind
 
 
@@ -22,7 +31,7 @@ class VIEW3D_MT_kiriko_add(bpy.types.Menu):
     bl_label = "Kiriko"
 
     def draw(self, context: bpy.types.Context) -> None:
-        add_rig(self.layout, "Rig")
+        add_rig(self.layout, labels_of("Rig"))
         self.layout.operator("kiriko.add_plate_material", text="Plate Material", icon="MATERIAL")
 
 

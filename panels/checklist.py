@@ -3,13 +3,14 @@
 import bpy
 
 from ..core.blender.to_do import Entry
-from ..core.messages import Message
+from ..core.messages import Message, as_message
 from ..operators import look_over, needed, watch
+from ..operators.add_rig import KINDS
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
-from .add_menu import add_rig
+from .add_menu import add_rig, labels_of
 from .rigs import draw_rigs
-from .words import Sidebar, side_by_side
+from .words import Sidebar, have_room, side_by_side
 
 FIRST = Message(
     "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"
@@ -39,7 +40,11 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             sentence(layout, context, FIRST)
             column = layout.column(align=True)
             column.scale_y = 1.5
-            add_rig(column, "Add Rig")
+            labels = labels_of("Add Rig")
+            if not all(have_room(context, [label]) for label in labels):
+                # Blender cuts a label in its middle, so that both would read alike
+                labels = [in_words(as_message(label)) for _, label, _ in KINDS]
+            add_rig(column, labels)
             layout.operator_menu_enum("kiriko.open_example", "example", text="Examples")
             return
 

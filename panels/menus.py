@@ -6,7 +6,7 @@ import bpy
 
 from ..core.blender.rigs import rigs
 from ..operators import live, needed
-from .add_menu import add_rig
+from . import add_menu
 from .result import VIEW3D_MT_kiriko_result_images
 
 
@@ -18,7 +18,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        add_rig(layout, "Add Rig")
+        add_menu.add_rig(layout, add_menu.labels_of("Add Rig"))
         layout.operator("kiriko.remove_rig", icon="TRASH")
         if len(rigs(context.scene)) > 1:
             layout.menu("VIEW3D_MT_kiriko_rigs", icon="OUTLINER_COLLECTION")

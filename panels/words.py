@@ -29,8 +29,13 @@ def side_by_side(
     layout: bpy.types.UILayout, context: bpy.types.Context, labels: list[str]
 ) -> bpy.types.UILayout:
     """A row for buttons with these labels; a column where some label would be cut in a row."""
+    is_cut = len(labels) > 1 and not have_room(context, labels)
+    return layout.column(align=True) if is_cut else layout.row(align=True)
+
+
+def have_room(context: bpy.types.Context, labels: list[str]) -> bool:
+    """Is the sidebar wide enough for buttons of one width with these labels beside each other?"""
     width = context.region.width / context.preferences.system.ui_scale - BESIDE
     blf.size(FONT, points_of(context))
     widest = max((blf.dimensions(FONT, label)[0] for label in labels), default=0.0)
-    is_cut = (widest + BUTTON) * len(labels) > width
-    return layout.column(align=True) if is_cut and len(labels) > 1 else layout.row(align=True)
+    return (widest + BUTTON) * len(labels) <= width

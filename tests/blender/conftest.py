@@ -41,6 +41,26 @@ def scene(blender: ModuleType) -> bpy.types.Scene:
     return blender.context.scene
 
 
+KINDS = {"OBJECT": "objects", "MESH": "meshes", "MATERIAL": "materials"}
+
+
+@pytest.fixture
+def linked(tmp_path: Path) -> Callable[..., bpy.types.ID]:
+    """Writes a datablock to another file, and links it from there: of the same name."""
+
+    def link(block: bpy.types.ID) -> bpy.types.ID:
+        path = str(tmp_path / f"{block.name}.blend")
+        bpy.data.libraries.write(path, {block})
+        kind = KINDS[block.id_type]
+        with bpy.data.libraries.load(path, link=True) as (_, wanted):
+            setattr(wanted, kind, [block.name])
+        (theirs,) = getattr(wanted, kind)
+        assert theirs.library is not None
+        return theirs
+
+    return link
+
+
 @pytest.fixture
 def kiriko(blender: ModuleType) -> ModuleType:
     """The package as Blender has it, not the one tests of core import."""
@@ -94,6 +114,7 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
         name: str,
         active: bpy.types.Object | None = None,
         of: bpy.types.Scene | None = None,
+        width: int = 300,
     ) -> Layout:
         panel = getattr(importlib.import_module(f"{kiriko.__name__}.panels.{module}"), name)
         functions = {
@@ -103,7 +124,7 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
         stand_in.layout = Layout()
 
         # without a window there is neither a region nor a scale
-        wide = SimpleNamespace(width=300)
+        wide = SimpleNamespace(width=width)
         system = SimpleNamespace(ui_scale=1.0)
         preferences = SimpleNamespace(system=system, ui_styles=())
         stand_in.draw(

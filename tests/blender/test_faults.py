@@ -1240,20 +1240,20 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     part("operators.live").stop()
 
 
-def test_a_library_that_is_gone_is_a_missing_part(rig: dict, tmp_path: Path) -> None:
+def test_a_library_that_is_gone_is_a_missing_part(
+    rig: dict, linked: Callable, tmp_path: Path
+) -> None:
     """Glass that was linked from a file which is not there any more is told as missing.
 
     The last image stays.
     """
-    bpy.data.libraries.write(str(tmp_path / "glass.blend"), {rig["GLASS"]})
+    theirs = linked(rig["GLASS"])
     bpy.data.objects.remove(rig["GLASS"])
-    with bpy.data.libraries.load(str(tmp_path / "glass.blend"), link=True) as (there, wanted):
-        wanted.objects = there.objects
-    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    bpy.context.scene.collection.objects.link(theirs)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     before = product("solve")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    (tmp_path / "glass.blend").unlink()
+    (tmp_path / f"{theirs.name}.blend").unlink()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
     assert "glass" in refusal(run("solve")).lower()
     assert product("solve") == before

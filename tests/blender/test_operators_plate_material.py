@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -198,16 +199,14 @@ def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
         assert not thing.material_slots
 
 
-def test_linked_mesh_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_linked_mesh_is_refused(scene: bpy.types.Scene, linked: Callable) -> None:
     """A material of another file is not changed here."""
-    other = plane("Theirs")
-    bpy.data.libraries.write(str(tmp_path / "theirs.blend"), {other})
-    bpy.data.objects.remove(other)
-    with bpy.data.libraries.load(str(tmp_path / "theirs.blend"), link=True) as (_, wanted):
-        wanted.objects = ["Theirs"]
-    scene.collection.objects.link(wanted.objects[0])
-    wanted.objects[0].select_set(True)
-    bpy.context.view_layer.objects.active = wanted.objects[0]
+    own = plane("Theirs")
+    theirs = linked(own)
+    bpy.data.objects.remove(own)
+    scene.collection.objects.link(theirs)
+    theirs.select_set(True)
+    bpy.context.view_layer.objects.active = theirs
     with pytest.raises(RuntimeError, match="linked from another file"):
         bpy.ops.kiriko.add_plate_material()
     assert "Kiriko Plate" not in bpy.data.materials

@@ -158,6 +158,15 @@ def test_before_there_is_a_rig_there_is_one_button(
     assert all(polled())
 
 
+@pytest.mark.parametrize(("width", "words"), [(300, "Add Rig: "), (140, "")])
+def test_buttons_of_both_rigs_read_apart(
+    drawn: Callable[..., Layout], width: int, words: str
+) -> None:
+    """Blender cuts a label in its middle: in a narrow sidebar the words before it would be left."""
+    shown = drawn(*PANELS[0], width=width)
+    assert shown.labels[:2] == [f"{words}In the Glass", f"{words}Behind the Glass"]
+
+
 def test_thousands_of_objects_do_not_hold_up_panels(
     kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -567,22 +567,19 @@ def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
     assert not any("chosen and solved" in text for text in read().notes)
 
 
-def test_a_linked_plane_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_a_linked_plane_is_refused(scene: bpy.types.Scene, linked: Callable) -> None:
     """A picture of another file is chosen and fitted there."""
     picture = picture_plane()
-    bpy.data.libraries.write(str(tmp_path / "plane.blend"), {picture})
+    theirs = linked(picture)
     bpy.data.objects.remove(picture)
-    with bpy.data.libraries.load(str(tmp_path / "plane.blend"), link=True) as (theirs, ours):
-        ours.objects = list(theirs.objects)
-    (linked,) = ours.objects
-    scene.collection.objects.link(linked)
-    activate(linked)
+    scene.collection.objects.link(theirs)
+    activate(theirs)
     chosen = image(90, 30)
     with pytest.raises(RuntimeError, match="linked from another file: choose its image there"):
         choose(chosen)
 
     # a linked mesh without material, on an object of this file
-    mine = new_object(linked.data, "PICTURE")
+    mine = new_object(theirs.data, "PICTURE")
     activate(mine)
     assert choose(chosen) == {"FINISHED"}
     assert aspect(mine) == pytest.approx(3, rel=SINGLE)

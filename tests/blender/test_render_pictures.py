@@ -213,15 +213,12 @@ def test_what_goes_wrong_leaves_all_as_before(
     assert [one.image for one in ours().viewers] == [None, None]
 
 
-def test_viewers_of_one_name_are_refused(rig: dict, tmp_path: Path) -> None:
+def test_viewers_of_one_name_are_refused(rig: dict, linked: Callable) -> None:
     """Images are named by their viewers: a linked camera may have another's name."""
     other_scene()
-    path = str(tmp_path / "library.blend")
-    bpy.data.libraries.write(path, {bpy.data.objects["mine"]})
-    with bpy.data.libraries.load(path, link=True) as (_, there):
-        there.objects = ["mine"]
-    bpy.context.collection.objects.link(there.objects[0])
-    ours().viewers.add().camera = there.objects[0]
+    theirs = linked(bpy.data.objects["mine"])
+    bpy.context.collection.objects.link(theirs)
+    ours().viewers.add().camera = theirs
     with pytest.raises(RuntimeError, match="The viewer 'mine' is in the list 2 times: keep one"):
         bpy.ops.kiriko.render_pictures()
     assert not any(one.image for one in ours().viewers)

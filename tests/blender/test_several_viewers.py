@@ -346,19 +346,15 @@ def test_a_list_that_cannot_be_is_refused_in_one_sentence(rig: dict, name: str) 
     assert len(listed()) == entries
 
 
-def test_a_linked_camera_of_the_same_name_is_told_apart(rig: dict, tmp_path: Path) -> None:
+def test_a_linked_camera_of_the_same_name_is_told_apart(rig: dict, linked: Callable) -> None:
     """It is in the list once, as the viewer is: renaming the viewer helps."""
-    theirs = camera(0.01)
-    path = str(tmp_path / "theirs.blend")
-    bpy.data.libraries.write(path, {theirs})
-    bpy.data.objects.remove(theirs)
-    with bpy.data.libraries.load(path, link=True) as (_, loaded):
-        loaded.objects = ["mine"]
-    linked = loaded.objects[0]
-    bpy.context.scene.collection.objects.link(linked)
-    add(linked)
+    own = camera(0.01)
+    theirs = linked(own)
+    bpy.data.objects.remove(own)
+    bpy.context.scene.collection.objects.link(theirs)
+    add(theirs)
     ours().viewer.name = "mine"
-    assert ours().viewer.name == linked.name == "mine"
+    assert ours().viewer.name == theirs.name == "mine"
     words = "2 viewers are called 'mine', and results tell viewers by their names: rename all but"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.solve()
