@@ -17,7 +17,7 @@ from ..core.blender.look import sides_of
 from ..core.blender.mesh import column
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
-from ..core.messages import Message
+from ..core.messages import Message, joined, quoted
 from . import needed, telling
 from .parts import NamesPart
 
@@ -25,6 +25,7 @@ JOINED = 1e-5  # of an object's size: vertices nearer than this are one after We
 THICKNESS = 0.1  # of its width: a thickness that a flat glass gets
 WALL = 0.03  # of its width: the walls of a vessel that is drawn as one surface
 WELD = "Kiriko Weld"
+MOST_NAMED = 3  # objects that show the same mesh
 SHARP = radians(30)
 
 
@@ -85,10 +86,12 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
             raise RigError("'{name}' can have no modifier: turn it into a mesh.", name=thing.name)
+        normal = _shown_normal(context, thing)
+        _check_faces(thing, normal)
         sides = sides_of(context.scene, thing) or tuple(thing.dimensions)
         is_flat = min(sides) == 0
         size = abs(thing.matrix_world.to_3x3().determinant()) ** (1 / 3)
-        across = _scale_across(context, thing) if is_flat else size or 1.0
+        across = _scale_along(thing, normal) if is_flat else size or 1.0
         modifier = thing.modifiers.new("Solidify", "SOLIDIFY")
         modifier.thickness = (THICKNESS if is_flat else WALL) * max(sides) / across
         modifier.offset = 0.0
@@ -103,29 +106,69 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
         )
 
 
-def _scale_across(context: bpy.types.Context, thing: bpy.types.Object) -> float:
-    """How many times as far as in a flat object's own space planes along it are in the world."""
+def _shown_normal(context: bpy.types.Context, thing: bpy.types.Object) -> Vector | None:
+    """The normal of an object's first face as modifiers make it, in its own space; None where they
+    leave none.
+    """
     shown = thing.evaluated_get(context.evaluated_depsgraph_get())
     mesh = shown.to_mesh()
     try:
-        normal = mesh.polygons[0].normal.copy() if len(mesh.polygons) else Vector((0, 0, 1))
+        return mesh.polygons[0].normal.copy() if len(mesh.polygons) else None
     finally:
         shown.to_mesh_clear()
 
+
+def _scale_along(thing: bpy.types.Object, normal: Vector) -> float:
+    """How many times as far as in an object's own space planes with a normal are in the world."""
     axes = thing.matrix_world.to_3x3()
     if abs(axes.determinant()) == 0:
         return 1.0
     return 1 / (axes.inverted().transposed() @ normal).length
 
 
+def _check_faces(thing: bpy.types.Object, has_faces: object) -> None:
+    """MeshError where there is nothing to mend."""
+    if not has_faces:
+        raise MeshError(
+            "'{name}' has no faces that can be mended: draw some, or apply the modifiers that make"
+            " them.",
+            name=thing.name,
+        )
+
+
 def _mesh_of(thing: bpy.types.Object) -> bpy.types.Mesh:
-    """An object's mesh, to be changed; MeshError where it has none, as a curve, RigError where it
-    is another file's.
+    """An object's mesh, to be changed; MeshError where it has none, as a curve, RigError where
+    it is another file's.
     """
     if thing.type != "MESH":
         raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
     _check_own(thing.data)
     return thing.data
+
+
+class MendsMesh(MendsPart):
+    """Mix-in for an operator that changes an object's own faces: `mend_mesh` does it and returns
+    the sentence. Others may show the same mesh, as after Alt D, and are named.
+    """
+
+    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+        raise NotImplementedError
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        mesh = _mesh_of(thing)
+        _check_faces(thing, mesh.polygons)
+        return _and_others(self.mend_mesh(thing, mesh), thing)
+
+
+def _and_others(told: Message, thing: bpy.types.Object) -> Message:
+    """A sentence on a change of an object's data, and one on other objects that show the same."""
+    others = [one.name for one in bpy.data.objects if one.data == thing.data and one != thing]
+    if not others:
+        return told
+    named = quoted(others[:MOST_NAMED])
+    if len(others) > MOST_NAMED:
+        named = Message("{n} other objects", n=len(others))
+    return joined([told, Message("Also changed, having the same data: {others}.", others=named)])
 
 
 class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
@@ -139,13 +182,15 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
         n_before = faults_of(mesh).n_flat
         if n_before:
             _merge(mesh)
-            return Message(
+            told = Message(
                 "{n} of {all} triangles without area are gone from '{mesh}'.",
                 n=n_before - faults_of(mesh).n_flat,
                 all=n_before,
                 mesh=mesh.name,
             )
+            return _and_others(told, thing)
 
+        _check_faces(thing, _shown_normal(context, thing))
         modifier = thing.modifiers.new(WELD, "WELD")
         modifier.merge_threshold = _near(mesh)
         return Message(
@@ -189,14 +234,13 @@ def _merge(mesh: bpy.types.Mesh) -> None:
             bmesh.ops.dissolve_degenerate(shape, dist=distance, edges=shape.edges[:])
 
 
-class KIRIKO_OT_fill_holes(MendsPart, bpy.types.Operator):
+class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
     """Close the mesh with faces over its holes; the mouth of a vessel without walls is one, too"""
 
     bl_idname = "kiriko.fill_holes"
     bl_label = "Fill Holes"
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        mesh = _mesh_of(thing)
+    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         n_before = faults_of(mesh).n_open
         with _edited(mesh) as shape:
             _fill(shape, _near(mesh))
@@ -223,14 +267,13 @@ def _fill(shape: bmesh.types.BMesh, distance: float) -> None:
     bmesh.ops.face_attribute_fill(shape, faces=made, use_normals=True, use_data=True)
 
 
-class KIRIKO_OT_turn_out(MendsPart, bpy.types.Operator):
+class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
     """Turn all faces of the mesh round, so that they look out of the glass"""
 
     bl_idname = "kiriko.turn_out"
     bl_label = "Turn Out"
 
-    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        mesh = _mesh_of(thing)
+    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         mesh.flip_normals()
         mesh.update()
         return Message("The faces of '{mesh}' look out now.", mesh=mesh.name)
@@ -247,8 +290,11 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
             _check_own(thing.data)
             for spline in thing.data.splines:
                 spline.use_smooth = True
-            return Message("'{name}' is shaded smooth now.", name=thing.name)
+            told = Message("'{name}' is shaded smooth now.", name=thing.name)
+            return _and_others(told, thing)
         mesh = _mesh_of(thing)
+        turning = [m for m in thing.modifiers if hasattr(m, "use_smooth_shade")]  # such as Screw
+        _check_faces(thing, mesh.polygons or turning)
         mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
         own = column(mesh.edges, "use_edge_sharp", 1, bool)
         mesh.set_sharp_from_angle(angle=SHARP)
@@ -256,10 +302,10 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
             "use_edge_sharp", own | column(mesh.edges, "use_edge_sharp", 1, bool)
         )
         mesh.update()
-        for modifier in thing.modifiers:  # such as Screw, which makes faces of its own
-            if hasattr(modifier, "use_smooth_shade"):
-                modifier.use_smooth_shade = True
-        return Message("'{name}' is shaded smooth now, but for its sharp edges.", name=thing.name)
+        for modifier in turning:
+            modifier.use_smooth_shade = True
+        told = Message("'{name}' is shaded smooth now, but for its sharp edges.", name=thing.name)
+        return _and_others(told, thing)
 
 
 FAULTS = (
@@ -281,6 +327,7 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         mesh = _mesh_of(thing)
+        _check_faces(thing, mesh.polygons)
         bpy.ops.kiriko.select_part(part=self.part, library=self.library)
         is_open = self.kind == "OPEN"
         chosen = _found(mesh, self.kind)

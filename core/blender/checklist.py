@@ -4,7 +4,8 @@ A look at the scene goes in, a list of entries comes out: nothing here reads the
 is drawn. An entry is a record, so that any operator may be a remedy.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from math import floor, log10
 
 from ..light.landings import REASON_WORDS, Reason
@@ -113,7 +114,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
 def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
     name = thing.named.name
-    n_open, n_flat, is_inside_out, n_cut, n_facets = faults
+    n_open, n_flat, is_inside_out, n_cut, n_facets, _ = faults
     if n_flat and thing.is_mesh:  # nobody can take those at the poles of a surface away
         text = Message(
             "'{name}' has {n} triangle{s} without area.",
@@ -130,13 +131,13 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         text = Message(
             "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
         )
-        buttons = _select(thing, "OPEN", own.n_open) or (_select_part(thing),)
+        select = _select(thing, "OPEN", own.n_open) or (_select_part(thing),)
+        mends = [_thicken(thing)]  # as a bowl of one surface wants
         if own.n_open:
             properties = naming(thing.named)
             fill = Button("kiriko.fill_holes", Message("Fill Holes"), properties, "SNAP_FACE")
-            buttons = (*buttons, fill)
-        buttons = (*buttons, _thicken(thing))  # as a bowl of one surface wants
-        yield Entry(text, PROBLEM, buttons)
+            mends.insert(1 if own.is_vessel else 0, fill)
+        yield Entry(text, PROBLEM, (*select, *mends))
 
     if n_cut:
         n = own.n_cut or n_cut
@@ -187,6 +188,19 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
             yield _solve(look)
         return
 
+    yield from _once(_losses(look, length_text))
+
+
+def _once(found: Iterable[Entry]) -> Iterator[Entry]:
+    """Each button at the first entry alone that has it: one press mends for all of them."""
+    pressed: set[Button] = set()
+    for entry in found:
+        yield replace(entry, buttons=tuple(b for b in entry.buttons if b not in pressed))
+        pressed.update(entry.buttons)
+
+
+def _losses(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """Parts of the picture that are lost, the largest first, with what helps."""
     told = set()
     for reason, share in sorted(look.misses.items(), key=lambda miss: -miss[1]):
         if reason in REMEDIES and share >= WORTH:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..arrays import Bools, Ints
-from ..glass.meshes import volume_of
+from ..arrays import Bools, Floats, Ints
+from ..glass.meshes import components, volume_of
 from .mesh import column, has_area, read_local
+
+MOUTH = 1 / 3  # of a mesh's width: a hole that is wider was meant, as the mouth of a vessel is
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +22,7 @@ class Faults:
     is_open : (e,) which edges have one face, or more than two
     is_inside_out : is it open, so that nothing tells its inside but
         the faces, and do these look into it?
+    is_vessel : is one of its holes as wide as a mouth?
     """
 
     n_triangles: int
@@ -27,6 +30,7 @@ class Faults:
     n_flat: int
     is_open: Bools
     is_inside_out: bool
+    is_vessel: bool
 
     @property
     def n_open(self) -> int:
@@ -40,7 +44,7 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     edges = column(mesh.edges, "vertices", 2, np.int32).astype(np.int64).reshape(-1, 2)
     if not n or not np.isfinite(local.vertices).all():
         empty = np.zeros(len(mesh.polygons), bool)
-        return Faults(n, empty, 0, np.zeros(len(edges), bool), False)
+        return Faults(n, empty, 0, np.zeros(len(edges), bool), False, False)
 
     # one vertex for those that are welded
     mesh.calc_loop_triangles()
@@ -56,7 +60,24 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
 
     is_open = open_edges(one[edges], local.triangles)
     volume = volume_of(local.vertices[local.triangles]) if is_open.any() else 0.0
-    return Faults(n, is_flat, int(has_no_area.sum()), is_open, volume < 0)
+    is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
+    return Faults(n, is_flat, int(has_no_area.sum()), is_open, volume < 0, is_vessel)
+
+
+def _widest_hole(vertices: Floats, edges: Ints) -> float:
+    """The width of the widest hole over that of all vertices (v, 3), the middle side of their box;
+    0 where no edge (e, 2) is open. A crack is long and not wide: the mean of its sides counts.
+    """
+    if not len(edges):
+        return 0.0
+    ends = edges.ravel()
+    hole = components(len(vertices), *edges.T)[ends]
+    low, high = np.full(vertices.shape, np.inf), np.full(vertices.shape, -np.inf)
+    np.minimum.at(low, hole, vertices[ends])
+    np.maximum.at(high, hole, vertices[ends])
+    _, middle, longest = np.sort((high - low)[np.unique(hole)], axis=1).T
+    across = np.median(np.ptp(vertices, axis=0))
+    return float(np.sqrt(middle * longest).max() / across) if across else 0.0
 
 
 def open_edges(edges: Ints, triangles: Ints) -> Bools:

@@ -16,7 +16,7 @@ from .cuts import cut_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
-from .material import read_refraction, refracts
+from .material import Bends, bends_light, read_refraction, refracts
 from .mesh import column, used_slots
 from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
@@ -63,8 +63,9 @@ def look_at(
     is_solved = result.source is not None
     details = Numbers.read(result.details).by_name if is_solved else {}
     helps = details.get("helps")
+    bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
     things = [
-        _thing(scene, thing, role, by, meshes.get(thing.session_uid))
+        _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
         for role, members in found.items()
         for thing, by in members.items()
     ]
@@ -72,7 +73,7 @@ def look_at(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
-        in_glass=tuple(_in_glass(scene, found.get("GLASS", {}))),
+        in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
@@ -129,6 +130,7 @@ def _thing(
     role: str,
     by: str,
     looked: LookedMesh | None,
+    bends: Bends,
 ) -> Thing:
     sides = sides_of(scene, thing, looked)
     has_mesh = has_own_faces(scene, thing)
@@ -138,7 +140,7 @@ def _thing(
         role=role,
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
-        is_opaque=has_mesh and is_glass and not refracts(thing),
+        is_opaque=has_mesh and is_glass and not refracts(thing, bends),
         n_indices=_n_indices(thing, looked.slots) if is_glass and looked is not None else 0,
         is_mesh=thing.type == "MESH",
         has_no_scale=min(map(abs, thing.scale)) == 0,
@@ -179,17 +181,18 @@ def _n_indices(thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
     return len({one.ior for one in found if one is not None})
 
 
-def _in_glass(scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str]) -> Iterator[Named]:
+def _in_glass(
+    scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], bends: Bends
+) -> Iterator[Named]:
     """Objects without a role that refract, and whose box reaches into that of a glass."""
     boxes = [_box(scene, glass) for glass, by in glasses.items() if not by]
     if not boxes:
         return
     shown = Shown(scene, bpy.context.view_layer)
-    bends = cache(lambda material: read_refraction(material) is not None)  # of thousands of objects
     for thing in scene.objects:
         if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
             continue
-        if not any(bends(slot.material) for slot in thing.material_slots):
+        if not refracts(thing, bends):
             continue
         low, high = _box(scene, thing)
         is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
@@ -268,4 +271,5 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         is_inside_out=faults.is_inside_out,
         n_cut=int(np.count_nonzero(cut_polygons(mesh))) if is_glass else 0,
         n_facets=n_facets(mesh),
+        is_vessel=faults.is_vessel,
     )

@@ -3,7 +3,7 @@ not followed, and the image of a picture plane.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import bpy
@@ -30,6 +30,7 @@ NEUTRAL = {
 }
 OUTPUTS = {"Volume": Message("volume"), "Displacement": Message("displacement")}  # beside surfaces
 
+Bends = Callable[[bpy.types.Material | None], bool]
 Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outermost first
 
 
@@ -285,6 +286,11 @@ def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool
     return Texture(node.image.original, uv_map, tuple(notes), timing_of(node.image_user))
 
 
-def refracts(thing: bpy.types.Object) -> bool:
-    """Does any material of an object let light through with a bend?"""
-    return any(read_refraction(slot.material) is not None for slot in thing.material_slots)
+def bends_light(material: bpy.types.Material | None) -> bool:
+    """Does a material let light through with a bend?"""
+    return read_refraction(material) is not None
+
+
+def refracts(thing: bpy.types.Object, bends: Bends = bends_light) -> bool:
+    """Does any material of an object bend light, by `bends_light` or what is kept of it?"""
+    return any(bends(slot.material) for slot in thing.material_slots)

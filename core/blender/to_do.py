@@ -20,6 +20,7 @@ class Counts(NamedTuple):
 
     n_cut : polygons that others cut, so that nothing tells the inside
     n_facets : polygons that are shaded flat where a curve seems meant
+    is_vessel : is a hole of it as wide as the mouth of a vessel?
     """
 
     n_open: int = 0
@@ -27,6 +28,7 @@ class Counts(NamedTuple):
     is_inside_out: bool = False
     n_cut: int = 0
     n_facets: int = 0
+    is_vessel: bool = False
 
 
 @dataclass(frozen=True)

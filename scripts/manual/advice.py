@@ -364,6 +364,12 @@ GLASS = Section(
             alike=("'{name}' is no mesh: turn it into one.",),
         ),
         Advice(
+            "'{name}' has no faces that can be mended: draw some, or apply the modifiers that make"
+            " them.",
+            "Object > Apply > Visual Geometry to Mesh applies all modifiers.",
+            "オブジェクト > 適用 > 表示形状をメッシュ化 で、モディファイアーをすべて適用します。",
+        ),
+        Advice(
             "'{name}' is linked from another file: mend it there.",
             "Or make it local: Object > Relations > Make Local.",
             "または、オブジェクト > 関係 > ローカル化 を使います。",

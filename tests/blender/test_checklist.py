@@ -837,3 +837,16 @@ def test_a_loss_of_any_viewer_is_told_and_mended_for_all(
     bpy.ops.kiriko.solve()
     assert told(look()) == []
     assert min(seen_by(scene).values()) > 0.999
+
+
+def test_a_button_that_mends_two_losses_stands_once(kiriko: ModuleType) -> None:
+    """Fit Picture makes the picture small enough for plate and display in one press."""
+    checklist = importlib.import_module(f"{kiriko.__name__}.core.blender.checklist")
+    misses = {"missed the plate": 0.2, "missed the display": 0.1}
+    for helps in (None, ()):
+        look = checklist.Look(misses=misses, is_solved=True, helps=helps)
+        found = checklist.entries(look, str)
+        buttons = [button.operator for entry in found for button in entry.buttons]
+        assert len(found) == 2
+        assert len(set(buttons)) == len(buttons)
+        assert {"kiriko.fit_plate", "kiriko.fit_display"} <= set(buttons) or helps is not None

@@ -15,6 +15,12 @@ from panel_layout import Layout, told
 from small_rigs import SIDE, new_object, primitive, small_rig
 
 
+def labels_of(entries: list, words: str) -> list[str]:
+    """The labels of the buttons of the one entry that has these words, in their order."""
+    (entry,) = (entry for entry in entries if words in entry.text)
+    return [str(one.label) for one in entry.buttons]
+
+
 def press(entries: list, words: str, label: str) -> None:
     """Press the button with this label of the one entry that has these words."""
     (entry,) = (entry for entry in entries if words in entry.text)
@@ -232,6 +238,7 @@ def test_holes_are_filled_with_faces_that_look_out(
     glass.data.update_tag()
     bpy.context.view_layer.update()
     assert bpy.context.scene.kiriko.result.summary
+    assert labels_of(look(), "is not closed") == ["Select", "Fill Holes", "Thicken"]
     press(look(), "is not closed: 10 edges", "Fill Holes")
     assert told(look()) == []
     assert bpy.context.scene.kiriko.result.summary == ""  # it may have told of the gaps
@@ -274,6 +281,7 @@ def test_a_bowl_of_one_surface_gets_walls(
     bowl.polygons.foreach_set("use_smooth", [True] * len(bowl.polygons))
     glass.data, glass.scale = bowl, scale
     bpy.context.view_layer.update()
+    assert labels_of(look(), "is not closed") == ["Select", "Thicken", "Fill Holes"]
     press(look(), "is not closed", "Thicken")
     assert told(look()) == []
     wall = glass.modifiers[0].thickness
@@ -337,25 +345,91 @@ def overridden(scene: bpy.types.Scene) -> None:
     ],
 )
 def test_glass_that_cycles_shows_otherwise_is_told_as_it_is_looked_at(
+    kiriko: ModuleType,
     scene: bpy.types.Scene,
-    capfd: pytest.CaptureFixture[str],
+    drawn: Callable[..., Layout],
     spoil: Callable[[bpy.types.Scene], object],
     reason: str,
 ) -> None:
-    """What is seen would be taken for a fault of the source image."""
+    """What is seen would be taken for a fault of the source image. It is told in the panel, for as
+    long as it is so, by what Live has read: the status bar cuts it off.
+    """
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
     glass.data.materials.append(glass_material("Glass", 1.49))
     spoil(scene)
     glass.data.update_tag()
     bpy.context.view_layer.update()
-    capfd.readouterr()
+    assert seen_through(kiriko, drawn) == ""
     assert bpy.ops.kiriko.look_through() == {"FINISHED"}
-    assert scene.kiriko.looking
-    told = capfd.readouterr().out
+    text = seen_through(kiriko, drawn)
+    assert bool(text) == bool(reason)
+    assert reason in text
     bpy.ops.kiriko.look_through()
-    assert ("Cycles shows the glass otherwise" in told) == bool(reason)
-    assert reason in told
+    assert seen_through(kiriko, drawn) == ""
+
+
+def seen_through(kiriko: ModuleType, drawn: Callable[..., Layout]) -> str:
+    """The words in the panel on Cycles' glass, once Live has come to rest."""
+    live = kiriko.operators.live
+    while live.is_on() and live.tick() != live.live_follower.IDLE:
+        pass
+    texts = " ".join(drawn("solve", "VIEW3D_PT_kiriko_solve").texts)
+    return texts[texts.index("Cycles shows the glass") :] if "Cycles shows" in texts else ""
+
+
+def test_the_words_on_glass_of_cycles_follow_it(
+    kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout], monkeypatch
+) -> None:
+    """They come and go with the fault, and the glass is compared once as long as it is the same;
+    the scene is read no more often than Live reads it.
+    """
+    read, compared = [], []
+    follower = kiriko.operators.live_follower
+    for module, name, calls in ((follower, "reasons", compared), (follower.work, "read", read)):
+        own = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, c=calls, f=own: c.append(1) or f(*a))
+    rig = small_rig()
+    rig["GLASS"].kiriko.use_ior = False
+    rig["GLASS"].data.materials.append(glass_material("Glass", 1.49))
+    bpy.ops.kiriko.live()
+    assert seen_through(kiriko, drawn) == ""
+    assert not compared
+    before = len(read)
+    bpy.ops.kiriko.look_through()
+    assert len(read) == before
+    assert seen_through(kiriko, drawn) == ""
+    assert len(compared) == 1
+    rig["GLASS"].kiriko.use_ior, rig["GLASS"].kiriko.ior = True, 1.7
+    assert "the Override IOR of 'Cube'" in seen_through(kiriko, drawn)
+    assert len(compared) == 2
+    rig["DISPLAY"].location.x += 1e-3
+    bpy.context.view_layer.update()
+    assert "the Override IOR of 'Cube'" in seen_through(kiriko, drawn)
+    assert len(compared) == 2
+    rig["GLASS"].kiriko.use_ior = False
+    assert seen_through(kiriko, drawn) == ""
+    bpy.ops.kiriko.look_through()
+    kiriko.operators.live.stop()
+
+
+def test_an_override_is_compared_with_the_material_itself(
+    kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout], linked: Callable
+) -> None:
+    """A linked material may have the name of one of this file, and another index."""
+    glass = small_rig()["GLASS"]
+    theirs = linked(glass_material("Glass", 1.7))
+    own = bpy.data.materials["Glass", None]
+    own.node_tree.nodes["Principled BSDF"].inputs["IOR"].default_value = 1.49
+    glass.kiriko.use_ior = True
+    for material, ior, is_told in ((theirs, 1.7, False), (theirs, 1.49, True), (own, 1.7, True)):
+        glass.data.materials.clear()
+        glass.data.materials.append(material)
+        glass.kiriko.ior = ior
+        bpy.context.view_layer.update()
+        bpy.ops.kiriko.look_through()
+        assert ("Override IOR" in seen_through(kiriko, drawn)) == is_told
+        bpy.ops.kiriko.look_through()
 
 
 def test_sculpted_glass_is_waited_for(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
@@ -389,14 +463,10 @@ def test_losses_of_an_image_that_is_gone_are_not_told(look: Callable[[], list]) 
     assert told(look()) == []
 
 
-def test_a_mesh_of_another_file_is_mended_there(look, tmp_path):
+def test_a_mesh_of_another_file_is_mended_there(look, linked):
     """Changed here it would be as before once the file is opened again."""
     glass = small_rig()["GLASS"]
-    library = tmp_path / "library.blend"
-    bpy.data.libraries.write(str(library), {glass.data})
-    with bpy.data.libraries.load(str(library), link=True) as (_, found):
-        found.meshes = [glass.data.name]
-    (glass.data,) = found.meshes
+    glass.data = linked(glass.data)
     n_faces = len(glass.data.polygons)
     for mend in ("fill_holes", "turn_out", "merge_flat", "shade_smooth"):
         with pytest.raises(RuntimeError, match="is linked from another file: mend it there"):
@@ -418,3 +488,62 @@ def test_only_what_bends_light_is_looked_for_within_glass(kiriko, look, monkeypa
     )
     look()
     assert {thing.kiriko.role for thing in asked} == {"GLASS"}
+
+
+def holed_cube() -> bpy.types.Mesh:
+    """A cube without one of its faces, whose others look inwards."""
+    mesh = primitive("cube", size=SIDE)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    shape.faces.ensure_lookup_table()
+    bmesh.ops.delete(shape, geom=[shape.faces[0]], context="FACES_ONLY")
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+MENDS = ("fill_holes", "turn_out", "merge_flat", "shade_smooth")
+
+
+def flattened() -> bpy.types.Mesh:
+    """A cube without one face, and with a vertex that lies on another one."""
+    mesh = holed_cube()
+    mesh.vertices[0].co = mesh.vertices[1].co
+    return mesh
+
+
+@pytest.mark.parametrize("mend", MENDS)
+@pytest.mark.parametrize(
+    ("n", "others"), [(0, ""), (1, "'thing.001'"), (4, "4 other objects")], ids=str
+)
+def test_others_that_have_the_same_mesh_are_named(scene, capfd, mend, n, others):
+    """A mend changes them, too, as edit mode would."""
+    mesh = flattened()
+    glass = new_object(mesh, "GLASS")
+    for _ in range(n):
+        new_object(mesh)
+    assert getattr(bpy.ops.kiriko, mend)(part=glass.name) == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert ("Also changed" in said) == bool(n)
+    assert f"Also changed, having the same data: {others}." in said or not n
+
+
+@pytest.mark.parametrize("mend", [*MENDS, "thicken", "select_faults"])
+def test_a_mesh_without_faces_is_not_mended(scene, mend):
+    """Nothing would change, and a success would be told."""
+    glass = new_object(bpy.data.meshes.new("empty"), "GLASS")
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="'thing' has no faces that can be mended"):
+        getattr(bpy.ops.kiriko, mend)(part=glass.name)
+    assert not glass.modifiers
+    assert bpy.context.mode == "OBJECT"
+
+
+def test_a_turned_profile_is_shaded_smooth(scene):
+    """It has no faces of its own: the modifier's are smooth."""
+    profile = bpy.data.meshes.new("profile")
+    profile.from_pydata([(0.01, 0, 0), (0.02, 0, 0.03)], [(0, 1)], [])
+    glass = new_object(profile, "GLASS")
+    glass.modifiers.new("Screw", "SCREW").use_smooth_shade = False
+    assert bpy.ops.kiriko.shade_smooth(part=glass.name) == {"FINISHED"}
+    assert glass.modifiers[0].use_smooth_shade
