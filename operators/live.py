@@ -104,7 +104,12 @@ def tick() -> float | None:
         return None
 
     if wait is None:
-        stop(Message("Live stopped: no window shows its scene any more."))
+        name = next((s.name for s in bpy.data.scenes if s.session_uid == _lives[0].uid), None)
+        stop(
+            Message("Live stopped: its scene was deleted.")
+            if name is None
+            else Message("Live stopped: no window shows the scene '{name}' any more.", name=name)
+        )
 
     return wait
 

@@ -224,6 +224,8 @@ class Live:
         except KirikoError:
             self._key = None
             raise
+        if self._key is None:
+            self._show_problem("")  # that of a scene that could not be read
         optics = frozenset(keys_of(reading.rig, settings))
         key = (
             # in their order: numbers are those of the first
@@ -352,6 +354,7 @@ class Live:
 
     def _note_shown(self) -> None:
         """A picture is there: a newer change may end the work that follows."""
+        self.problem = ""  # of the scene before
         self.n_pictures += 1
         self._shown_at.append(perf_counter())
         self.is_unpacked = self._has_picture = True

@@ -38,7 +38,8 @@ def on_missing(look: Look) -> Iterator[Entry]:
         return
 
     roles = {thing.role for thing in look.things}
-    is_new = not (look.has_rig or roles & set(SINGLE))
+    is_new = not (look.has_rig or roles & set(SINGLE))  # too little is there to make one part
+    is_offered = False
     for role, phrase in look.missing:
         hidden = next((t for t in look.things if t.role == role and t.hidden_by), None)
         buttons: tuple[Button, ...] = ()
@@ -50,15 +51,15 @@ def on_missing(look: Look) -> Iterator[Entry]:
             buttons = (*made, _use_camera("scene.kiriko.viewer", look.cameras[0]))
         elif role == "IMAGE":
             buttons = _images(look)
-        elif is_new:
+        elif is_new and not is_offered:
             buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
-            is_new = False  # once is enough
+            is_offered = True  # once is enough
         elif role == "GLASS":
             buttons = tuple(_use_as_glass(named) for named in look.solids[:MOST_OFFERED])
-        elif role == "PLATE":
+        elif role == "PLATE" and not is_new:
             without = Button("kiriko.go_without_plate", Message("Go Without"), (), "CHECKMARK")
             buttons = (_make(role), without)
-        elif role in MADE and "GLASS" in roles:
+        elif role in MADE and "GLASS" in roles and not is_new:
             buttons = (_make(role),)
         yield Entry(Message("{reason}.", reason=phrase), PROBLEM, buttons)
 

@@ -500,6 +500,7 @@ def test_a_rig_in_the_making_may_be_added(look: Callable[[], list]) -> None:
     glass.kiriko.role, glass.kiriko.use_ior = "GLASS", True
     operators = [b.operator for entry in look() for b in entry.buttons]
     assert operators.count("kiriko.add_rig") == 1
+    assert "kiriko.make_part" not in operators  # too little is there to tell where a part stands
     new_object(primitive("grid", x_segments=1, y_segments=1, size=1), "DISPLAY")
     operators = [b.operator for entry in look() for b in entry.buttons]
     assert "kiriko.add_rig" not in operators

@@ -738,7 +738,8 @@ def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
     assert live.tick() is None
     assert not live.is_on()
     assert traces(live) == []
-    assert "no window shows" in live.status()[0]
+    name = bpy.data.scenes[0].name if bpy.data.scenes[0] != other else bpy.data.scenes[1].name
+    assert live.status()[0] == f"Live stopped: no window shows the scene '{name}' any more."
     assert live.tick() is None
     assert other.kiriko.result.source is None
 
@@ -972,3 +973,36 @@ def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
             assert (found.surface, found.rounding) == (anew.surface, anew.rounding)
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(told)
+
+
+def test_an_error_is_told_no_longer_than_it_is_one(live: ModuleType, written: list[str]) -> None:
+    """A scene that can be read again is told to be worked on, though the work takes a while; an
+    error of the light itself stays until a picture is there, or it would come and go in a drag.
+    """
+    rig = follow(live)
+    rig["PICTURE"].kiriko.role = "NONE"
+    settle(live)
+    assert live.status() == (
+        "The rig has no picture: set a textured plane's role to Picture or choose an image.",
+        True,
+    )
+    rig["PICTURE"].kiriko.role = "PICTURE"
+    turn(rig["GLASS"])
+    live.followed().touch()
+    while not live.followed().has_read:
+        live.tick()
+    assert live.status() == ("Live: updating.", False)
+    settle(live)
+
+    viewer = bpy.context.scene.kiriko.viewer
+    place = viewer.location.copy()
+    viewer.location = rig["GLASS"].location
+    bpy.context.view_layer.update()
+    settle(live)
+    assert "is inside the glass" in live.status()[0]
+    viewer.location = place
+    turn(rig["GLASS"])
+    written.clear()
+    until(written, live)
+    assert "update_solution" not in written
+    assert live.status() == ("Live: updating.", False)
