@@ -38,8 +38,12 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             layout.label(text="Not solved yet.")
             return
 
+        # numbers of the image before stay where they are until the new ones, but faint
+        of_shown = not result.is_coarse
         if result.summary:
-            sentence(layout, context, said.message(result.summary))
+            column = layout.column()
+            column.active = of_shown
+            sentence(column, context, said.message(result.summary))
         if watch.is_told_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.source is not None:
@@ -52,8 +56,10 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
                 layout.menu(menu, text=image.name, translate=False, icon="IMAGE_DATA")
 
         warnings, _ = notes_of(result)
+        column = layout.column()
+        column.active = of_shown
         for note in warnings:
-            sentence(layout, context, said.message(note), icon="ERROR")
+            sentence(column, context, said.message(note), icon="ERROR")
 
         draw_remedies(layout, context)
 

@@ -37,17 +37,18 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
         )
 
     if min(image.size) < 1:  # asking for the size loads the file
-        place = (
-            Message("the file {file}", file=bpy.path.abspath(image.filepath, library=image.library))
-            if image.filepath
-            else Message("no file")
-        )
+        if not image.filepath:
+            raise ImageError(
+                "The image '{image}' of {owner} is empty, and has no file: choose another.",
+                image=image.name,
+                owner=owner,
+            )
         raise ImageError(
-            "The image '{image}' of {owner} cannot be read from {place}: the file is"
+            "The image '{image}' of {owner} cannot be read from the file {file}: the file is"
             " missing or broken; choose another or find it again.",
             image=image.name,
             owner=owner,
-            place=place,
+            file=bpy.path.abspath(image.filepath, library=image.library),
         )
 
 

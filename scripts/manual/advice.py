@@ -400,10 +400,11 @@ PICTURE = Section(
             "フレーム、開始フレーム、オフセットは、レンダリングのときと同じく画像テクスチャノードにあります。",
         ),
         Advice(
-            "The image '{image}' of {owner} cannot be read from {place}: the file is missing or"
-            " broken; choose another or find it again.",
+            "The image '{image}' of {owner} cannot be read from the file {file}: the file is"
+            " missing or broken; choose another or find it again.",
             "File > External Data > Find Missing Files looks for it.",
             "ファイル > 外部データ > 欠けたファイルを検索 で見つけます。",
+            alike=("The image '{image}' of {owner} is empty, and has no file: choose another.",),
         ),
         Advice(
             "The image '{image}' of {owner} is in the colour space {space}, which Kiriko does not"

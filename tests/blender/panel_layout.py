@@ -1,5 +1,6 @@
 """A layout that checks the items panels draw on it, and keeps them."""
 
+from copy import copy
 from types import SimpleNamespace
 
 import bpy
@@ -27,9 +28,15 @@ class Layout:
         self.operators: list[str] = []
         self.labels: list[str] = []
         self.menus: list[str] = []
+        self.faint: list[str] = []  # texts in grey
+        self.active = True
+        self.is_faint = False
 
     def box(self, **options: object) -> "Layout":
-        return self
+        """A layout in this one, whose items are kept with its own."""
+        inside = copy(self)
+        inside.active, inside.is_faint = True, self.is_faint or not self.active
+        return inside
 
     row = column = split = box
 
@@ -81,6 +88,8 @@ class Layout:
         assert icon in ICONS
         self.texts.append(text)
         self.icons[text] = icon
+        if self.is_faint or not self.active:
+            self.faint.append(text)
 
     def progress(self, factor: float, text: str) -> None:
         assert 0 <= factor <= 1

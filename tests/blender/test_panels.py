@@ -264,10 +264,14 @@ def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.t
     result = scene.kiriko.result
     words = "The source image is a coarse one: solve, or let Live finish."
     assert words not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    assert not drawn("result", "VIEW3D_PT_kiriko_result").faint
     result.is_coarse = True
-    text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    shown = drawn("result", "VIEW3D_PT_kiriko_result")
+    text = " ".join(shown.texts)
     assert words in text
     assert result.summary in text
+    assert result.summary in " ".join(shown.faint)  # it is that of the image before
+    assert words not in " ".join(shown.faint)
     result.summary = result.details = result.notes = ""
     assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
 

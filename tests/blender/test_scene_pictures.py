@@ -633,3 +633,13 @@ def test_two_pictures_are_for_the_check(read: Callable[[], Any]) -> None:
     add_plane(texture_material(image), "one")
     add_plane(texture_material(image), "two")
     assert sorted(p.name for p in read().rig.pictures) == ["one", "two"]
+
+
+def test_an_image_without_a_file_is_told_to_be_empty(scene: bpy.types.Scene) -> None:
+    """As Blender makes one whose file was never chosen: no path stands in the sentence."""
+    picture = small_rig()["PICTURE"]
+    picture.kiriko.image = empty = bpy.data.images.new("Empty", 8, 8)
+    empty.source = "FILE"
+    words = f"The image 'Empty' of the picture '{picture.name}' is empty, and has no file: choose"
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.solve()
