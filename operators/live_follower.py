@@ -181,7 +181,7 @@ class Live:
         """
         if self.is_changed and (self._work is None or self._has_picture):
             return Step(READING, (self.kept.is_whole,))
-        if self._pending is None and self._is_to_compare:
+        if (self._pending is None or self._has_picture) and self._is_to_compare:
             return Step(GLASS, (*_sizes(self._reading.rig),))
         return self._pending
 

@@ -413,6 +413,23 @@ def test_the_words_on_glass_of_cycles_follow_it(
     kiriko.operators.live.stop()
 
 
+def test_the_words_on_glass_of_cycles_come_with_the_first_picture(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """The final one of an ugly glass takes a minute, in which they would be missed."""
+    rig = small_rig()
+    rig["GLASS"].kiriko.use_ior = False
+    rig["GLASS"].data.materials.append(glass_material("Glass", 1.49))
+    overridden(scene)
+    bpy.ops.kiriko.look_through()
+    live = kiriko.operators.live
+    while not live.followed().otherwise:
+        assert live.tick() != live.live_follower.IDLE
+    assert live.followed().n_pictures == 1
+    assert live.followed().is_working
+    bpy.ops.kiriko.look_through()
+
+
 def test_an_override_is_compared_with_the_material_itself(
     kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout], linked: Callable
 ) -> None:
