@@ -1,6 +1,7 @@
 """Rigid motion: a mesh that was only moved or turned need not be made ready again."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,16 +26,23 @@ class Motion:
     rotation: Floats
     shift: Floats
 
+    @cached_property
+    def is_shift(self) -> bool:
+        """Does nothing turn? Then products with the rotation would give the same numbers."""
+        return np.array_equal(self.rotation, np.eye(3))
+
     def points(self, at: Floats) -> Floats:
         """Where points (..., 3) go."""
-        return turn(self.rotation, at) + self.shift
+        return self.directions(at) + self.shift
 
     def directions(self, directions: Floats) -> Floats:
-        """Where directions (..., 3) turn."""
-        return turn(self.rotation, directions)
+        """Where directions (..., 3) turn; the same array where nothing does."""
+        return directions if self.is_shift else turn(self.rotation, directions)
 
     def back(self, at: Floats, directions: Floats) -> tuple[Floats, Floats]:
         """Where points and directions (..., 3) have come from."""
+        if self.is_shift:
+            return at - self.shift, directions
         back = self.rotation.T
         return turn(back, at - self.shift), turn(back, directions)
 

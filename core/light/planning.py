@@ -19,6 +19,7 @@ from .engines import engine_kind
 from .kept import Kept
 from .layers import group_parts, grown, making_layer, triangles_of_boxes
 from .media import Media, boxes_touch, make_media
+from .packing import Packing
 from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
 from .rig_parts import RigParts, read_solids
@@ -151,6 +152,9 @@ def _kept_thin_parts(parts: RigParts, boxes_aside: Floats, kept: Kept) -> Callab
     """
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
+    aside = fingerprint(walls)
+    made = "+".join([*(solid.key for solid in parts.solids), *(one.key for one in parts.sheets)])
+    packing = kept.get(f"packing of {made}+{aside}", Packing)
 
     def find() -> ThinParts:
         corners = parts.joined("corners")
@@ -158,9 +162,10 @@ def _kept_thin_parts(parts: RigParts, boxes_aside: Floats, kept: Kept) -> Callab
             np.concatenate([corners, walls]),
             np.concatenate([parts.patch, number + len(corners)]),
             np.concatenate([parts.part, number + len(parts.surfaces)]),
+            packing,
         )
 
-    return kept.get("boxes of " + "+".join([*parts.keys, fingerprint(walls)]), lambda: cache(find))
+    return kept.get("boxes of " + "+".join([*parts.keys, aside]), lambda: cache(find))
 
 
 def _array_frames(parts: RigParts) -> dict[int, ArrayFrame]:

@@ -8,35 +8,30 @@ from functools import cached_property
 import numpy as np
 
 from .. import kernel
-from ..arrays import Bools, Floats, Ints, each_once
+from ..arrays import Bools, Floats, Ints, taken
 from ..glass.meshes import Frames, boxes_of
 from ..steps import Pauses
+from .packing import Packing
 
 
 @dataclass(frozen=True)
 class ThinPartsKnobs:
-    """How boxes are made and looked into; tuned for time by `dev.py growth` and `dev.py bench`.
+    """How boxes are looked into; tuned for time by `dev.py growth` and `dev.py bench`.
 
     Parameters
     ----------
-    most_patches : with more patches whole parts are looked for
-    in_boxes : triangles that boxes hold, level by level below those of whole patches
     pairs_at_once : of bundles and units of the rig
     boxes_at_once : pairs of a bundle and a box
     many, turns : such pairs, from which on they are looked into in so many turns
     widest : of the rig's size: a bundle whose rays are further apart would touch everything; the
         kernel's thin_parts.c has the same
-    digits : binary, of each coordinate by which triangles are sorted
     """
 
-    most_patches: int = 4096
-    in_boxes: tuple[int, ...] = (512, 64, 8, 1)
     pairs_at_once: int = 1 << 18
     boxes_at_once: int = 1 << 13
     many: int = 4096
     turns: int = 2
     widest: float = 1 / 16
-    digits: int = 10
 
 
 THIN = ThinPartsKnobs()
@@ -81,28 +76,16 @@ class ThinParts:
     ----------
     corners : (t, 3, 3) m
     patch, part : (t,) of each triangle
+    packing : in which boxes; the same for triangles of which some were only moved
     """
 
-    def __init__(self, corners: Floats, patch: Ints, part: Ints) -> None:
-        n = len(patch)
-        _, unit = each_once(patch)
-        unit = unit if unit.max() < THIN.most_patches else part
-        self._unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
-        self._unit_of_patch[patch] = unit
-
-        # triangles in an order in which neighbours lie together, unit by unit
-        order = np.lexsort([_along_curve(corners.mean(axis=1)), unit])
-        self._corners = corners[order]
-        unit = unit[order]
-        self.n_units = int(unit[-1]) + 1
-
-        # boxes: of whole units, then of ever fewer triangles
-        first = np.flatnonzero(np.diff(unit, prepend=-1))
-        within = np.arange(n) - first[unit]
-        self._starts = [
-            np.append(first, n),
-            *(np.append(np.flatnonzero(within % k == 0), n) for k in THIN.in_boxes),
-        ]
+    def __init__(
+        self, corners: Floats, patch: Ints, part: Ints, packing: Packing | None = None
+    ) -> None:
+        packed = (packing or Packing()).of(corners, patch, part)
+        self._unit_of_patch, self._starts = packed.unit_of_patch, packed.starts
+        self._corners = taken(corners, packed.order)
+        self.n_units = len(packed.starts[0]) - 1
 
         low, high = (sides.copy() for sides in boxes_of(self._corners).transpose(1, 2, 0))
         self._boxes = [
@@ -224,21 +207,6 @@ class ThinParts:
         touched = np.zeros(len(ends), bool)
         touched[near] = ~beyond.any(axis=0)
         return touched
-
-
-def _along_curve(points: Floats) -> Ints:
-    """Place (n,) of points (n, 3) along a curve that fills space
-    (Morton's): neighbours on it are near each other.
-    """
-    low = points.min(axis=0)
-    steps = (
-        (points - low) / max(float((points - low).max()), 1e-300) * (2**THIN.digits - 1)
-    ).astype(np.int64)
-    place = np.zeros(len(points), np.int64)
-    for digit in range(THIN.digits):
-        for axis in range(3):
-            place |= (steps[:, axis] >> digit & 1) << (3 * digit + axis)
-    return place
 
 
 def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]:
