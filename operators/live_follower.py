@@ -145,9 +145,11 @@ class Live:
                     self._say("")
                     # work may have ended before the settings were looked at again
                     return PAUSE if was_working else IDLE
-                if self._lasted.get(step, step.guess) > LONG:
+                # a short step is not worth a word, but no other step's is left there
+                is_long = self._lasted.get(step, step.guess) > LONG
+                if is_long or self._text:
                     now = Message("Kiriko Live: {phrase} ...", phrase=step.phrase)
-                    if self._say(in_words(now)):
+                    if self._say(in_words(now)) and is_long:
                         return NOTICE
                 self._do(step, bpy.context)
         return PAUSE

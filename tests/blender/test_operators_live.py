@@ -879,6 +879,30 @@ def test_long_step_is_announced_before_it_begins(
     assert begun[0] == known
 
 
+def test_the_status_bar_names_the_step_that_is_done(
+    live: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Long reading is announced, and then many short steps trace light: it is not read meanwhile."""
+    rig = follow(live)
+    followed = live.followed()
+    told = []
+    do = followed._do
+    monkeypatch.setattr(
+        followed,
+        "_do",
+        lambda step, context: (told.append((str(step.phrase), followed._text)), do(step, context)),
+    )
+    turn(rig["GLASS"])
+    followed._lasted = {step: 0.0 for step in followed._lasted}
+    known = live.live_follower.Step(live.live_follower.READING, (True,))
+    followed._lasted[known] = 2 * live.live_follower.LONG
+    settle(live)
+    assert told[0] == ("reading the scene", "Kiriko Live: reading the scene ...")
+    assert len({phrase for phrase, _ in told}) > 2
+    assert all(text == f"Kiriko Live: {phrase} ..." for phrase, text in told)
+    assert followed._text == ""
+
+
 def test_no_text_stays_in_a_workspace_that_was_left(
     live: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
