@@ -882,7 +882,7 @@ def test_long_step_is_announced_before_it_begins(
 def test_the_status_bar_names_the_step_that_is_done(
     live: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Long reading is announced, and then many short steps trace light: it is not read meanwhile."""
+    """Long reading is announced, and then short steps trace light: nothing is read meanwhile."""
     rig = follow(live)
     followed = live.followed()
     told = []
