@@ -28,12 +28,28 @@ def is_on() -> bool:
     return bool(_lives)
 
 
-def status() -> tuple[str, bool]:
-    """A sentence on how it stands, '' for none, and whether it names a problem."""
+def _scene_of(live: live_follower.Live) -> bpy.types.Scene | None:
+    """The scene that is followed, if it is there."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
+
+
+def follows(scene: bpy.types.Scene) -> bool:
+    """Is it this scene that is followed? Another window may show another one."""
+    return bool(_lives) and _lives[0].uid == scene.session_uid
+
+
+def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
+    """A sentence on how it stands, '' for none, and whether it names a problem: to whoever looks at
+    a scene, which may be another one than it follows.
+    """
     if not _lives:
         return (_last_words[0], False) if _last_words else ("", False)
 
     live = _lives[0]
+    if scene is not None and not follows(scene):
+        other = _scene_of(live)
+        name = "" if other is None else other.name
+        return Message("Live follows the scene '{name}'.", name=name) if name else "", False
     if live.problem:
         return live.problem, True
     if needed.sculpting(bpy.context):
@@ -76,7 +92,7 @@ def pack_if_needed(live: live_follower.Live) -> None:
     """Save the image within the file, which takes too long to be done with each update; what is
     told beside it is of no other.
     """
-    scene = next((scene for scene in bpy.data.scenes if scene.session_uid == live.uid), None)
+    scene = _scene_of(live)
     if live.is_unpacked and scene is not None:
         live.leave_picture(scene)
         pack_source(scene)
@@ -104,11 +120,13 @@ def tick() -> float | None:
         return None
 
     if wait is None:
-        name = next((s.name for s in bpy.data.scenes if s.session_uid == _lives[0].uid), None)
+        scene = _scene_of(_lives[0])
         stop(
             Message("Live stopped: its scene was deleted.")
-            if name is None
-            else Message("Live stopped: no window shows the scene '{name}' any more.", name=name)
+            if scene is None
+            else Message(
+                "Live stopped: no window shows the scene '{name}' any more.", name=scene.name
+            )
         )
 
     return wait
@@ -183,11 +201,11 @@ class KIRIKO_OT_live(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        lacks = [] if is_on() else needed.linked(scene) + needed.lacking(scene)
+        lacks = [] if follows(scene) else needed.linked(scene) + needed.lacking(scene)
         return needed.can_run(cls, lacks)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if is_on():
+        if follows(context.scene):
             stop()
         else:
             start(context.scene)

@@ -31,8 +31,7 @@ def enter(context: bpy.types.Context) -> None:
     """Look through, and begin Live."""
     scene = context.scene
     _enter_area(scene, view_of(context))
-    followed = live.followed()
-    if followed is None or followed.uid != scene.session_uid:
+    if not live.follows(scene):
         live.start(scene)
         _live_began.append(scene.session_uid)
 
@@ -99,8 +98,7 @@ def _forget(scene: bpy.types.Scene) -> None:
     compared.put_views_back()  # those that were left to this look
     if scene.session_uid in _live_began:
         _live_began.remove(scene.session_uid)
-        followed = live.followed()
-        if followed is not None and followed.uid == scene.session_uid:
+        if live.follows(scene):
             live.stop()
 
 
@@ -193,9 +191,8 @@ def otherwise(scene: bpy.types.Scene) -> Message | None:
     """A sentence on glass that Cycles shows otherwise than Kiriko follows it, if there is some: by
     what Live has read, once it comes to rest.
     """
-    followed = live.followed()
-    is_seen = scene.kiriko.looking and followed is not None and followed.uid == scene.session_uid
-    if not is_seen or followed.problem or not followed.otherwise:
+    followed = live.followed() if scene.kiriko.looking and live.follows(scene) else None
+    if followed is None or followed.problem or not followed.otherwise:
         return None
     return Message(
         "Cycles shows the glass otherwise than it is, for {reasons}: press Before and After to"

@@ -37,8 +37,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
                 look_through.leave(context.scene)
             if compared.is_shown(context.scene):
                 compared.leave()
-            followed = live.followed()
-            if followed is not None and followed.uid == context.scene.session_uid:
+            if live.follows(context.scene):
                 live.stop()
 
             names = remove_rig(context.scene, rig)

@@ -129,8 +129,7 @@ def is_told_old(scene: bpy.types.Scene, name: str) -> bool:
 
 def is_followed(scene: bpy.types.Scene) -> bool:
     """Does Live follow the scene, and can?"""
-    followed = live.followed()
-    return followed is not None and followed.uid == scene.session_uid and not followed.problem
+    return live.follows(scene) and not live.followed().problem
 
 
 def tick() -> float:

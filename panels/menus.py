@@ -25,7 +25,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout.operator_menu_enum("kiriko.open_example", "example")
         layout.separator()
         layout.operator("kiriko.solve", icon="LIGHT_SUN")
-        icon = "PAUSE" if live.is_on() else "PLAY"
+        icon = "PAUSE" if live.follows(context.scene) else "PLAY"
         layout.operator("kiriko.live", icon=icon)
         layout.operator("kiriko.look_through", icon="VIEW_CAMERA")
         layout.operator("kiriko.simulate", icon="IMAGE_DATA")

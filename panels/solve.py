@@ -17,7 +17,7 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.scale_y = 1.3
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
-        is_on = live.is_on()
+        is_on = live.follows(context.scene)
         buttons.operator("kiriko.live", icon="PAUSE" if is_on else "PLAY", depress=is_on)
         is_looking = bool(context.scene.kiriko.looking)
         buttons.operator("kiriko.look_through", icon="VIEW_CAMERA", depress=is_looking)
@@ -33,7 +33,7 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
             row.prop(view, "right", text="")
             layout.prop(view, "wipe")
             layout.operator("kiriko.save_comparison", icon="FILE_TICK")
-        text, is_problem = live.status()
+        text, is_problem = live.status(context.scene)
         if text:
             sentence(layout, context, text, icon="ERROR" if is_problem else "INFO")
         otherwise = look_through.otherwise(context.scene)

@@ -28,6 +28,7 @@ class Layout:
         self.operators: list[str] = []
         self.labels: list[str] = []
         self.menus: list[str] = []
+        self.pressed: list[str] = []  # operators whose buttons are drawn as pressed
         self.faint: list[str] = []  # texts in grey
         self.active = True
         self.is_faint = False
@@ -63,6 +64,8 @@ class Layout:
         self.operators.append(name)
         self.labels.append(str(options.get("text", "")))
         self.icons[self.labels[-1]] = icon
+        if options.get("depress"):
+            self.pressed.append(name)
         return SimpleNamespace()  # takes values for the operator's properties
 
     def menu(self, name: str, text: str = "", icon: str = "NONE", **options: object) -> None:

@@ -1030,3 +1030,29 @@ def test_an_error_is_told_no_longer_than_it_is_one(live: ModuleType, written: li
     until(written, live)
     assert "update_solution" not in written
     assert live.status() == ("Live: updating.", False)
+
+
+def test_another_scene_s_window_tells_which_one_live_follows(
+    live: ModuleType, drawn: Callable[..., Layout]
+) -> None:
+    """There the button is not pressed, and has Live follow that scene: else nothing would happen
+    in it, and one press would stop what goes on in the other window.
+    """
+    follow(live)
+    first = bpy.context.scene
+    other = bpy.data.scenes.new("other")
+    panel = ("solve", "VIEW3D_PT_kiriko_solve")
+    assert "kiriko.live" in drawn(*panel).pressed
+    shown = drawn(*panel, of=other)
+    assert "kiriko.live" not in shown.pressed
+    assert shown.texts == [f"Live follows the scene '{first.name}'."]
+
+    show_scene(other)
+    assert not bpy.ops.kiriko.live.poll()  # there is no rig
+    small_rig()
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    assert live.followed().uid == other.session_uid
+    settle(live)
+    assert other.kiriko.result.source is not None
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    assert not live.is_on()
