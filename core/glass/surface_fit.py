@@ -22,7 +22,7 @@ from .known import Known, looking_for_known
 from .meshes import Edges, areas_of, components
 from .partly import in_parts
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term
-from .trust import Parts, how_far_trusted, whole_shells
+from .trust import Doubts, Parts, how_far_trusted, whole_shells
 from .vertex_fields import fitting_fields
 from .vertex_normals import contradicted, finding_normals
 from .vertices import Vertices, find_vertices
@@ -68,9 +68,9 @@ class Drawn:
 
 def make_curved(
     drawn: Drawn, wanted: Bools, has_mean_normals: bool, is_automatic: bool = False
-) -> Pauses[tuple[CurvedFaces | None, Bools]]:
+) -> Pauses[tuple[CurvedFaces | None, Doubts]]:
     """Curved faces over those of the wanted triangles whose
-    normals agree with their shape; which (t,) are doubted.
+    normals agree with their shape; and how many are doubted.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def make_curved(
     at_corners = taken(v.normal, v.of_corner[faces.chosen])
     agreed = yield from agreeing(faces.meant, at_corners, area[faces.chosen], beside)
     yield 0
-    is_doubted = np.zeros(n_triangles, bool)
+    doubts = Doubts()
 
     if is_automatic:
         at, given = taken(corners, faces.chosen), taken(found.given, v.of_corner[faces.chosen])
@@ -122,14 +122,14 @@ def make_curved(
         yield 0
         is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
         parts = Parts(flat_face, shell, is_known[faces.chosen])
-        is_kept, weight = yield from how_far_trusted(v, size, faces, trial, parts)
-        if not (is_kept.all() and (weight == 1).all()):
-            is_doubted[faces.chosen] = ~is_kept
-            v, faces = in_parts(v, faces.at(is_kept), found.given, weight)
+        trusted = yield from how_far_trusted(v, size, faces, trial, parts)
+        if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
+            doubts = trusted.doubts
+            v, faces = in_parts(v, faces.at(trusted.is_kept), found.given, trusted.weight)
             beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
 
     if not len(faces.chosen):
-        return None, is_doubted
+        return None, doubts
 
     # drawn faces have the normals that were given: so have the faces around its vertices
     normal = _with_given(v, found.given, beside.row < 0)
@@ -140,7 +140,7 @@ def make_curved(
         agreed = yield from agreeing(faces.meant, taken(normal, vertex), area[faces.chosen], beside)
 
     yield 0
-    return _put_together(corners, vertex, normal, faces, agreed, beside), is_doubted
+    return _put_together(corners, vertex, normal, faces, agreed, beside), doubts
 
 
 class _Meant(NamedTuple):

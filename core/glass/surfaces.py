@@ -22,6 +22,7 @@ from .meshes import (
 )
 from .motion import Motion
 from .surface_fit import Drawn, make_curved
+from .trust import Doubts
 
 # a surface that turns by less over each triangle is as good as curved: 1e-3 display px
 LEAST_TURN = np.radians(0.25)
@@ -35,7 +36,8 @@ class Surface:
     triangles, or None; corner_normals (t, 3, 3) or None, used on the triangles that are flat with
     bent normals, is_bent (t,); patch (t,) label within this surface; n_open edges without a
     neighbour; n_contradicted smooth triangles that stay flat because their normals contradict their
-    shape; n_doubted because their curved faces would be no nearer to the surface meant
+    shape; n_doubted because their curved faces would be no nearer to the surface meant, n_coarse
+    of these because they are coarse, not uneven
     """
 
     corners: Floats
@@ -47,6 +49,7 @@ class Surface:
     n_open: int
     n_contradicted: int
     n_doubted: int
+    n_coarse: int
 
     def moved(self, motion: Motion) -> "Surface":
         """The same surface elsewhere."""
@@ -134,7 +137,7 @@ def making_surface(
 
     by_corner, is_bent, n_contradicted = _bent_normals(mesh, chosen, corner_normals, normals)
     curved = None
-    n_doubted = 0
+    doubts = Doubts()
 
     # curved faces over them, where they turn far enough
     is_joined = find_joined(by_corner, edges)
@@ -154,14 +157,13 @@ def making_surface(
                 is_joined=is_joined,
                 polygon=None if mesh.polygon is None else mesh.polygon[chosen],
             )
-            curved, is_doubted = yield from make_curved(
+            curved, doubts = yield from make_curved(
                 drawn, is_bent, mesh.has_mean_normals, mesh.surface == "automatic"
             )
             if curved is not None:
                 is_bent &= curved.row < 0
 
-            n_doubted = int(is_doubted.sum())
-            n_contradicted += int(is_bent.sum()) - n_doubted
+            n_contradicted += int(is_bent.sum()) - doubts.n
 
     return Surface(
         corners=corners,
@@ -172,5 +174,6 @@ def making_surface(
         patch=components(len(index), edges.first[is_joined], edges.second[is_joined]),
         n_open=edges.n_open,
         n_contradicted=n_contradicted,
-        n_doubted=n_doubted,
+        n_doubted=doubts.n,
+        n_coarse=doubts.n_coarse,
     )

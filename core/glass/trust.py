@@ -8,12 +8,35 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..steps import Pauses
-from .agreement import Trial
+from .agreement import AGREEMENT, Trial
 from .fitted_faces import Faces
 from .grid_lines import look_along_lines
 from .meshes import components
 from .partly import PART, is_irregular, weights
 from .vertices import Vertices
+
+
+class Doubts(NamedTuple):
+    """How many smooth triangles are left flat because their curved faces would be no nearer to the
+    surface meant, and how many of these because they are coarse, not uneven.
+    """
+
+    n: int = 0
+    n_coarse: int = 0
+
+
+class Trusted(NamedTuple):
+    """Which faces (n,) are nearer to the surface meant than their facets; how far, 0..1, the
+    vertices (f,) are to be trusted; and which faces (n,) are coarse, whatever became of them.
+    """
+
+    is_kept: Bools
+    weight: Floats
+    is_coarse: Bools
+
+    @property
+    def doubts(self) -> Doubts:
+        return Doubts(int((~self.is_kept).sum()), int((~self.is_kept & self.is_coarse).sum()))
 
 
 class Parts(NamedTuple):
@@ -39,9 +62,8 @@ def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
 
 def how_far_trusted(
     v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: Parts
-) -> Pauses[tuple[Bools, Floats]]:
-    """Which faces (n,) are nearer to the surface meant than their facets, and how far, 0..1, the
-    vertices (f,) are to be trusted.
+) -> Pauses[Trusted]:
+    """Which faces (n,) are to be trusted, and how far.
 
     All parts of a flat face, or none. size (f,) of the vertices' fields.
     """
@@ -50,11 +72,13 @@ def how_far_trusted(
     is_near = trial.trusted(vertex) | parts.is_known
     weight = np.ones(len(v.at))
     if is_near.all():
-        return _whole(~faces.is_swollen, of_face), weight
+        is_kept = _whole(~faces.is_swollen, of_face)
+        return Trusted(is_kept, weight, np.zeros_like(is_kept))
 
     yield 0
     lines = yield from look_along_lines(v, size)
     scatter = lines.scatter[vertex]
+    is_coarse = _are_coarse(scatter, trial)
     is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
 
     whole = np.flatnonzero(parts.shell >= 0)
@@ -72,7 +96,7 @@ def how_far_trusted(
     is_trusted = _whole(~faces.is_swollen & is_near, of_face)
     in_part = _more(is_irregular(scatter, trial), piece, 0.5)
     if not in_part.any():
-        return is_trusted, weight
+        return Trusted(is_trusted, weight, is_coarse)
 
     # there given normals are off as well, and those of the facets with them
     trial = trial._replace(gained=trial.apart)
@@ -85,7 +109,15 @@ def how_far_trusted(
     of_part = vertex[in_part]
     weight[of_part] = far[of_part]
     is_kept = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)
-    return np.where(in_part, is_kept, is_trusted), weight
+    return Trusted(np.where(in_part, is_kept, is_trusted), weight, is_coarse)
+
+
+def _are_coarse(scatter: Floats, trial: Trial) -> Bools:
+    """Which faces (n,) turn far, or have their vertices, off by scatter (n, 3), on smooth lines:
+    there normals jump for the size of the faces, not for noise.
+    """
+    is_regular = (scatter**2).mean(axis=1) <= AGREEMENT.scattered**2 * trial.gained
+    return is_regular | (trial.turn > AGREEMENT.far)
 
 
 def _whole(which: Bools, of_face: Ints) -> Bools:

@@ -22,7 +22,7 @@ from .channel import Channel
 from .disagreement import is_sharp
 from .light_remarks import on_black, on_glare, on_white
 from .remark import Remark, note, warning
-from .remedies import facetted_glass, name_of, remedy_for, remedy_for_irregular
+from .remedies import facetted_glass, remedy_for, remedy_for_mesh
 from .tessellation import NOTED_ERROR_PX, Tessellation
 
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
@@ -251,37 +251,10 @@ def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
     if mesh.error <= NOTED_ERROR_PX:
         return
 
-    if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
-        drawn = Message(
-            "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
-        )
-    elif any(plan.counts.n_doubted):
-        drawn = Message(
-            "it is followed as drawn where it is irregular or coarse: use a finer or a more"
-            " regular mesh"
-        )
-    else:
-        drawn = Message(
-            "normals contradict its shape: mark edges sharp there, or subdivide the glass"
-        )
-
-    remedies = {
-        "drawn": drawn,
-        "order": Message("it is coarse: subdivide the glass"),
-        "straight": Message(
-            "its edges are straight where smooth faces meet flat ones: add loops near them"
-        ),
-        "jumps": Message(
-            "the curved faces of '{name}' contradict each other at their edges: {remedy}",
-            name=name_of(rig, mesh.uneven),
-            remedy=remedy_for_irregular(rig, mesh),
-        ),
-    }
-
     yield note(
         "The mesh costs up to about {error} display pixels, for {remedy}.",
         error=number(mesh.error),
-        remedy=remedies[mesh.cause],
+        remedy=remedy_for_mesh(rig, plan.counts, mesh),
     )
 
 

@@ -3,10 +3,12 @@
 import numpy as np
 
 from ..glass.meshes import find_edges, geometric_normals
+from ..light.plan import Counts
 from ..map.view_map import MapError
 from ..mesh import SAME_NORMAL
 from ..messages import Message
 from ..rig import Mesh, Rig
+from ..words import percent
 from .tessellation import NOTED_ERROR_PX, Tessellation
 
 # edges between flat faces that meet at less than ROUND: so many stand for a curved surface
@@ -40,9 +42,52 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
     return Message("raise the viewer's resolution")
 
 
+def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
+    """The remedy for the error that a mesh leaves open, by its cause."""
+    if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
+        drawn = Message(
+            "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
+        )
+    elif any(counts.n_doubted):
+        drawn = Message(
+            "it is followed as drawn where it is irregular or coarse: use a finer or a more"
+            " regular mesh"
+        )
+    else:
+        drawn = Message(
+            "normals contradict its shape: mark edges sharp there, or subdivide the glass"
+        )
+
+    remedies = {
+        "drawn": drawn,
+        "coarse": remedy_for_coarse(rig, mesh),
+        "order": Message("it is coarse: subdivide the glass"),
+        "straight": Message(
+            "its edges are straight where smooth faces meet flat ones: add loops near them"
+        ),
+        "jumps": Message(
+            "the curved faces of '{name}' contradict each other at their edges: {remedy}",
+            name=name_of(rig, mesh.uneven),
+            remedy=remedy_for_irregular(rig, mesh),
+        ),
+    }
+    return remedies[mesh.cause]
+
+
 def facetted_glass(rig: Rig) -> str:
     """The name of a glass whose facets stand for a curved surface, '' where there is none."""
     return next((glass.name for glass in rig.glasses if is_facetted(glass.mesh)), "")
+
+
+def remedy_for_coarse(rig: Rig, mesh: Tessellation) -> Message:
+    """The remedy for a mesh that is too coarse to tell which surface was meant."""
+    return Message(
+        "'{name}' is too coarse to tell which surface was meant: Smooth and As Drawn land light"
+        " about as far apart, and send {share} of it another way. Give it more faces, or compare"
+        " both",
+        name=name_of(rig, mesh.coarse.part),
+        share=percent(mesh.coarse.elsewhere),
+    )
 
 
 def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:

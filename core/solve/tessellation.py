@@ -16,8 +16,9 @@ from ..light.plan import Plan, PlannedLayer
 from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, tracing
-from ..rig import ROLES, Glass, Mirror, Rig, Viewer
+from ..rig import Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
+from .coarse_parts import Coarse, difference, followed, looking_for_coarse
 from .undecided import undecided
 
 SAMPLES = 32  # rays along each side of the viewer's image
@@ -45,6 +46,8 @@ class Tessellation(NamedTuple):
     uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
     as_drawn : the first as it would be if all were followed as
         drawn, asked only where jumps matter; else 0
+    coarse : a part that does not tell which surface was meant: drawn is then no less than its
+        error, and jumps are no more
     undecided : share of the light, 0..1, that passes two solids so near each other that it arrives
         elsewhere, or does not, where the curved faces are of degree 3 instead of 4: the solids have
         other triangles there
@@ -57,6 +60,7 @@ class Tessellation(NamedTuple):
     uneven: int = -1
     as_drawn: float = 0.0
     undecided: float = 0.0
+    coarse: Coarse = Coarse()
 
     @property
     def error(self) -> float:
@@ -65,16 +69,25 @@ class Tessellation(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'.
+        """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'; 'coarse' where most is
+        of a part that does not tell which surface was meant.
 
         On a mesh that is merely coarse normals jump as well: by no more than a few
         times the error of the order, or than its facets would be off.
         """
+        if 2 * self.coarse.error > self.error:
+            return "coarse"
         is_coarse = self.jumps < max(IRREGULAR * self.order, WORSE * self.as_drawn)
         return max(
             ("drawn", "order", "straight") if is_coarse else self._fields[:4],
             key=lambda name: getattr(self, name),
         )
+
+    def limited_by(self, coarse: Coarse, rig: Rig) -> "Tessellation":
+        """The same with a part of a rig that is too coarse to tell."""
+        if rig.curved_parts()[coarse.part].mesh.surface == "smooth":
+            return self._replace(coarse=coarse, jumps=min(self.jumps, coarse.error))
+        return self._replace(coarse=coarse, drawn=max(self.drawn, coarse.error))
 
 
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
@@ -95,19 +108,12 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     return bent
 
 
-def _difference(one: Landings, other: Landings) -> float:
-    """Distance of landings on the same branch, rms in display px; 0 where there are none."""
-    same = one.has_arrived & other.has_arrived & (one.branch == other.branch)
-    return (
-        float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
-    )
-
-
 @dataclass(eq=False)
 class _Sample:
     """A sample of a viewer's rays, and their way as a plan has it.
 
     every : origins and directions (n, 3)
+    whole : their landings (n,)
     steps : where they meet surfaces
     here : landings of those that arrive; with the others nothing is compared
     rays : origins and directions of these alone
@@ -115,6 +121,7 @@ class _Sample:
 
     plan: Plan
     every: tuple[Floats, Floats]
+    whole: Landings
     steps: list[Step]
     here: Landings
     rays: list[Floats]
@@ -162,11 +169,17 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
 
     if any(faces.has_straight_edges for faces in curved):
         let_go = yield from at(0.8, sample.changed(_let_go))
-        found = found._replace(straight=_difference(sample.here, let_go))
+        found = found._replace(straight=difference(sample.here, let_go))
+
+    is_uneven = found.cause == "jumps" and found.jumps > NOTED_ERROR_PX
+    uneven = found.uneven if is_uneven else -1
+    coarse = yield from at(0.9, looking_for_coarse(plan, sample.whole, sample.every, uneven))
+    if coarse.part >= 0:
+        found = found.limited_by(coarse, plan.rig)
 
     if found.cause == "jumps" and found.jumps > NOTED_ERROR_PX:
-        plan_as_drawn = yield from at(0.9, planning(_drawn(plan.rig), plan.settings))
-        seen = tessellation(plan_as_drawn.seen_by(plan.viewer))
+        all_drawn = yield from at(0.9, planning(followed(plan.rig, "facets"), plan.settings))
+        seen = tessellation(all_drawn.seen_by(plan.viewer))
         drawn = yield from within(seen, 0.9, 1.0)
         found = found._replace(as_drawn=drawn.drawn)
 
@@ -183,6 +196,7 @@ def _sampled(plan: Plan) -> Pauses[_Sample]:
     return _Sample(
         plan=plan,
         every=every,
+        whole=whole,
         steps=steps,
         here=here,
         rays=[values[here.sample] for values in every],
@@ -205,7 +219,7 @@ def _error_of_facets(sample: _Sample) -> Pauses[float]:
         _as_parabolic(plan, held) if so else held.layer
         for held, so in zip(plan.layers, is_drawn, strict=True)
     ]
-    return _difference(sample.here, (yield from sample.landings(layers)))
+    return difference(sample.here, (yield from sample.landings(layers)))
 
 
 def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None, Tessellation]:
@@ -215,8 +229,8 @@ def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None,
     cubic = yield from at(0.5, sample.changed(lambda curved: curved.lowered(3), steps))
     yield 1.0
 
-    last = _difference(sample.here, cubic)
-    before = _difference(cubic, square)
+    last = difference(sample.here, cubic)
+    before = difference(cubic, square)
     ways = sample.steps, steps
     origins = sample.every[0], sample.rays[0]
     jumps, uneven = _turned_by_jumps(sample.plan, sample.steps, sample.here.sample)
@@ -227,18 +241,6 @@ def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None,
         jumps=jumps,
         uneven=uneven,
     )
-
-
-def _drawn(rig: Rig) -> Rig:
-    """A rig whose curved parts are followed as drawn."""
-    drawn = {
-        role.field: tuple(
-            replace(part, mesh=replace(part.mesh, surface="facets")) for part in rig.of(role)
-        )
-        for role in ROLES
-        if role.is_curved
-    }
-    return replace(rig, **drawn)
 
 
 def _spread_rays(viewer: Viewer, side: int) -> tuple[Floats, Floats]:

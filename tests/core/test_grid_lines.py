@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.irregular import CHOICES, coarse, errors, sheared
 from kiriko.core import kernel
 from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.surfaces import make_surface
@@ -311,3 +312,14 @@ def test_ellipsoids_of_odd_segments_are_followed_as_curved(radii, segments):
     known = np.isfinite(off_drawn + off)
     assert known.sum() > 300
     assert np.median(off[known]) < np.median(off_drawn[known])
+
+
+def test_a_torus_whose_quads_are_sheared_is_followed_as_curved():
+    """Its vertices are those of a torus that is, and lie on smooth lines aslant: a third as far off
+    as drawn, and no further than Smooth.
+    """
+    mesh = sheared("torus", 24, 12)
+    assert np.array_equal(mesh.vertices, coarse("torus", (24, 12)).vertices)
+    drawn, smooth, automatic = (errors("torus", mesh, choice).rest for choice in CHOICES)
+    assert automatic < drawn / 3
+    assert automatic == smooth

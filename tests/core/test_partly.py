@@ -44,9 +44,9 @@ def test_regular_meshes_are_followed_whole_or_not_at_all(monkeypatch):
     asked = []
 
     def looked_at(*given):
-        is_kept, weight = yield from found(*given)
-        asked.append(weight)
-        return is_kept, weight
+        trusted = yield from found(*given)
+        asked.append(trusted.weight)
+        return trusted
 
     found = trust.how_far_trusted
     monkeypatch.setattr("kiriko.core.glass.surface_fit.how_far_trusted", looked_at)
@@ -62,9 +62,10 @@ def test_faces_that_are_known_exactly_stay_whole_among_irregular_ones(monkeypatc
 
     def every_third_is_known(v, size, faces, trial, parts):
         is_known = np.arange(len(faces.chosen)) % 3 == 0
-        is_kept, weight = yield from found(v, size, faces, trial, parts._replace(is_known=is_known))
-        asked.append((is_known & ~faces.is_swollen, is_kept, weight[v.of_corner[faces.chosen]]))
-        return is_kept, weight
+        trusted = yield from found(v, size, faces, trial, parts._replace(is_known=is_known))
+        weight = trusted.weight[v.of_corner[faces.chosen]]
+        asked.append((is_known & ~faces.is_swollen, trusted.is_kept, weight))
+        return trusted
 
     found = trust.how_far_trusted
     monkeypatch.setattr("kiriko.core.glass.surface_fit.how_far_trusted", every_third_is_known)
