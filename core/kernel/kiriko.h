@@ -156,6 +156,19 @@ typedef struct {
     double facing[3], normal[3];       /* of curved faces, not unit */
 } Hit;
 
+/* Edges of which the last place on a branch is looked for by halves, as core/map/bisection.py has them, and the viewer
+   that their rays start from, as viewer.py has it. */
+typedef struct {
+    const double *start, *way;         /* (n, 2) viewer px: their near ends, and from there to the far ones */
+    const uint64_t *branch;            /* (n,) */
+    double *low, *width;               /* (n,) of the way: the last place so far, and the rest up to which it may lie */
+    double *xy, *throughput;           /* (n, 2), (n,) of that place */
+    int64_t *n_tried;                  /* (n,) rays */
+    double least;                      /* of the way: a rest that is halved no more */
+    double position[3], axes[9], window[4], size[2];
+    int64_t is_orthographic;
+} Halving;
+
 /* Cells to be divided among the pixels of a display, where to go on, and room for shares, as rasterise.py has them. */
 typedef struct {
     const double *view, *display;      /* (n_cells, n_corners, 2) viewer px and display px */

@@ -21,6 +21,7 @@ FUNCTIONS = {
     "kiriko_layout": (_I, _I),
     "kiriko_make_tree": (_I, _I, _P, _P, _P),
     "kiriko_follow": (None, _P, _P, _I, _I, _I),
+    "kiriko_bisect": (None, _P, _P, _P, _I, _I, _I),
     "kiriko_divide": (None, _P, _I, _I),
     "kiriko_add": (None, _P, _P, _P, _I, _P, _I),
     "kiriko_add_at": (None, _P, _P, _I, _P, _I, _I),

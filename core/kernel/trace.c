@@ -4,6 +4,7 @@
 
 #define NEAR 4.0 /* as in core/light/contact.py */
 #define RAYS_AT_ONCE 64 /* that one thread takes up: enough that taking them costs nothing */
+#define EDGES_AT_ONCE 4 /* each of which takes about ten rays */
 
 typedef struct {
     const Plan *plan;
@@ -424,12 +425,81 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
     share_out(follow_some, &batch, last - first, RAYS_AT_ONCE, n_threads);
 }
 
+/* The ray through a viewer pixel begins, as core/viewer.py and core/light/rays.py have it. */
+static void begin(const Halving *halving, Rays *rays, int64_t i, double x, double y) {
+    const double *window = halving->window, *right = halving->axes, *up = right + 3, *forward = right + 6;
+    double u = window[0] + (window[1] - window[0]) * (x / halving->size[0]);
+    double v = window[3] + (window[2] - window[3]) * (y / halving->size[1]);
+    double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i, square = 0;
+    for (int k = 0; k < 3; k++) {
+        double across = u * right[k] + v * up[k];
+        o[k] = halving->is_orthographic ? across + halving->position[k] : halving->position[k];
+        d[k] = halving->is_orthographic ? forward[k] : forward[k] + across;
+        square += d[k] * d[k];
+    }
+    double length = halving->is_orthographic ? 1 : sqrt(square);
+    for (int k = 0; k < 3; k++) d[k] /= length;
+    rays->mask[i] = rays->branch[i] = 0;
+    rays->cluster[i] = rays->n_events[i] = rays->n_words[i] = 0;
+    rays->reason[i] = CUT_OFF;
+    rays->xy[2 * i] = rays->xy[2 * i + 1] = NAN;
+    rays->throughput[i] = 1;
+    rays->has_met_glass[i] = rays->has_met_plate[i] = rays->is_astray[i] = rays->has_ended[i] = false;
+    rays->plate_path[i] = NONE;
+    rays->last_part[i] = rays->leak[i] = -1;
+}
+
+/* Is an edge on its branch so far, 0..1 of its way? Then that is the last place so far. */
+static bool holds(const Halving *halving, Ray *ray, double part) {
+    Rays *rays = ray->rays;
+    int64_t i = ray->i;
+    const double *start = halving->start + 2 * i, *way = halving->way + 2 * i;
+    begin(halving, rays, i, start[0] + part * way[0], start[1] + part * way[1]);
+    follow_one(ray);
+    halving->n_tried[i]++;
+    uint64_t branch = rays->is_astray[i] || !isfinite(rays->xy[2 * i]) ? 0 : rays->branch[i] ? rays->branch[i] : 1;
+    if (branch != halving->branch[i]) return false;
+    halving->low[i] = part;
+    halving->throughput[i] = rays->throughput[i];
+    for (int k = 0; k < 2; k++) halving->xy[2 * i + k] = rays->xy[2 * i + k];
+    return true;
+}
+
+typedef struct {
+    Batch batch;
+    const Halving *halving;
+} Halves;
+
+static void halve_some(void *context, int64_t first, int64_t last) {
+    const Halves *halves = context;
+    const Halving *halving = halves->halving;
+    Hit by_layer[MOST_LAYERS];
+    Ray ray = {halves->batch.plan, halves->batch.rays, 0, by_layer, NULL};
+    for (int64_t n = first; n < last; n++) {
+        int64_t i = ray.i = halves->batch.first + n;
+        /* where it is likely to end is tried first, unless that is the far end itself */
+        if (halving->width[i] < 1 && holds(halving, &ray, halving->width[i])) halving->width[i] = 0;
+        while (halving->width[i] > halving->least) {
+            halving->width[i] /= 2;
+            holds(halving, &ray, halving->low[i] + halving->width[i]);
+        }
+    }
+}
+
+/* Look for the last places on the branches of edges from `first` to before `last`, each with the state of one ray, in
+   that many threads; the result is the same for any number. */
+KIRIKO_API void kiriko_bisect(const Plan *plan, Rays *rays, const Halving *halving, int64_t first, int64_t last,
+                              int64_t n_threads) {
+    Halves halves = {{plan, rays, first}, halving};
+    share_out(halve_some, &halves, last - first, EDGES_AT_ONCE, n_threads);
+}
+
 /* Number i of what loading.py compares with its own; -1 beyond the last. */
 KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {
         VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(Hull),
         sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(Strokes),
-        sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths),
+        sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths), sizeof(Halving),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

@@ -1,9 +1,9 @@
 """Where the border between two branches crosses the edges of cells.
 
 A border is the last place on an edge whose ray takes the branch of the edge's end. Each ray halves
-the part in question. To try several places at once was left: it saves rounds where borders are few,
-which the kernel does not notice, and takes up to five times the rays. A ray is given up as soon as
-it leaves the course of its branch.
+the part in question; it is given up as soon as it leaves the course of its branch. The kernel looks
+for each border by itself, from first to last; numpy for all at once, round by round. To try several
+places at once was left: it saves rounds where borders are few, and takes up to five times the rays.
 """
 
 from dataclasses import dataclass
@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words
 from ..light.plan import Plan
 from .points import Points
-from .searches import Search, ask
+from .searches import Halve, Search, ask
 
 
 @dataclass(frozen=True)
@@ -55,11 +56,16 @@ def n_digits(plan: Plan) -> int:
     return max(BISECTION.least_digits, int(np.ceil(-np.log2(of_tolerance))))
 
 
-def last_on_branch(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Floats, Points]]:
+def last_on_branch(
+    plan: Plan, points: Points, edges: Edges, takes: bool = True
+) -> Search[tuple[Floats, Points, Ints]]:
     """Last points (n,) on the branch of the near points of edges (n,), by bisection.
 
     They are looked for up to `end`, where the point itself is tried first unless it is the far one.
-    Returned before the points is where (n,) the branch has ended.
+    Returned before the points is where (n,) the branch has ended, after them how many rays (n,)
+    that took.
+
+    takes : are rays taken of the allowance as they are traced?
     """
     near, far, course, end = edges
     # as if there were nothing beyond the points themselves
@@ -69,10 +75,19 @@ def last_on_branch(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Flo
     b = taken(points.view, far)
     low = np.zeros(len(near))
     width = end.copy()
+    n_tried = np.zeros(len(near), np.int64)
+    least = 2.0 ** -n_digits(plan)
+
+    if kernel.can_bisect(plan):
+        begun = kernel.Ends(low, width, xy, throughput, n_tried)
+        wanted = kernel.Halving(a, b - a, course, points.branch[near], begun, least)
+        (found,) = yield [Halve(wanted, takes)]
+        return found.low + found.width, _landed(points, near, a, b - a, found), found.n_tried
 
     def tried(some: Ints, at: Floats) -> Search[Bools]:
         """Which of some edges (k,) are on their branch so far (k,), 0..1 of the way?"""
-        found, _ = yield from ask(a[some] + at[:, None] * (b - a)[some], course[some])
+        n_tried[some] += 1
+        found, _ = yield from ask(a[some] + at[:, None] * (b - a)[some], course[some], takes)
         holds = found.branch == points.branch[near[some]]
         xy[some[holds]] = found.xy[holds]
         throughput[some[holds]] = found.throughput[holds]
@@ -85,14 +100,22 @@ def last_on_branch(plan: Plan, points: Points, edges: Edges) -> Search[tuple[Flo
     width[nearer[holds]] = 0.0
 
     # then halves, all together
-    least = 2.0 ** -n_digits(plan)
     todo = np.flatnonzero(width > least)
     while len(todo):
         width[todo] /= 2
         yield from tried(todo, low[todo] + width[todo])
         todo = todo[width[todo] > least]
 
-    landed = Points(
-        a + low[:, None] * (b - a), xy, points.branch[near], points.reason[near], throughput
+    ends = kernel.Ends(low, width, xy, throughput, n_tried)
+    return low + width, _landed(points, near, a, b - a, ends), n_tried
+
+
+def _landed(points: Points, near: Ints, start: Floats, way: Floats, ends: kernel.Ends) -> Points:
+    """The last points on the branches of near points."""
+    return Points(
+        start + ends.low[:, None] * way,
+        ends.xy,
+        points.branch[near],
+        points.reason[near],
+        ends.throughput,
     )
-    return low + width, landed

@@ -49,20 +49,22 @@ def find_borders(
     is_second = (key[at] == back) & (near > far)
     first = np.flatnonzero(~is_second)
     second = np.flatnonzero(is_second)
-    ends, found = yield from last_on_branch(plan, points, edges.at(first))
+    ends, found, _ = yield from last_on_branch(plan, points, edges.at(first))
 
     # the second side, where the first has told about where it
     # ends; meanwhile strips, none of which has a second side
     rank = np.empty(len(near), np.int64)
     rank[first] = np.arange(len(first))
     of_second = edges.at(second)._replace(end=np.minimum(1 - ends[rank[at[second]]], 1.0))
+    # the most that these may take counts until it is known what they have taken, so that the
+    # strips' rays are the same however far they are
     pending = _middle(points, near[second], far[second])
     allowance.take(pending, n_digits(plan) + 1)
-    (_, others), (strips_of_first, of_strips, is_given_up) = yield from side_by_side([
-        last_on_branch(plan, points, of_second),
+    (_, others, n_tried), (strips_of_first, of_strips, is_given_up) = yield from side_by_side([
+        last_on_branch(plan, points, of_second, takes=False),
         find_strips(plan, points, near[first], far[first], ends, allowance),
     ])  # fmt: skip
-    allowance.take(pending, -n_digits(plan) - 1)
+    allowance.take(pending, n_tried - n_digits(plan) - 1)
 
     strips = np.zeros((len(near), strips_of_first.shape[1]), np.int64)
     strips[first] = strips_of_first

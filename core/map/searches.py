@@ -9,6 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from .. import kernel
 from ..arrays import Floats
 from ..light.landings import Words
 from ..light.plan import Plan
@@ -21,10 +22,23 @@ T = TypeVar("T")
 class Ask(NamedTuple):
     """Places (n, 2) of the viewer's image, px, and the courses (n, m) that
     their rays keep to; None where these are asked for.
+
+    takes : are the rays taken of the allowance?
     """
 
     view: Floats
     course: Words | None = None
+    takes: bool = True
+
+
+class Halve(NamedTuple):
+    """Edges to be bisected by the kernel; the rays of each start in one pixel.
+
+    takes : as of `Ask`
+    """
+
+    edges: kernel.Halving
+    takes: bool
 
 
 class Answer(NamedTuple):
@@ -34,23 +48,23 @@ class Answer(NamedTuple):
     course: Words | None = None
 
 
-Search = Generator[list[Ask], list[Answer], T]
+Search = Generator[list[Ask | Halve], list[Answer | kernel.Ends], T]
 
 
-def ask(view: Floats, course: Words | None = None) -> Search[Answer]:
+def ask(view: Floats, course: Words | None = None, takes: bool = True) -> Search[Answer]:
     """Ask for places (n, 2), as for `Ask`."""
-    (answer,) = yield [Ask(view, course)]
+    (answer,) = yield [Ask(view, course, takes)]
     return answer
 
 
 def side_by_side(searches: list[Search[T]]) -> Search[list[T]]:
     """What searches find that go on together, step by step, until the last has ended."""
     found: list[T | None] = [None] * len(searches)
-    answers: list[list[Answer] | None] = [None] * len(searches)
+    answers: list[list[Answer | kernel.Ends] | None] = [None] * len(searches)
     under_way = list(range(len(searches)))
 
     while True:
-        asks: list[list[Ask]] = [[] for _ in searches]
+        asks: list[list[Ask | Halve]] = [[] for _ in searches]
         for k in under_way:
             try:
                 asks[k] = searches[k].send(answers[k])
@@ -77,19 +91,29 @@ def traced(
             asks = search.send(answers)
         except StopIteration as end:
             return end.value
-        if allowance is not None:
-            allowance.take(np.concatenate([one.view for one in asks]))
         answers = yield from _answers(plan, asks)
+        for one, found in zip(asks, answers, strict=True) if allowance is not None else ():
+            if not one.takes:
+                continue
+            if isinstance(one, Halve):
+                allowance.take(one.edges.start + one.edges.way / 2, found.n_tried)
+            else:
+                allowance.take(one.view)
 
 
-def _answers(plan: Plan, asks: list[Ask]) -> Generator[int, None, list[Answer]]:
-    """What is found at the places that are asked for."""
+def _answers(
+    plan: Plan, asks: list[Ask | Halve]
+) -> Generator[int, None, list[Answer | kernel.Ends]]:
+    """What is found at the places that are asked for, and of the edges."""
     none = Answer(Points.none(), np.empty((0, 1), np.uint64))
-    answers = [none] * len(asks)
+    answers: list[Answer | kernel.Ends] = [none] * len(asks)
+    for k, one in enumerate(asks):
+        if isinstance(one, Halve):
+            answers[k] = yield from kernel.bisect(plan, one.edges)
+
+    places = [(k, one) for k, one in enumerate(asks) if isinstance(one, Ask) and len(one.view)]
     for is_open in (False, True):
-        some = [
-            k for k, one in enumerate(asks) if (one.course is None) == is_open and len(one.view)
-        ]
+        some = [k for k, one in places if (one.course is None) == is_open]
         if not some:
             continue
 

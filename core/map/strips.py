@@ -59,7 +59,7 @@ def find_strips(
 
         # to where it ends, on the same way
         edges = Edges(n + np.arange(len(asked)), far[asked], course[~lacks], np.ones(len(asked)))
-        end, last = yield from last_on_branch(plan, points.and_more(first), edges)
+        end, last, _ = yield from last_on_branch(plan, points.and_more(first), edges)
         number = 1 + len(found) + np.arange(len(asked))
         found_ends[asked, 2 * k] = number
         found_ends[asked, 2 * k + 1] = number + len(asked)

@@ -37,9 +37,11 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays, ReachedError
 from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import recording, trace_all, tracing
+from kiriko.core.map import bisection, share_batches
 from kiriko.core.map import cells as cells_module
-from kiriko.core.map import share_batches
 from kiriko.core.map import shares as share_module
+from kiriko.core.map.points import trace_points
+from kiriko.core.map.searches import ask, traced
 from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.settings import Settings
@@ -614,6 +616,101 @@ def test_masks_of_other_clusters_are_left_alone():
     assert (expected.n_events > 3).any()
     for name in EXACT:
         assert np.array_equal(getattr(expected, name), getattr(found, name)), name
+
+
+# --- ends of branches ---
+
+
+def some_edges(plan, n=400, seed=0):
+    """Edges between places anywhere, of which each begins on a branch that its end is not on; some
+    are likely to end on the way.
+    """
+    dice = np.random.default_rng(seed)
+    view = dice.random((2 * n, 2)) * [plan.viewer.width, plan.viewer.height]
+    points = finish(trace_points(plan, view))
+    near = np.flatnonzero((points.branch[:n] != 0) & (points.branch[:n] != points.branch[n:]))
+    answer = finish(traced(plan, ask(points.view[near])))
+    end = np.where(dice.random(len(near)) < 0.4, dice.uniform(0.01, 1, len(near)), 1.0)
+    return points, bisection.Edges(near, near + n, answer.course, end)
+
+
+def ends_of(plan, points, edges):
+    return finish(traced(plan, bisection.last_on_branch(plan, points, edges)))
+
+
+def seen_in_parallel(a_rig):
+    """By a viewer without perspective."""
+    viewer = replace(a_rig.viewer, projection="orthographic", window=(-0.03, 0.03, -0.02, 0.025))
+    return replace(a_rig, viewers=(viewer,))
+
+
+ENDING = {
+    **{name: RIGS[name] for name in ("ball", "cube", "open ball", "torus", "two balls")},
+    "bottle": lambda: rig(bottle()),
+    "in parallel": lambda: seen_in_parallel(ball_rig(4)),
+}
+
+
+@pytest.mark.parametrize("name", ENDING)
+def test_same_ends_of_branches(name):
+    """As by halves that are traced together: the same places by as many rays, where rounding does
+    not decide; bit for bit by any number of threads.
+    """
+    plan = make_plan(ENDING[name](), DEFAULT)
+    points, edges = some_edges(plan)
+    with kernel.off():
+        end, last, n_tried = ends_of(plan, points, edges)
+    assert 0 < np.mean(n_tried == 1) < 0.5
+    assert ((end > 0) & (end < 1)).mean() > 0.5
+
+    by_threads = []
+    try:
+        for number in (1, 3, 1000):
+            kernel.use_threads(number)
+            by_threads.append(ends_of(plan, points, edges))
+    finally:
+        kernel.use_threads(0)
+
+    found_end, found, found_tried = by_threads[0]
+    same = found_end == end
+    assert same.mean() > 0.99
+    assert np.array_equal(found_tried[same], n_tried[same])
+    assert np.array_equal(found.view[same], last.view[same])
+    assert np.array_equal(found.branch, last.branch)
+    # next to its end a branch grazes a face, where rounding grows
+    off = np.abs(found.xy - last.xy)[same]
+    assert np.quantile(off, 0.9) < PX
+    assert off.max() < 1e-4
+    np.testing.assert_allclose(found.throughput[same], last.throughput[same], rtol=1e-9)
+    for others in by_threads[1:]:
+        for ours, theirs in zip(by_threads[0], others, strict=True):
+            values = [ours], [theirs]
+            if not isinstance(ours, np.ndarray):
+                values = ([getattr(p, f.name) for f in fields(ours)] for p in (ours, theirs))
+            assert all(a.tobytes() == b.tobytes() for a, b in zip(*values, strict=True))
+
+
+def test_ends_of_branches_where_a_ray_is_lost_behind_a_hull():
+    """The same bits as where the tree over all faces is there."""
+    a_rig = rig(bottle())
+    points, edges = some_edges(make_plan(a_rig, DEFAULT), 3000)
+    plan = make_plan(replace(a_rig, glasses=rig(bottle()).glasses), DEFAULT)
+    assert not trees.has_face_tree(behind_hull(plan))
+    found = ends_of(plan, points, edges)
+    assert trees.has_face_tree(behind_hull(plan))
+    again = ends_of(plan, points, edges)
+    assert np.array_equal(found[0], again[0])
+    assert found[1].xy.tobytes() == again[1].xy.tobytes()
+    assert np.array_equal(found[2], again[2])
+
+
+def test_glass_aside_is_told_where_branches_end():
+    """By the same error as of other rays."""
+    a_rig = two(icosphere(0.015, 2), icosphere(0.01, 2, centre=(0, 0.05, 0)))
+    points, edges = some_edges(make_plan(a_rig, Settings()))
+    with pytest.raises(ReachedError) as found:
+        ends_of(make_plan(a_rig, Settings(), aside=(1,)), points, edges)
+    assert found.value.boxes == {0}
 
 
 # --- shares ---
@@ -1281,7 +1378,7 @@ KERNELS_OWN = {
     *("HULL_SLACK", "MOST_ASKED", "MOST_DEPTH", "MOST_ITEMS", "MOST_LEVELS"),
     *("MOST_TAPS", "MOST_THREADS", "MOST_WAITING", "N_STARTS", "RAYS_AT_ONCE", "ROUNDING"),
     *("LINE", "SHOTS_EACH_TURN", "N_AT", "N_STRIPES", "SIDE_BY_SIDE"),
-    "WELL_BELOW",
+    *("EDGES_AT_ONCE", "WELL_BELOW"),
 }
 
 
