@@ -18,7 +18,6 @@ from .windows import all_windows, redraw
 
 TICK = 0.1  # s between two looks at the active object
 PATIENCE = 10.0  # s after an error that was not foreseen
-AT_WORK = Message("Kiriko is at work: wait for it or press Esc")
 
 
 def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
@@ -83,7 +82,7 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = [] if rigs(context.scene) else [Message("The scene has no rig that Add Rig made")]
         if work.is_busy():
-            reasons.append(AT_WORK)
+            reasons.append(needed.AT_WORK)
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -8,7 +8,7 @@ import bpy
 
 from ..core.messages import Message, as_message
 from ..core.steps import finish
-from . import work
+from . import needed, work
 from .looking import only_looks
 from .telling import in_words, report, told
 
@@ -73,6 +73,9 @@ class LongWork:
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
+        if work._running:  # in another window: in its own no other button is heard
+            report(self, "WARNING", Message("{reason}.", reason=needed.AT_WORK))
+            return {"CANCELLED"}
 
         self._work = self.steps(context)
         self.window = context.window

@@ -31,6 +31,7 @@ NO_MIRRORS = Message(
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave edit mode first")
 LEAVE_SCULPT_MODE = Message("Leave sculpt mode first: Blender gives out no new shape before")
+AT_WORK = Message("Kiriko is at work: wait for it or press Esc")
 COARSE = Message("The source image is a coarse one: solve, or let Live finish")
 COMING = Message("This is a first, coarse source image: the final one follows.")
 NUMBERLESS = Message("The source image has no numbers yet: solve, or let Live finish")

@@ -26,7 +26,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
             has_parts = any(thing.kiriko.role != "NONE" for thing in context.scene.objects)
             reasons.append(NO_COLLECTION if has_parts else NO_RIG)
         if work.is_busy():
-            reasons.append(Message("Kiriko is at work: wait for it or press Esc"))
+            reasons.append(needed.AT_WORK)
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

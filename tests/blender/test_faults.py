@@ -872,6 +872,24 @@ def test_esc_at_many_steps_of_add_rig_leaves_nothing(window: Window, is_given: b
         assert state() == before, k
 
 
+def test_long_work_of_one_window_is_waited_for_in_another(rig: dict, window: Window) -> None:
+    """A second one would have both take twice as long, in one session: it is refused with a
+    sentence, changes nothing, and begins once the first has ended.
+    """
+    first = pressed("solve", window)
+    second = asked("simulate")
+    status = window.status
+    assert second.invoke(window, None) == {"CANCELLED"}
+    assert second.said == [("WARNING", "Kiriko is at work: wait for it or press Esc.")]
+    assert (len(window.timers), window.status) == (1, status)
+    while first.modal(window, TIMER) != {"FINISHED"}:
+        pass
+    assert window.is_clean
+    assert second.invoke(window, None) == {"RUNNING_MODAL"}
+    second.cancel(window)
+    assert window.is_clean
+
+
 def test_work_that_is_redone_shows_its_progress_at_the_pointer(window: Window) -> None:
     """The box at the lower left calls `execute`, in which no
     event is heard: the pointer is all that can change.
