@@ -14,7 +14,7 @@ from ..steps import Pauses
 from .loading import loaded
 from .structures import NODE, Made, TreeStructure
 
-AT_ONCE = 1 << 16  # boxes that one call makes a tree over, in 0.05 s
+AT_ONCE = 1 << 17  # boxes that one call makes a tree over, in 0.06 s
 LINE = 64  # bytes that memory hands over together
 BLOCK = 1 << 14  # boxes that are looked at together: they stay in the cache
 # as in tree.c and tree.h

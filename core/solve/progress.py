@@ -89,12 +89,12 @@ class Pace:
 
 STAGES = Stages()
 PACE = Pace(
-    flat=GlassPace(1.2, 0.4e-3, 0.8e-6, 0.05e-6, 0.005, 1e3),
-    curved=GlassPace(1.5, 0.9e-3, 1.7e-6, 1.4e-6, 0.0, 2.5e3),
-    bent=GlassPace(1.5, 0.6e-3, 0.57e-6, 1e-6, 0.045, 14e3),
-    painted_pixel=0.06e-6,
-    painted_cell=0.3e-6,
-    painted_share=0.12e-6,
+    flat=GlassPace(1.2, 0.16e-3, 0.64e-6, 0.04e-6, 0.0035, 0.7e3),
+    curved=GlassPace(1.5, 0.36e-3, 1.36e-6, 1.1e-6, 0.0, 2e3),
+    bent=GlassPace(1.5, 0.24e-3, 0.57e-6, 1e-6, 0.045, 14e3),
+    painted_pixel=0.05e-6,
+    painted_cell=0.24e-6,
+    painted_share=0.1e-6,
 )
 NUMPY_PACE = Pace(
     flat=GlassPace(1.0, 1.2e-3, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
