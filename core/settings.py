@@ -26,9 +26,10 @@ class Settings:
     max_events : surfaces a ray may meet before it counts as lost
     only_through_glass : only rays that went through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
-    effort : rays that sample a viewer pixel where light is chaotic, rounded down to a square; no
-        pixel takes more than 24 times as many, for each display pixel that there is
-        for it (core/map/allowance.py); 1 to MOST_EFFORT
+    effort : rays that sample a viewer pixel where light is chaotic, rounded down to a square;
+        up to ten times as many where the display is faint (core/map/faint.py). No pixel takes more
+        than 24 times as many, for each display pixel that there is for it (core/map/allowance.py);
+        1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m
     suppress_glare : weight, 0 to 1, of light beside the glass, which shall be

@@ -38,12 +38,14 @@ class Pieces:
     pixels and quarters (q, 4), of other pieces (t, 3).
 
     chaotic (c, 4) : cells that are not cut, because light is chaotic there
+    allowance : what is left of it
     """
 
     points: Points
     quads: Ints
     triangles: Ints
     chaotic: Ints
+    allowance: Allowance
 
 
 def cut(
@@ -162,12 +164,9 @@ class _Cutting:
         self._expect(np.empty((0, 4), np.int64), N_SEARCHES - 1)
         yield 0
         of_last = yield from self.ahead.searching(self._cut_last(last))
-        return Pieces(
-            self.points,
-            np.concatenate(self.quads),
-            np.concatenate([*self.triangles, of_last]),
-            np.concatenate(self.chaotic),
-        )
+        triangles = np.concatenate([*self.triangles, of_last])
+        quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
+        return Pieces(self.points, quads, triangles, chaotic, self.allowance)
 
     def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
         """Cut cells on several branches, and compare all with their middles."""

@@ -27,7 +27,7 @@ class Lookup:
         self.quads = view_map.quads
         self.triangles = view_map.triangles
         self.samples = view_map.samples
-        self.sample_area = view_map.sample_area
+        self.sample_reach = view_map.sample_reach
 
     def by_cells(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) that viewer pixels (n, 2) show
@@ -78,7 +78,7 @@ class Lookup:
             rays = asked[some]
             number = order[k]
             off = np.abs(self.points.view[self.samples[number]] - xy[rays]).max(axis=1)
-            is_nearer = off <= np.minimum(best[rays], np.sqrt(self.sample_area[number]))
+            is_nearer = off <= np.minimum(best[rays], self.sample_reach[number])
             best[rays[is_nearer]], nearest[rays[is_nearer]] = (
                 off[is_nearer],
                 self.samples[number[is_nearer]],

@@ -89,6 +89,7 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
         noise=noise,
         n_samples=len(view_map.samples),
         n_checked=len(places.at),
+        most_samples=int(np.rint(1 / view_map.sample_area.min(initial=np.inf))),
     )
 
 

@@ -14,6 +14,7 @@ from ..steps import Pauses
 from . import interpolation
 from .bisection import BISECTION, n_digits
 from .doubts import CUT
+from .faint import may_take_more
 from .interpolation import NODES_ALONG, PARTS
 from .points import Points
 
@@ -34,6 +35,7 @@ class RayGuess:
     of_quarters : share of their rays that look for the borders of quarters
     of_square : at the nodes that it does not share with those before
     missed : share of the smallest squares that look bent and do not pass their checks
+    of_faint : further samples for faint light, times those that all chaotic light has
     """
 
     of_edge: float = 13
@@ -43,6 +45,7 @@ class RayGuess:
     of_quarters: float = 0.5
     of_square: float = 16
     missed: float = 0.7
+    of_faint: float = 4.0
 
 
 class Rays(NamedTuple):
@@ -182,9 +185,11 @@ def rays_of_cut(
 
 
 def rays_of_samples(plan: Plan, points: Points, chaotic: Sequence[Ints]) -> Rays:
-    """To sample chaotic cells (c, 4)."""
+    """To sample chaotic cells (c, 4), with further samples of faint light."""
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    rays = plan.settings.effort * sum(float((side**2).sum()) for side in sides)
+    area = sum(float((side**2).sum()) for side in sides)
+    times = 1 + RAYS.of_faint * may_take_more(plan, area)
+    rays = times * plan.settings.effort * area
     return Rays(rays, rays)
 
 

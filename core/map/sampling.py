@@ -255,27 +255,23 @@ class Sampling:
 
         steps = cut(self.plan, self.points, cells, square, self.ahead, self.quarterings)
         pieces = yield from steps
-        self.ahead.expect(rays_of_samples(self.plan, pieces.points, [pieces.chaotic]))
-        chaotic = pieces.points.view[pieces.chaotic]
-        sampling = sample_cells(self.plan, chaotic)
-        samples, sample_area = yield from self.ahead.searching(sampling)
-
         view_map = ViewMap(
             view_size=self.view_size,
             display_size=self.display_size,
-            points=pieces.points.and_more(samples),
+            points=pieces.points,
             corner=smooth.corner,
             size=smooth.size,
             nodes=self._at_nodes(smooth),
             quads=pieces.quads,
             triangles=pieces.triangles,
-            samples=len(pieces.points) + np.arange(len(samples)),
-            sample_area=sample_area,
             reason=self._reasons(),
             tolerance=self.tolerance,
-            error=NO_ERROR,
-            n_rays=0,
         )
+        self.ahead.expect(rays_of_samples(self.plan, pieces.points, [pieces.chaotic]))
+        chaotic = pieces.points.view[pieces.chaotic]
+        allowance = None if self.is_coarse else pieces.allowance
+        sampling = sample_cells(self.plan, view_map, chaotic, allowance, self.ahead)
+        view_map = view_map.with_samples(*(yield from self.ahead.searching(sampling)))
         error = NO_ERROR if self.is_coarse else (yield from measure(self.plan, view_map, cells))
         return replace(view_map, error=error)
 

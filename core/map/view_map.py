@@ -1,7 +1,7 @@
 """The view map, viewer pixels to display pixels, as cells, by which the source image is painted."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 
 import numpy as np
@@ -37,6 +37,7 @@ class MapError:
     noise : of `unresolved`, the standard error of the samples: with
         n samples a pixel 1 / sqrt n of that share
     n_samples, n_checked : rays
+    most_samples : of n_samples, those of a viewer pixel, at the most
     """
 
     rms: float
@@ -50,6 +51,10 @@ class MapError:
     noise: float
     n_samples: int
     n_checked: int
+    most_samples: int
+
+
+NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +67,8 @@ class ViewMap:
         left corner and side, viewer px, indices of points
     quads, triangles : (q, 4), (t, 3) indices of points, in order, the upper left one of
         quads first: whole pixels and quarters of them, and other pieces of pixels
-    samples, sample_area : (s,) indices of points where light is
-        chaotic, and the area, viewer px^2, of each
+    samples, sample_area, sample_reach : (s,) indices of points where light is chaotic; the area,
+        viewer px^2, that each stands for; and the side of its stratum, viewer px
     reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
     tolerance : display px
     n_rays : rays traced
@@ -77,12 +82,19 @@ class ViewMap:
     nodes: Ints
     quads: Ints
     triangles: Ints
-    samples: Ints
-    sample_area: Floats
     reason: np.ndarray
     tolerance: float
-    error: MapError
-    n_rays: int
+    samples: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    sample_area: Floats = field(default_factory=lambda: np.empty(0))
+    sample_reach: Floats = field(default_factory=lambda: np.empty(0))
+    error: MapError = NO_ERROR
+    n_rays: int = 0
+
+    def with_samples(self, samples: Points, area: Floats, reach: Floats) -> "ViewMap":
+        """The same map, which had no samples yet, with some."""
+        number = len(self.points) + np.arange(len(samples))
+        points = self.points.and_more(samples)
+        return replace(self, points=points, samples=number, sample_area=area, sample_reach=reach)
 
     @cached_property
     def _n_parts(self) -> Ints:
@@ -233,6 +245,3 @@ class ViewMap:
     def is_one_cell(self) -> Bools:
         """Viewer pixels (h, w) that lie in one cell, wholly."""
         return self.lookup.owner != -1
-
-
-NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)

@@ -203,7 +203,7 @@ def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
     if error.sampled <= BEYOND:
         return
 
-    n = plan.settings.samples_along**2
+    n = error.most_samples
     rays = (
         Message("one ray stands for a viewer pixel")
         if n == 1

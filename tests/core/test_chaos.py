@@ -132,7 +132,7 @@ def test_clear_glass_is_not_sampled(a_rig):
 def test_chaos_is_told_with_what_more_effort_costs():
     (told,) = [note for note in solved().notes if "chaotic" in note]
     n = solved().first.map_error.n_samples
-    assert f"up to 16 rays stand for a viewer pixel there, {n} in all." in told
+    assert f"up to 80 rays stand for a viewer pixel there, {n} in all." in told
     assert (
         "Four times the Effort takes up to four times as many rays, and halves their noise. Shade"
         " 'glass' smooth if" in told

@@ -1,0 +1,341 @@
+"""Chaotic light that falls where the display is faint is sampled by more rays, as many as lower the
+variance of all display pixels most; and none of it is lost.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from kiriko.core import free_memory, kernel
+from kiriko.core.errors import RigError
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.planning import make_plan
+from kiriko.core.map import faint, samples
+from kiriko.core.map.allowance import Allowance, most_rays
+from kiriko.core.map.faint import further_along, light_on_blocks, numbers_along, samples_worth
+from kiriko.core.map.points import Points
+from kiriko.core.map.samples import sample_cells
+from kiriko.core.map.sampling import Sampling, sample
+from kiriko.core.settings import Settings
+from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig, glass_rig, icosphere
+from known.work import drain, solve
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+SIDE = 32  # viewer and display px of a field
+
+
+def points_at(xy, is_lit=True, reason=0):
+    """Points (n,) that land at display pixels, or none of which does."""
+    n = len(xy)
+    branch = np.full(n, np.uint64(is_lit))
+    return Points(np.zeros((n, 2)), np.asarray(xy, float), branch, np.full(n, reason), np.ones(n))
+
+
+def pixels(side):
+    """The corners (side^2, 4, 2) of a square of pixels."""
+    row, column = np.divmod(np.arange(side**2), side)
+    return SQUARE + np.stack([column, row], axis=1)[:, None]
+
+
+def a_plan(side=SIDE, effort=16):
+    return make_plan(ball_rig(1, pixels=side, display_pixels=side), Settings(effort=effort))
+
+
+@pytest.mark.parametrize(
+    ("along", "numbers"),
+    [
+        (1, [1, 2, 3]),
+        (2, [2, 3, 4, 6]),
+        (3, [3, 4, 6, 9]),
+        (4, [4, 6, 8, 12]),
+        (8, [8, 12]),
+        (12, [12]),
+        (13, []),
+    ],
+)
+def test_faint_light_takes_at_most_nine_times_effort_and_144_further_rays(along, numbers):
+    assert numbers_along(along) == numbers
+    assert all(n**2 <= min(9 * along**2, 144) for n in numbers)
+
+
+def test_the_light_on_blocks_is_all_that_lands():
+    """Through a ball, most of whose light lands: to 2 %."""
+    found = solve(ball_rig(3, pixels=64, display_pixels=64, display=0.2))
+    light = finish(light_on_blocks(found.first.view_map))
+    assert light.shape == (64,)
+    assert light.sum() == pytest.approx(found.weight.sum(), rel=0.02)
+    blocks = found.weight.reshape(8, 8, 8, 8).sum(axis=(1, 3))
+    assert np.abs(light.reshape(8, 8) - blocks).max() < 0.1 * blocks.max()
+
+
+def test_a_cell_is_worth_samples_by_how_faint_light_around_it_is():
+    """Effort / b where all of it falls on light b, and by the root of its lit part (Neyman), of
+    samples of the other colour alone: its own land beside the display.
+    """
+    plan = a_plan(16)
+    corners = pixels(16)[:3]  # the middle one has the others beside it
+    xy = np.array([[1, 1], [1, 1], [99, 1], [99, 1], [12, 1], [12, 1]], float)
+    area, owner = np.full(6, 0.5), np.repeat(np.arange(3), 2)
+    light = 64 * np.array([0.5, 0.25, 1.0, 1.0])
+
+    def worth(points):
+        work = samples_worth(plan, light, points, area, owner, corners.mean(axis=1))
+        return finish(work)
+
+    # those that tell stand for all three: half again as much light
+    b = light[:2] / 64 + 1.5 / 64
+    expected = 16 * np.sqrt(np.mean(1 / b**2))
+    assert worth(points_at(xy)) == pytest.approx([0, expected, 0])
+    assert (worth(points_at(xy, is_lit=False)) == 0).all()
+    assert (worth(points_at(xy, reason=Reason.MISSED_GLASS)) == 0).all()
+
+
+def test_a_cell_takes_as_many_samples_as_it_is_worth_and_its_allowance_has():
+    plan = a_plan(8)
+    allowance = Allowance(plan, np.empty((0, 2)))
+    middle = np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [3.25, 0.25], [3.75, 0.25], [4.5, 0.5]])
+    side = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 1.0])
+    allowance.take(middle[1:2], 260)
+    left = allowance.left.copy()
+    worth = np.array([1000, 1000, 80, 1000, 1000, 31.9])
+    found = further_along(worth, middle, side, 4, allowance)
+    assert found.tolist() == [12, 8, 8, 12, 12, 0]
+    assert (left - allowance.left)[:5].tolist() == [144, 64, 64, 72, 0]
+
+
+def in_field(trace, n_times, display=SIDE):
+    """Samples of a field of chaotic pixels, so often, whose rays land as a function of their
+    places and a generator of random numbers tells.
+    """
+    a_rig = ball_rig(1, pixels=SIDE, display_pixels=display)
+    plan = make_plan(a_rig, Settings())
+    view = solve(a_rig).first.view_map
+    none = view.quads[:0], view.triangles[:0], view.corner[:0], view.size[:0], view.nodes[:0]
+    names = ("quads", "triangles", "corner", "size", "nodes")
+    empty = faint.replace(view, **dict(zip(names, none, strict=True)))
+    random = np.random.default_rng(7)
+
+    def traced(plan, places):
+        xy = trace(places, random)
+        n = len(xy)
+        yield n
+        return Points(places, xy, np.ones(n, np.uint64), np.zeros(n), np.ones(n))
+
+    ahead = SimpleNamespace(expect=lambda rays: None)
+    with patch.object(samples, "trace_points", traced):
+        for _ in range(n_times):
+            allowance = Allowance(plan, np.empty((0, 2)))
+            yield finish(sample_cells(plan, empty, pixels(SIDE), allowance, ahead))
+
+
+@pytest.mark.parametrize("share", [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
+def test_faint_light_arrives_as_much_as_there_is(share):
+    """Of pixels all alike a share goes to a quarter of the display: on average that arrives, within
+    three standard errors; and where more samples are worth it they are taken.
+    """
+
+    def trace(places, random):
+        is_faint = random.random(len(places)) < share
+        return random.random((len(places), 2)) * [SIDE, 8] + np.outer(is_faint, [0, 24])
+
+    found = list(in_field(trace, 40))
+    arrived = [s.area[s.points.xy[:, 1] >= 24].sum() / SIDE**2 for s in found]
+    deviation = np.std(arrived, ddof=1) / np.sqrt(len(arrived))
+    assert abs(np.mean(arrived) - share) < 3 * deviation
+    assert all(s.area.sum() == pytest.approx(SIDE**2) for s in found)
+    more = np.mean([len(s.area) for s in found]) / (16 * SIDE**2)
+    assert more > 1.5 if share < 0.02 else more >= 1
+
+
+@pytest.mark.parametrize("lit", [0.003, 0.01, 0.03])
+def test_light_is_kept_where_a_few_samples_are_all_that_lights_a_place(lit):
+    """Each 4 x 4 pixels send a part of their light to a block of their own, so that a sample there
+    counts among few. Whether one is there is no reason to keep or to weigh less what its pixel
+    found. Within three standard errors.
+    """
+
+    def trace(places, random):
+        group = np.floor(places / 4) + np.array([0, 2])
+        is_faint = random.random(len(places)) < lit
+        far = random.random((len(places), 2))
+        return np.where(is_faint[:, None], 8 * (group + far), far * [96, 8])
+
+    found = list(in_field(trace, 40, display=96))
+    arrived = [s.area[s.points.xy[:, 1] >= 8].sum() / SIDE**2 for s in found]
+    deviation = np.std(arrived, ddof=1) / np.sqrt(len(arrived))
+    assert abs(np.mean(arrived) - lit) < 3 * deviation
+    assert min(len(s.area) for s in found) > 1.5 * 16 * SIDE**2
+
+
+def facets(pixels=64):
+    """A flat-shaded ball that leaves parts of the display faint, and a picture of many colours."""
+    colours = np.random.default_rng(0).random((24, 24, 4))
+    colours[..., 3] = 1
+    image = colours.repeat(8, axis=0).repeat(8, axis=1).astype(np.float32)
+    mesh = icosphere(0.025, 3, smooth=False)
+    return glass_rig(mesh, pixels=pixels, display_pixels=pixels, image=image)
+
+
+@cache
+def solved():
+    return solve(facets())
+
+
+@cache
+def many():
+    """Very many samples of all light alike."""
+    with without_further():
+        return solve(facets(), effort=4096)
+
+
+def without_further():
+    return patch.object(faint, "numbers_along", lambda along: [])
+
+
+def test_further_rays_for_faint_light_are_worth_more_than_more_effort():
+    """Against very many samples, with all display pixels alike, it errs a tenth less by a quarter
+    fewer.
+    """
+    with without_further():
+        alike = solve(facets(), effort=49)
+    ours, theirs = (
+        np.sqrt(np.mean((some.source - many().source) ** 2)) for some in (solved(), alike)
+    )
+    assert solved().first.map_error.n_samples < 3 / 4 * alike.first.map_error.n_samples
+    assert ours < 0.9 * theirs
+
+
+def test_faint_and_bright_places_have_the_light_that_many_samples_find():
+    """The display's blocks, from the faintest to the brightest, by tenths; nothing is where they
+    find nothing.
+    """
+    much, found = (
+        some.weight.reshape(16, 4, 16, 4).sum(axis=(1, 3)).ravel() for some in (many(), solved())
+    )
+    for some in np.array_split(np.argsort(much)[(much == 0).sum() :], 10):
+        # n samples of a pixel know a light of so much of a pixel to 1 / sqrt(n)
+        light = much[some].sum()
+        assert abs(found[some].sum() - light) < 0.5 * np.sqrt(light / 16)
+    assert (found[much == 0] == 0).all()
+
+
+def test_every_place_of_a_pixel_with_further_samples_is_near_one_of_them():
+    """So that the map knows it."""
+    found = solved().first.view_map
+    number = np.floor(found.points.view[found.samples]).astype(int) @ [1, 64]
+    whole = np.bincount(number, found.sample_area) > 1 - 1e-9
+    further = np.bincount(number) > 16
+    row, column = np.divmod(np.flatnonzero(whole & further), 64)
+    at = np.stack([column, row], axis=1).repeat(20, axis=0)
+    at = at + np.random.default_rng(3).random((len(at), 2))
+    rays, _ = found.lookup.nearest_samples(at, np.ones(len(at), bool))
+    assert len(at) > 5000
+    assert len(rays) == len(at)
+
+
+def test_numpy_takes_the_same_samples():
+    """Of the same cells; where rounding decides on a ray, a few may take others."""
+    pytest.importorskip("kiriko_kernel")
+    found = solve(facets(32)).first.view_map
+    with kernel.off():
+        other = solve(facets(32)).first.view_map
+    assert len(found.samples) > 2 * 16 * found.sample_area.sum()
+    assert np.array_equal(found.points.view[found.samples], other.points.view[other.samples])
+    assert np.array_equal(found.sample_area, other.sample_area)
+
+
+def test_much_effort_clear_glass_and_first_pictures_take_no_more():
+    """Effort of more than 144 gains nothing by it, nor does light of which less than a thousandth
+    of the view is chaotic. What would tell which cells are worth more is not done then.
+    """
+    few = pixels(SIDE)[:1]
+    every = pixels(SIDE)[:16]
+    allowance = Allowance(a_plan(), np.empty((0, 2)))
+    with patch.object(samples, "light_on_blocks", side_effect=AssertionError):
+        for effort, corners, allowed in (
+            (169, every, allowance),
+            (16, few, allowance),
+            (16, every[:0], allowance),
+            (16, every, None),
+        ):
+            work = sample_cells(a_plan(effort=effort), None, corners, allowed, None)
+            found = finish(work)
+            assert len(found.points) == Settings(effort=effort).samples_along ** 2 * len(corners)
+            assert found.area.sum() == pytest.approx(len(corners))
+
+
+def test_no_pixel_takes_more_rays_than_it_may():
+    for effort in (1, 2, 4, 16):
+        found = solve(facets(32), effort=effort).first.view_map
+        column, row = np.floor(found.points.view).astype(int).T
+        plan = make_plan(facets(32), Settings(effort=effort))
+        assert np.bincount(33 * row + column).max() <= most_rays(plan)
+        samples_of = np.bincount(33 * row[found.samples] + column[found.samples])
+        assert samples_of.max() <= max(10 * effort, 16)  # quarters of quarters take one each
+
+
+def stopped_in_the_second_sampling(plan):
+    """The work of a map that waits while further samples are traced."""
+    work = Sampling(plan).sample()
+    seen = []
+
+    def traced(a_plan, places):
+        seen.append(len(places))
+        return real(a_plan, places)
+
+    real = samples.trace_points
+    with patch.object(samples, "trace_points", traced):
+        while len(seen) < 2:
+            next(work)
+    return work, seen
+
+
+def test_it_can_be_stopped_while_further_samples_are_traced():
+    """The work ends at once, and does so without a trace in what comes after."""
+    plan = make_plan(facets(32), Settings())
+    work, seen = stopped_in_the_second_sampling(plan)
+    work.close()
+    with pytest.raises(StopIteration):
+        next(work)
+    found = drain(sample(plan))
+    assert len(found.samples) == sum(seen)
+
+
+def test_further_samples_are_told_as_rays_to_come():
+    """As many as there are, once they are known; and about so many before."""
+    sampling = Sampling(make_plan(facets(), Settings()))
+    expected = []
+    n_rays = []
+
+    def traced(plan, places):
+        expected.append(sampling.ahead.expected)
+        n_rays.append(len(places))
+        return real(plan, places)
+
+    real = samples.trace_points
+    with patch.object(samples, "trace_points", traced):
+        every = drain(sampling.sample()).n_rays
+    assert expected[1] == pytest.approx(every, rel=0.05)
+    assert every / 2 < expected[0] < every * 2
+    assert len(n_rays) == 2
+
+
+def test_further_samples_that_memory_does_not_hold_are_refused():
+    """As many bytes as Effort takes are free, and no more."""
+    plan = make_plan(facets(), Settings())
+    n = solved().first.map_error.n_samples
+    asked = []
+    real = samples.check_free
+
+    def check(needed, *words):
+        asked.append(needed)
+        with patch.object(free_memory, "available", lambda: asked[0] + 1):
+            real(needed, *words)
+
+    with patch.object(samples, "check_free", check), pytest.raises(RigError, match="lower Effort"):
+        drain(sample(plan))
+    assert asked[1] == samples.BYTES_OF_POINT * n
