@@ -40,9 +40,8 @@ def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
 
 
 def divided(
-    display_size: tuple[int, int],
-    lots: Sequence[tuple[Floats, Floats]],
-    index_type: type[np.signedinteger],
+    lots: Sequence[tuple[tuple[int, int], Floats, Floats]],
+    index_types: Sequence[type[np.signedinteger]],
     at_once: int,
     is_numbered: bool = True,
 ) -> Iterator[tuple[int, Divided]]:
@@ -52,16 +51,18 @@ def divided(
 
     Parameters
     ----------
-    lots : polygons on the viewer's image and on the display, as for `rasterise.parts_by_rows`
+    lots : size of the display, polygons on the viewer's image and on the display, as for
+        `rasterise.parts_by_rows`
+    index_types : of each lot's pixels
     is_numbered : is the number of each share's cell asked for?
     """
     # side by side, as far as there is room
-    made = [_lot_of(display_size, *cells) for cells in lots]
+    made = [_lot_of(*lot) for lot in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
-    rooms = [min(_guess(display_size, cells[1]) + LEAST_ROOM, at_once) for cells in lots]
+    rooms = [min(_guess(size, display) + LEAST_ROOM, at_once) for size, _, display in lots]
     shares = [
         _room_for(room, index_type, division, is_numbered)
-        for room, division in zip(rooms, divisions, strict=True)
+        for room, index_type, division in zip(rooms, index_types, divisions, strict=True)
     ]
     kernel = loaded()
     kernel.kiriko_divide(ctypes.addressof(divisions), len(made), n_threads())
@@ -72,7 +73,7 @@ def divided(
             yield number, _first_of(shares[number], division.n)
         while division.cell < division.n_cells:
             room = min(2 * room, at_once)
-            shares[number] = _room_for(room, index_type, division, is_numbered)
+            shares[number] = _room_for(room, index_types[number], division, is_numbered)
             kernel.kiriko_divide(ctypes.addressof(division), 1, 1)
             if division.n:
                 yield number, _first_of(shares[number], division.n)

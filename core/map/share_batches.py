@@ -1,24 +1,43 @@
 """The shares of all cells of a map, a batch at a time."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kernel
-from ..arrays import Floats
-from .rasterise import parts_by_rows
-from .shares import Shares, index_type
+from ..arrays import Floats, Ints, each_value, taken
+from . import dividing
+from .dividing import OnDisplay
+from .shares import Shares
+from .thinning import Thinning, in_pixels
 
-# of a batch; fewer are put together with others
-SHARES_AT_ONCE = 1 << 18
 FEW_SHARES = 1 << 15
 LOTS_AT_ONCE = 4  # of cells, divided side by side: a step of the work
 # shares, up to 64 bytes each: more of them are made again each time they are asked for. A ball
 # fills a display of 3840 x 2160 with 11 million.
 MOST_KEPT = 1 << 24
-# of cells: polygons, throughput, path
-_Lot = tuple[Floats, Floats, Floats | None, NDArray[np.uint64] | None]
+
+
+class Lot(NamedTuple):
+    """Some cells.
+
+    view, display : polygons (n, k, 2), px
+    throughput, path : (n,), None where they are not kept
+    stride : px; at this distance pixels take their light
+    """
+
+    view: Floats
+    display: Floats
+    throughput: Floats | None = None
+    path: NDArray[np.uint64] | None = None
+    stride: int = 1
+
+    def at(self, which: Ints) -> "Lot":
+        """Some of them."""
+        return Lot(
+            *(None if values is None else taken(values, which) for values in self[:-1]), self.stride
+        )
 
 
 class ShareBatches:
@@ -31,6 +50,7 @@ class ShareBatches:
     has_throughput, has_path : whether these are to be kept with the shares
     pieces : gives the cells, each time anew, some at a time: polygons and
         throughput, as for `divided`, and path, None where it is not kept
+    thinning : of those that spread far, None where none are too many
     """
 
     def __init__(
@@ -40,11 +60,13 @@ class ShareBatches:
         has_throughput: bool,
         pieces: Callable[[], Iterable[tuple[NDArray, ...]]],
         has_path: bool = False,
+        thinning: Thinning | None = None,
     ) -> None:
         self.display_size, self.view_size = display_size, view_size
         self.has_throughput = has_throughput
         self.has_path = has_path
         self._pieces = pieces
+        self._thinning = thinning
         self._kept: list[Shares] | None = None
         self._n = 0
         self.n_sharing = 1  # that share the memory of MOST_KEPT
@@ -102,15 +124,14 @@ class ShareBatches:
         sizes = self.display_size, self.view_size
         # on a large display cells go from top to bottom: most batches
         # lie in a few rows, and `add_at` has less to add
-        is_large = self.display_size[0] * self.display_size[1] > 4 * SHARES_AT_ONCE
+        is_large = self.display_size[0] * self.display_size[1] > 4 * dividing.SHARES_AT_ONCE
 
-        def lots() -> Iterator[_Lot]:
+        def lots() -> Iterator[Lot]:
             for view, display, throughput, path in self._pieces():
-                lot = view, display, throughput if self.has_throughput else None, path
+                lot = Lot(view, display, throughput if self.has_throughput else None, path)
                 if is_large:
-                    order = np.argsort(display[:, 0, 1])
-                    lot = tuple(None if values is None else values[order] for values in lot)
-                yield lot
+                    lot = lot.at(np.argsort(display[:, 0, 1]))
+                yield from self._thinned(lot)
 
         few = []
         n = 0
@@ -133,13 +154,21 @@ class ShareBatches:
                 few.append(part)
                 n += len(part)
                 yield None
-                if n >= SHARES_AT_ONCE:
+                if n >= dividing.SHARES_AT_ONCE:
                     yield joined(few)
                     few = []
                     n = 0
 
         if few:
             yield joined(few)
+
+    def _thinned(self, lot: Lot) -> Iterator[Lot]:
+        """A lot by the strides of its cells. Quads are of smooth cells, or as large as pixels."""
+        if self._thinning is None or lot.display.shape[1] > 3:
+            yield lot
+            return
+        for stride, which in each_value(self._thinning.strides(lot.view, lot.display)):
+            yield lot.at(which)._replace(stride=int(stride))
 
     def _count(self, n_cells: int, n_shares: int) -> None:
         """So many more shares are made, of a lot that so many cells end with."""
@@ -149,9 +178,9 @@ class ShareBatches:
         self.n_made += n_shares
 
 
-def _by_number(things: Iterator[_Lot], n: int) -> Iterator[list[_Lot] | None]:
+def _by_number(things: Iterator[Lot], n: int) -> Iterator[list[Lot] | None]:
     """n of them at a time; None is a pause while they are gathered."""
-    some: list[_Lot] = []
+    some: list[Lot] = []
     for thing in things:
         some.append(thing)
         if len(some) < n:
@@ -183,24 +212,25 @@ def joined(parts: Sequence[Shares]) -> Shares:
 
 
 def divided(
-    display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[_Lot]
+    display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[Lot]
 ) -> Iterator[tuple[int, Shares]]:
-    """The number of a lot and shares of its cells, a few at
-    a time, by the compiled kernel where it can.
-    """
-    cells = [lot[:2] for lot in lots]
-    if all(kernel.can_divide(*of_lot) for of_lot in cells):
-        is_numbered = any(values is not None for lot in lots for values in lot[2:])
-        parts = kernel.divided(
-            display_size, cells, index_type(display_size), SHARES_AT_ONCE, is_numbered
-        )
-    else:
-        parts = (
-            (n, part)
-            for n, of_lot in enumerate(cells)
-            for part in parts_by_rows(display_size, *of_lot)
-        )
-
-    for n, (*part, number) in parts:
-        of_cell = (None if values is None else values[number] for values in lots[n][2:])
+    """The number of a lot and shares of its cells, a few at a time."""
+    is_numbered = any(
+        lot.stride > 1 or lot.throughput is not None or lot.path is not None for lot in lots
+    )
+    cells = [_on_display(display_size, lot) for lot in lots]
+    for n, part in dividing.divided(cells, is_numbered):
+        lot = lots[n]
+        if lot.stride > 1:
+            part = in_pixels(part, lot.stride, display_size)
+        *part, number = part
+        of_cell = (None if values is None else values[number] for values in lot[2:4])
         yield n, Shares(display_size, view_size, *part, *of_cell)
+
+
+def _on_display(display_size: tuple[int, int], lot: Lot) -> OnDisplay:
+    """Cells on the display, or on one of pixels as large as their stride."""
+    if lot.stride == 1:
+        return OnDisplay(display_size, lot.view, lot.display)
+    width, height = (-(-n // lot.stride) for n in display_size)
+    return OnDisplay((width, height), lot.view, lot.display / lot.stride)

@@ -14,6 +14,7 @@ from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around
 from .points import Points, bounds_of
 from .subdivision import n_parts
+from .thinning import THINNING, Thinning
 
 QUADS_AT_ONCE = 1 << 15
 CORNERS = [0, 4, 24, 20]  # of the nodes of a smooth cell, around it
@@ -135,11 +136,30 @@ class ViewMap:
         n_cells = np.bincount(of_cell, minlength=len(number))
         smooth = [n_cells * number**2, step * np.bincount(of_cell[::step], shares, len(number))]
 
-        cut = []
-        for kind in (self.quads, self.triangles):
-            shares, step = self._shares_of_some(kind)
-            cut.append((len(kind), step * shares.sum()))
-        return np.column_stack([smooth, *cut, (len(self.samples),) * 2])
+        shares, step = self._shares_of_some(self.quads)
+        quads = len(self.quads), step * shares.sum()
+        shares, step = self._shares_of_triangles
+        if self.thinning is not None:
+            some = self.triangles[::step]
+            some = [taken(places, some) for places in (self.points.view, self.points.xy)]
+            shares = shares / self.thinning.strides(*some) ** 2
+        triangles = len(self.triangles), step * shares.sum()
+        return np.column_stack([smooth, quads, triangles, (len(self.samples),) * 2])
+
+    @cached_property
+    def thinning(self) -> Thinning | None:
+        """Of triangles that spread far over the display; None where these are not many."""
+        shares, step = self._shares_of_triangles
+        if step * shares.sum() <= THINNING.per_pixel * np.prod(self.display_size):
+            return None
+        lots = range(0, len(self.triangles), QUADS_AT_ONCE)
+        some = (self.triangles[first : first + QUADS_AT_ONCE] for first in lots)
+        pieces = (polygons(self.points, corners)[:2] for corners in some)
+        return Thinning(self.display_size, pieces)
+
+    @cached_property
+    def _shares_of_triangles(self) -> tuple[Floats, int]:
+        return self._shares_of_some(self.triangles)
 
     @property
     def n_cut_shares(self) -> float:

@@ -170,4 +170,5 @@ def shares_of(
         for piece in pieces():
             yield piece.view, piece.display, piece.throughput, paths_of(piece) if has_path else None
 
-    return ShareBatches(view_map.display_size, view_map.view_size, has_throughput, cells, has_path)
+    sizes = view_map.display_size, view_map.view_size
+    return ShareBatches(*sizes, has_throughput, cells, has_path, view_map.thinning)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 from ..free_memory import check_free, is_free
 from ..kernel import library
+from ..map.dividing import SHARES_AT_ONCE
 from ..map.points import BYTES_OF_POINT
-from ..map.share_batches import MOST_KEPT, SHARES_AT_ONCE
+from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
 from ..messages import Message
 from ..rig import Display, Rig

@@ -172,6 +172,27 @@ def nine_balls() -> bpy.types.Object:
     return thing
 
 
+def dissolved() -> bpy.types.Object:
+    """A ball with clouds on it, rebuilt of voxels, its flat parts dissolved: facets of any shape in
+    smooth shading, as a sculpture is thinned out for the game.
+    """
+    thing = linked(smooth(mesh_of("icosphere", subdivisions=5, radius=0.5)), "Dissolved")
+    texture = bpy.data.textures.new("Clouds", "CLOUDS")
+    texture.noise_scale = 0.3
+    add(thing, "DISPLACE", texture=texture, strength=0.25)
+    add(thing, "REMESH", mode="VOXEL", voxel_size=0.02, use_smooth_shade=True)
+    add(thing, "DECIMATE", decimate_type="DISSOLVE", angle_limit=0.2)
+    return thing
+
+
+def struts() -> bpy.types.Object:
+    """The edges of a ball as rods: light goes through four of them and more."""
+    thing = linked(smooth(mesh_of("icosphere", subdivisions=2, radius=0.5)), "Struts")
+    add(thing, "WIREFRAME", thickness=0.1)
+    add(thing, "SUBSURF", levels=2)
+    return thing
+
+
 GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "ball": lambda: linked(smooth(mesh_of("icosphere", subdivisions=6, radius=0.5)), "Ball"),
     "cube": cube,
@@ -190,6 +211,8 @@ GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "bauble": bauble,
     "nine balls": nine_balls,
 }
+# those that are asked for by name, and stand in no table
+OTHERS: dict[str, Callable[[], bpy.types.Object]] = {"dissolved": dissolved, "struts": struts}
 INDICES = {"gem": 2.42}  # others are of 1.49
 # m, the height that is looked at; others are looked at in their middle, SIZE across
 BOWLS = {"wine glass": 0.14}
@@ -201,9 +224,9 @@ def add_glass_option(parser: argparse.ArgumentParser) -> None:
         "--glass",
         nargs="+",
         metavar="NAME",
-        choices=GLASSES,
+        choices=GLASSES | OTHERS,
         default=list(GLASSES),
-        help="only these",
+        help="only these, or others",
     )
 
 
@@ -213,7 +236,7 @@ def made(name: str) -> Mesh:
     Normals are those that Blender shows.
     """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    thing = GLASSES[name]()
+    thing = (GLASSES | OTHERS)[name]()
     return evaluated(thing, place_of(name, thing))
 
 

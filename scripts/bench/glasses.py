@@ -1,15 +1,16 @@
 """Seconds and rays of solves through glass as artists bring it, by each choice of *Surface*.
 
 `python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy]
-[--threads N]`. Seconds, and processor seconds of all threads, of whole solves at default settings,
-512 x 512 pixels. `step` is the longest step, in which no Esc is heard; `rest` how many times the
-rest of the time differs from the progress that is told, from 10 % to 90 %; `from` the part of the
-time after which 10 % are told. `to come` is how many times the rays that are still to come differ
-from a guess of them, each time it is mended, from 10 % to 90 %. `MB` is the memory taken, on Linux,
-and `told` how many times that differs from the estimate. Each solve is the first of a process of
-its own. `curved` is the share of the triangles with a curved face, `beyond` the share that is seen
-off by more than the tolerance, `sampled` where light is chaotic. With `--processor` all seconds are
-the processor's, for one thread: other work beside it changes little.
+[--threads N] [--display PIXELS]`. Seconds, and processor seconds of all threads, of whole solves at
+default settings, viewer and display of 512 x 512 pixels. `step` is the longest step, in which no
+Esc is heard; `rest` how many times the rest of the time differs from the progress that is told,
+from 10 % to 90 %; `from` the part of the time after which 10 % are told. `to come` is how many
+times the rays that are still to come differ from a guess of them, each time it is mended, from 10 %
+to 90 %. `MB` is the memory taken, on Linux, and `told` how many times that differs from the
+estimate. Each solve is the first of a process of its own. `curved` is the share of the triangles
+with a curved face, `beyond` the share that is seen off by more than the tolerance, `sampled` where
+light is chaotic. With `--processor` all seconds are the processor's, for one thread: other work
+beside it changes little.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
@@ -79,6 +80,9 @@ def main() -> None:
         "--threads", type=int, default=0, metavar="N", help="of the kernel; as many as there are"
     )
     parser.add_argument(
+        "--display", type=int, default=512, metavar="PIXELS", help="of the display, each way"
+    )
+    parser.add_argument(
         "--rays", action="store_true", help="how many rays a viewer pixel takes, instead"
     )
     parser.add_argument(
@@ -95,7 +99,7 @@ def main() -> None:
 
     with kernel.off() if arguments.numpy else nullcontext():
         if arguments.here:
-            print(line_of(arguments.glass[0], arguments.surface[0], arguments.effort))
+            print(line_of(arguments))
         elif arguments.light:
             print_light(arguments)
         elif arguments.rays:
@@ -165,9 +169,9 @@ class Memory:
         return 1024 * int(dict(line.split(":", 1) for line in lines)[name].split()[0])
 
 
-def rig_of(name: str, mesh: Mesh) -> Rig:
+def rig_of(name: str, mesh: Mesh, display_pixels: int) -> Rig:
     """A glass on the bench."""
-    return glass_rig(mesh, ior=INDICES.get(name, 1.49))
+    return glass_rig(mesh, ior=INDICES.get(name, 1.49), display_pixels=display_pixels)
 
 
 def print_light(arguments: argparse.Namespace) -> None:
@@ -179,7 +183,8 @@ def print_light(arguments: argparse.Namespace) -> None:
     settings = Settings(effort=arguments.effort)
 
     for name in arguments.glass:
-        a_rig = rig_of(name, replace(made(name), surface="automatic"))
+        mesh = replace(made(name), surface="automatic")
+        a_rig = rig_of(name, mesh, arguments.display)
         seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
         solution = finish(Session().solve(a_rig, replace(settings, ghosts="strongest")))
         paths = Paths(solution.first.shares.display_size)
@@ -210,7 +215,7 @@ def print_rays(arguments: argparse.Namespace) -> None:
     for name in arguments.glass:
         mesh = made(name)
         for choice in arguments.surface:
-            a_rig = rig_of(name, replace(mesh, surface=choice))
+            a_rig = rig_of(name, replace(mesh, surface=choice), arguments.display)
             with counted_rays(a_rig.viewer) as counts:
                 finish(Session().solve(a_rig, Settings(effort=arguments.effort)))
             several = counts[counts > 1]
@@ -239,11 +244,12 @@ def print_table(arguments: argparse.Namespace) -> None:
             subprocess.run([sys.executable, *as_module("bench.glasses"), *options], check=True)
 
 
-def line_of(name: str, choice: str, effort: int) -> str:
-    """The line of the table for a glass, solved here and now."""
+def line_of(arguments: argparse.Namespace) -> str:
+    """The line of the table for the first glass and choice, solved here and now."""
+    name, choice = arguments.glass[0], arguments.surface[0]
     mesh = made(name)
-    a_rig = rig_of(name, replace(mesh, surface=choice))
-    settings = Settings(effort=effort)
+    a_rig = rig_of(name, replace(mesh, surface=choice), arguments.display)
+    settings = Settings(effort=arguments.effort)
     share = sum(make_plan(a_rig, settings).counts.n_curved) / len(mesh.triangles)
 
     memory = Memory()

@@ -39,9 +39,11 @@ from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.map import bisection, share_batches
 from kiriko.core.map import cells as cells_module
+from kiriko.core.map import dividing as map_dividing
 from kiriko.core.map import shares as share_module
 from kiriko.core.map.points import trace_points
 from kiriko.core.map.searches import ask, traced
+from kiriko.core.map.share_batches import Lot
 from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.settings import Settings
@@ -919,10 +921,9 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     assert len(whole) > 0.8 * width * height
     monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
-        monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", at_once)
+        monkeypatch.setattr(map_dividing, "SHARES_AT_ONCE", at_once)
         parts = [
-            part
-            for _, part in share_batches.divided(size, (2, 2), [(view, quads, throughput, None)])
+            part for _, part in share_batches.divided(size, (2, 2), [Lot(view, quads, throughput)])
         ]
         assert max(map(len, parts)) <= at_once
         assert len(parts) > len(whole) / at_once
@@ -930,8 +931,8 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
         for f in fields(found):
             assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
 
-    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 7)
-    lot = view, quads / size * [40, 30], throughput, None
+    monkeypatch.setattr(map_dividing, "SHARES_AT_ONCE", 7)
+    lot = Lot(view, quads / size * [40, 30], throughput)
     few = [part for _, part in share_batches.divided((40, 30), (2, 2), [lot])]
     assert max(map(len, few)) <= 7
     assert sum(map(len, few)) == len(

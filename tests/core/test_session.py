@@ -16,7 +16,7 @@ from kiriko.core.light import ray_engine
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.map import rasterise, share_batches
+from kiriko.core.map import dividing, rasterise, share_batches
 from kiriko.core.mesh import FURTHEST
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
@@ -103,7 +103,7 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
 
     assert n < share_batches.MOST_KEPT
     monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
-    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", n // 5)
+    monkeypatch.setattr(dividing, "SHARES_AT_ONCE", n // 5)
     monkeypatch.setattr(rasterise, "PARTS_AT_ONCE", n // 20)
     monkeypatch.setattr(painting, "MOST_PLACED", 2)
     kept = Session()
@@ -666,7 +666,7 @@ def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
     """Live rests while Solve runs, which lets go of the shares of
     before: the kept parts are then of the right batches.
     """
-    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 1 << 9)
+    monkeypatch.setattr(dividing, "SHARES_AT_ONCE", 1 << 9)
     monkeypatch.setattr(share_batches, "FEW_SHARES", 0)
     a_rig = small()
     session = Session()

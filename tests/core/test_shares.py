@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kiriko.core import kernel
+from kiriko.core.map import dividing, share_batches
 from kiriko.core.map import rasterise as rasterise_module
-from kiriko.core.map import share_batches
 from kiriko.core.map.cells import area_within
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage, add_at
@@ -487,7 +487,7 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
 
     Few are kept, many are divided anew.
     """
-    monkeypatch.setattr(share_batches, "SHARES_AT_ONCE", 50)
+    monkeypatch.setattr(dividing, "SHARES_AT_ONCE", 50)
     monkeypatch.setattr(rasterise_module, "PARTS_AT_ONCE", 64)
     monkeypatch.setattr(share_batches, "MOST_KEPT", most)
     view = grid(12)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.arrays import Floats
-from kiriko.core.map.share_batches import divided, joined
+from kiriko.core.map.share_batches import Lot, divided, joined
 from kiriko.core.map.shares import Shares, index_type
 
 
@@ -28,7 +28,7 @@ def rasterise(
     """
     sizes = display_size, view_size
     parts = (
-        part for _, part in divided(*sizes, [(view_polygons, display_polygons, throughput, None)])
+        part for _, part in divided(*sizes, [Lot(view_polygons, display_polygons, throughput)])
     )
     return joined([no_shares(*sizes, throughput is not None), *parts])
 

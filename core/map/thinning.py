@@ -1,0 +1,139 @@
+"""Triangles that spread far over the display give their light to some of its pixels only.
+
+Where a border lies next to total reflection, a sliver of a viewer pixel is spread over thousands of
+display pixels. In hard glass there are so many of these that each display pixel gets light from
+hundreds: together a few hundredths of all light, by a hundred times as many shares as all the rest
+makes. So one that is a small part of a display pixel's light gives it none, or for many pixels at
+once: the same light in the mean. Those that are a large part are as exact as ever.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+from ..kernel.dividing import Divided
+from .cells import area_within, columns_of, signed_area
+from .dividing import OnDisplay, divided
+from .shares import index_type
+
+
+@dataclass(frozen=True)
+class ThinningRule:
+    """When pixels do without light.
+
+    far_px : display px; a piece that covers fewer does not spread far
+    per_pixel : about so many of the pieces that spread over a pixel give it their light
+    least_shares : that a piece makes all the same
+    block_px : display px; pieces are counted in blocks of so many each way
+    """
+
+    far_px: int = 256
+    per_pixel: int = 32
+    least_shares: int = 64
+    block_px: int = 32
+
+
+THINNING = ThinningRule()
+
+
+class Thinning:
+    """The light of pieces that spread far, by the part of the display.
+
+    Parameters
+    ----------
+    display_size : (width, height), px
+    pieces : polygons (n, k, 2) on the viewer's image and on the display, px, some at a time
+    """
+
+    def __init__(
+        self, display_size: tuple[int, int], pieces: Iterable[tuple[Floats, Floats]]
+    ) -> None:
+        self.display_size = display_size
+        side = THINNING.block_px
+        self._blocks = tuple(-(-n // side) for n in display_size)
+        light = np.zeros(self._blocks[0] * self._blocks[1])
+        for view, display in pieces:
+            far = np.flatnonzero(self._covered(display) >= THINNING.far_px)
+            of_pixel = _light_of(view[far], display[far])
+            for number, block, covered in self._by_block(display[far]):
+                light += np.bincount(block, covered * of_pixel[number], len(light))
+        # the last blocks may reach beyond the display
+        width, height = (
+            np.minimum(1.0, n / side - np.arange(blocks))
+            for n, blocks in zip(display_size, self._blocks, strict=True)
+        )
+        self.light = light / np.outer(height, width).ravel()
+
+    def strides(self, view: Floats, display: Floats) -> Ints:
+        """At which distance, px each way, display pixels take the light of pieces, given as
+        polygons (n, k, 2): (n,), 1 where all of them do.
+
+        A pixel takes it as often as its part of all light is, per_pixel times: so that the
+        light that is left to it is off by no more than 1 / sqrt(per_pixel) of itself.
+        """
+        found = np.ones(len(display), np.int64)
+        covered = self._covered(display)
+        far = np.flatnonzero(covered >= THINNING.far_px)
+        # as the part of the display asks that has the least
+        least = np.full(len(far), np.inf)
+        for number, block, _ in self._by_block(display[far]):
+            np.minimum.at(least, number, self.light[block])
+        often = THINNING.per_pixel * _light_of(view[far], display[far]) / least
+        with np.errstate(divide="ignore", invalid="ignore"):
+            most = np.fmin(1 / often, covered[far] / THINNING.least_shares)
+        found[far] = np.sqrt(np.maximum(most, 1))
+        return found
+
+    def _covered(self, polygons: Floats) -> Floats:
+        """Area (n,) of the display that pieces cover, px^2; 0 of those without a place."""
+        size = np.prod(self.display_size)
+        with np.errstate(invalid="ignore"):
+            covered = area_within(*columns_of(polygons), self.display_size)
+            return np.where(covered <= size, covered, 0.0)
+
+    def _by_block(self, polygons: Floats) -> Iterator[tuple[Ints, Ints, Floats]]:
+        """Number of the piece, block, and the part of the block that it covers, each (m,)."""
+        small = polygons / THINNING.block_px
+        for _, part in divided([OnDisplay(self._blocks, small, small)], is_numbered=True):
+            yield part.number, part.display_index, part.display_area
+
+
+def _light_of(view: Floats, display: Floats) -> Floats:
+    """Viewer px^2 (n,) of triangles or quads for each display px^2 of theirs."""
+    view_area, display_area = (np.abs(signed_area(*columns_of(some))) for some in (view, display))
+    return view_area / display_area
+
+
+def in_pixels(part: Divided, stride: int, display_size: tuple[int, int]) -> Divided:
+    """Shares of blocks of pixels, stride px each way, as shares of one pixel each.
+
+    It may be any one of the block, as likely as the others, but is the same in each solve. What
+    falls beside the display is left out.
+    """
+    width, height = display_size
+    row, column = np.divmod(part.display_index.astype(np.int64), -(-width // stride))
+    one = _scattered(part.display_index, part.number) % np.uint64(stride * stride)
+    down, right = np.divmod(one.astype(np.int64), stride)
+    row, column = row * stride + down, column * stride + right
+    on = np.flatnonzero((row < height) & (column < width))
+    return Divided(
+        (row * width + column)[on].astype(index_type(display_size)),
+        part.view_xy[on],
+        part.covariance[:, on],
+        part.area[on],
+        part.display_area[on] * stride**2,
+        part.number[on],
+    )
+
+
+def _scattered(index: Ints, number: Ints) -> np.ndarray:
+    """Numbers (n,) uint64 that look random, of pairs of numbers: the mixing of splitmix64 (Steele,
+    Lea and Flood, OOPSLA 2014).
+    """
+    x = (number.astype(np.uint64) << np.uint64(32)) + index.astype(np.uint64)
+    x += np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
