@@ -184,11 +184,13 @@ def rays_of_cut(
     return Rays(rays, rays).and_more(rays_of_samples(plan, points, chaotic))
 
 
-def rays_of_samples(plan: Plan, points: Points, chaotic: Sequence[Ints]) -> Rays:
-    """To sample chaotic cells (c, 4), with further samples of faint light."""
+def rays_of_samples(
+    plan: Plan, points: Points, chaotic: Sequence[Ints], is_coarse: bool = False
+) -> Rays:
+    """To sample chaotic cells (c, 4), with further samples of faint light, but for a coarse map."""
     sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
     area = sum(float((side**2).sum()) for side in sides)
-    times = 1 + RAYS.of_faint * may_take_more(plan, area)
+    times = 1 + RAYS.of_faint * (not is_coarse and may_take_more(plan, area))
     rays = times * plan.settings.effort * area
     return Rays(rays, rays)
 

@@ -267,7 +267,8 @@ class Sampling:
             reason=self._reasons(),
             tolerance=self.tolerance,
         )
-        self.ahead.expect(rays_of_samples(self.plan, pieces.points, [pieces.chaotic]))
+        rays = rays_of_samples(self.plan, pieces.points, [pieces.chaotic], self.is_coarse)
+        self.ahead.expect(rays)
         chaotic = pieces.points.view[pieces.chaotic]
         allowance = None if self.is_coarse else pieces.allowance
         sampling = sample_cells(self.plan, view_map, chaotic, allowance, self.ahead)

@@ -222,7 +222,7 @@ def divided(
     for n, part in dividing.divided(cells, is_numbered):
         lot = lots[n]
         if lot.stride > 1:
-            part = in_pixels(part, lot.stride, display_size)
+            part = in_pixels(part, lot.view, lot.stride, display_size)
         *part, number = part
         of_cell = (None if values is None else values[number] for values in lot[2:4])
         yield n, Shares(display_size, view_size, *part, *of_cell)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints, each_value, taken
 from ..light.landings import Reason
+from ..steps import Pauses, finish
 from .cells import area_within
 from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around
@@ -149,13 +150,22 @@ class ViewMap:
     @cached_property
     def thinning(self) -> Thinning | None:
         """Of triangles that spread far over the display; None where these are not many."""
+        return finish(self._looking_far())
+
+    def look_far(self) -> Pauses[None]:
+        """Make `thinning`, with pauses: where there is one it takes a second and more."""
+        if "thinning" not in vars(self):
+            vars(self)["thinning"] = yield from self._looking_far()
+
+    def _looking_far(self) -> Pauses[Thinning | None]:
         shares, step = self._shares_of_triangles
         if step * shares.sum() <= THINNING.per_pixel * np.prod(self.display_size):
             return None
-        lots = range(0, len(self.triangles), QUADS_AT_ONCE)
-        some = (self.triangles[first : first + QUADS_AT_ONCE] for first in lots)
-        pieces = (polygons(self.points, corners)[:2] for corners in some)
-        return Thinning(self.display_size, pieces)
+        thinning = Thinning(self.display_size)
+        for first in range(0, len(self.triangles), QUADS_AT_ONCE):
+            thinning.add(*polygons(self.points, self.triangles[first : first + QUADS_AT_ONCE])[:2])
+            yield 0
+        return thinning
 
     @cached_property
     def _shares_of_triangles(self) -> tuple[Floats, int]:

@@ -245,6 +245,8 @@ class Session:
         clock.lap("tracing")
         of_ray = (clock.seconds["tracing"] - before) / max(view_map.n_rays, 1)
 
+        yield from at(told, view_map.look_far())
+        clock.lap("shares")
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight, of_ray)
