@@ -24,7 +24,7 @@ class Lot(NamedTuple):
 
     view, display : polygons (n, k, 2), px
     throughput, path : (n,), None where they are not kept
-    stride : px; at this distance pixels take their light
+    stride : px; of each square of so many each way one pixel takes their light, 1 for all
     """
 
     view: Floats
@@ -163,7 +163,9 @@ class ShareBatches:
             yield joined(few)
 
     def _thinned(self, lot: Lot) -> Iterator[Lot]:
-        """A lot by the strides of its cells. Quads are of smooth cells, or as large as pixels."""
+        """A lot, parted by the strides of its cells. Quads are never thinned: they are of smooth
+        cells, or as large as pixels.
+        """
         if self._thinning is None or lot.display.shape[1] > 3:
             yield lot
             return

@@ -3,8 +3,9 @@
 Where a border lies next to total reflection, a sliver of a viewer pixel is spread over thousands of
 display pixels. In hard glass there are so many of these that each display pixel gets light from
 hundreds: together a few hundredths of all light, by a hundred times as many shares as all the rest
-makes. So one that is a small part of a display pixel's light gives it none, or for many pixels at
-once: the same light in the mean. Those that are a large part are as exact as ever.
+makes. So a triangle that is a small part of a display pixel's light skips most such pixels, and
+gives the others the light of those it skips: the same light in the mean. Where it is a large part
+it lights each pixel as exactly as ever.
 """
 
 from collections.abc import Iterator
@@ -26,7 +27,7 @@ class ThinningRule:
     far_px : display px; a piece that covers fewer does not spread far
     per_pixel : about so many of the pieces that spread over a pixel give it their light
     least_shares : that a piece makes all the same
-    block_px : display px; pieces are counted in blocks of so many each way
+    block_px : display px; light is added up in blocks of so many each way
     """
 
     far_px: int = 256
@@ -74,13 +75,13 @@ class Thinning:
         """At which distance, px each way, display pixels take the light of pieces, given as
         polygons (n, k, 2): (n,), 1 where all of them do.
 
-        A pixel takes it as often as its part of all light is, per_pixel times: so that the light
-        of pixels like it, of which there is a block, is off by no more than 1 / sqrt(per_pixel).
+        A piece that is a part p of the light lights one pixel in 1 / (per_pixel p). The light of
+        a block's pixels is then off by no more than 1 / sqrt(per_pixel) of itself, rms.
         """
         found = np.ones(len(display), np.int64)
         covered = self._covered(display)
         far = np.flatnonzero(covered >= THINNING.far_px)
-        # as the part of the display asks that has the least
+        # a stride for the whole piece: as its darkest block asks
         least = np.full(len(far), np.inf)
         for number, block, _ in self._by_block(display[far]):
             np.minimum.at(least, number, self.light[block])
