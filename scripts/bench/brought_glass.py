@@ -193,6 +193,7 @@ def struts() -> bpy.types.Object:
     return thing
 
 
+BEVEL = {"extrude": 0.12, "bevel_depth": 0.03, "bevel_resolution": 3}
 GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "ball": lambda: linked(smooth(mesh_of("icosphere", subdivisions=6, radius=0.5)), "Ball"),
     "cube": cube,
@@ -201,7 +202,7 @@ GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "wine glass": wine_glass,
     "vase": vase,
     "Suzanne": suzanne,
-    "text, bevelled": lambda: text(extrude=0.12, bevel_depth=0.03, bevel_resolution=3),
+    "text, bevelled": lambda: text(**BEVEL),
     "text, remeshed": remeshed_text,
     "gem": gem,
     "cut cylinder": cut_cylinder,
@@ -212,7 +213,11 @@ GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
     "nine balls": nine_balls,
 }
 # those that are asked for by name, and stand in no table
-OTHERS: dict[str, Callable[[], bpy.types.Object]] = {"dissolved": dissolved, "struts": struts}
+OTHERS: dict[str, Callable[[], bpy.types.Object]] = {
+    "dissolved": dissolved,
+    "struts": struts,
+    "text, spaced": lambda: text(**BEVEL, space_character=1.2),  # letters that do not overlap
+}
 INDICES = {"gem": 2.42}  # others are of 1.49
 # m, the height that is looked at; others are looked at in their middle, SIZE across
 BOWLS = {"wine glass": 0.14}

@@ -1,7 +1,8 @@
 """Kiriko beside Mitsuba on glass as artists bring it, in one run on one machine: `dev.py marks`.
 
 For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x
-512 pixels. Mitsuba's splat takes 100 samples a pixel on all threads (mitsuba_splat.py). Kiriko
+512 pixels. Mitsuba's splat takes 100 samples a pixel on all threads (mitsuba_splat.py), or as many as
+`--samples` says. Kiriko
 solves at its default settings: the mesh *as drawn*, as Mitsuba shows it, and by
 *Automatic*, which follows the curved surface and has no judge here. `s` are seconds that passed; an
 error is that of the source image, as in side_by_side.py, against a splat of many samples,
@@ -92,13 +93,13 @@ def solved(a_rig: Rig, surface: str) -> Solution:
 
 def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
     """Print the line of a glass."""
-    a_rig = glass_rig(mesh, ior=index, image=zone_plate())
+    a_rig = glass_rig(mesh, ior=index, image=zone_plate(), display_pixels=arguments.display)
     splat = MitsubaSplat(
         replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),))
     )
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
-    splat.sums(SPP)  # compiled by now
-    theirs, sums = timed(lambda: splat.sums(SPP), arguments.rounds)
+    splat.sums(arguments.samples)  # compiled by now
+    theirs, sums = timed(lambda: splat.sums(arguments.samples), arguments.rounds)
 
     with kernel.off() if arguments.numpy else nullcontext():
         our_rig = finer(a_rig, arguments.finer)
@@ -155,6 +156,10 @@ def main() -> None:
         default=1.0,
         metavar="N",
         help="times finer a viewer for Kiriko, each way",
+    )
+    parser.add_argument("--samples", type=int, default=SPP, metavar="SPP", help="of Mitsuba's splat")
+    parser.add_argument(
+        "--display", type=int, default=512, metavar="PIXELS", help="of the display, each way"
     )
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     parser.add_argument(
