@@ -1,9 +1,9 @@
 """Kiriko beside Mitsuba on glass as artists bring it, in one run on one machine: `dev.py marks`.
 
 For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x
-512 pixels. Mitsuba's splat takes 100 samples a pixel on all threads (mitsuba_splat.py), or as many as
-`--samples` says. Kiriko
-solves at its default settings: the mesh *as drawn*, as Mitsuba shows it, and by
+512 pixels, but for `--display`. Mitsuba's splat takes 100 samples a pixel on all threads, or as
+many as `--samples` says (mitsuba_splat.py). Kiriko solves at its default settings: the mesh *as
+drawn*, as Mitsuba shows it, and by
 *Automatic*, which follows the curved surface and has no judge here. `s` are seconds that passed; an
 error is that of the source image, as in side_by_side.py, against a splat of many samples,
 over all display pixels alike, and *as seen*: weighed by how much the viewer sees of each. `apart`
@@ -157,7 +157,9 @@ def main() -> None:
         metavar="N",
         help="times finer a viewer for Kiriko, each way",
     )
-    parser.add_argument("--samples", type=int, default=SPP, metavar="SPP", help="of Mitsuba's splat")
+    parser.add_argument(
+        "--samples", type=int, default=SPP, metavar="SPP", help="of Mitsuba's splat"
+    )
     parser.add_argument(
         "--display", type=int, default=512, metavar="PIXELS", help="of the display, each way"
     )
