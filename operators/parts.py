@@ -3,6 +3,7 @@
 import bpy
 
 from ..core.blender.show import show
+from ..core.blender.visibility import is_visible
 from ..core.errors import RigError
 from ..core.messages import Message
 from . import needed, telling
@@ -63,7 +64,7 @@ class KIRIKO_OT_select_part(NamesPart, bpy.types.Operator):
 
 def _selectable(context: bpy.types.Context, thing: bpy.types.Object) -> bpy.types.Object:
     """An object that is shown, or the one that shows it as an instance."""
-    shown = [other for other in context.view_layer.objects if other.visible_get()]
+    shown = [other for other in context.view_layer.objects if is_visible(other)]
     makers = [
         other
         for other in shown

@@ -25,7 +25,7 @@ from .rigs import active_rig, marked_key
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
 from .viewer import camera_at
-from .visibility import Shown
+from .visibility import Shown, is_visible
 
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
@@ -111,7 +111,7 @@ def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
     active = bpy.context.view_layer.objects.active
     for thing in sorted(scene.objects, key=lambda thing: thing != active):
         is_free = thing.kiriko.role == "NONE" and OBJECT_MARK not in thing
-        if is_free and not bodiless(thing) and thing.visible_get() and min(thing.dimensions) > 0:
+        if is_free and not bodiless(thing) and is_visible(thing) and min(thing.dimensions) > 0:
             yield _named(thing)
 
 
@@ -239,7 +239,7 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
         and thing.type not in {"EMPTY", "META"}
         and thing.mode == "OBJECT"
         and thing.name in layer.objects
-        and thing.visible_get(view_layer=layer)
+        and is_visible(thing, layer)
     )
 
 

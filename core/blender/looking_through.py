@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from . import local_view
 from .changes import Change, change, put_back
 from .framing import Window, image_framed
 from .kept import Changed
@@ -47,6 +48,7 @@ FAINT = {
     "shading.studiolight_intensity": 0.1,
     "shading.studiolight_background_alpha": 0.0,
 }
+LOCAL = "local view"  # objects that a view showed alone
 POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
 
 
@@ -118,6 +120,7 @@ def _enter_view(
     pose = [(f"region_3d.{name}", _plain(getattr(view, name)), None) for name in POSE]
     before = [space.use_local_camera, space.camera.name if space.camera else ""]
     space.use_local_camera, space.camera = True, viewer
+    own = local_view.widen(space)  # the viewer sees the display, too
 
     zoom, offset = image_framed(frame_of(viewer, scene.render).size, window)
     is_faint = space.shading.use_scene_world_render and is_dark(scene)
@@ -132,7 +135,8 @@ def _enter_view(
             **(FAINT if is_faint else {}),
         },
     )
-    return [*pose, ("camera", before, viewer.name), *changes]
+    local = [(LOCAL, own, True)] if own else []
+    return [*pose, ("camera", before, viewer.name), *local, *changes]
 
 
 def _plain(value: Any) -> Any:
@@ -180,7 +184,9 @@ def enter_again(
     spaces_again = [space for space, _ in again]
     for place, path, _, after in Changed.read(text).changes:
         for owner in spaces_again if place.startswith("screen/") else [scene]:
-            if path != "camera" and after is not None:
+            if path == LOCAL:
+                local_view.widen(owner)
+            elif path != "camera" and after is not None:
                 change(owner, {path: after})
 
 
@@ -205,6 +211,8 @@ def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
                 # a view without a camera of its own has, and would set, the scene's
                 is_local = before[0]
                 owner.camera = bpy.data.objects.get(before[1]) if is_local else scene.camera
+            elif path == LOCAL:
+                local_view.narrow(owner, before)
             elif path == "region_3d.view_perspective":
                 _turn_back(owner, before, [one for one in poses if one[0] == place])
             elif after is not None:

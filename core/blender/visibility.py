@@ -26,7 +26,7 @@ class Shown:
         In a scene with thousands of objects the common case, an
         object that is shown, is asked for nothing else.
         """
-        if not thing.visible_get(view_layer=self._layer):
+        if not is_visible(thing, self._layer):
             if thing not in self._in_scene:
                 return instance_hidden_by(thing)
             if thing.hide_viewport:
@@ -70,6 +70,16 @@ class Shown:
                         where=where,
                     )
         return where
+
+
+def is_visible(thing: bpy.types.Object, layer: bpy.types.ViewLayer | None = None) -> bool:
+    """Does a view layer, by default the one in use, show an object?
+
+    Asked from a 3D viewport Blender counts its local view and its filter of types, too. These are
+    of one viewport alone, and a rig is the same in all of them.
+    """
+    with bpy.context.temp_override(area=None):
+        return thing.visible_get(view_layer=layer or bpy.context.view_layer)
 
 
 def instance_hidden_by(thing: bpy.types.Object) -> str:

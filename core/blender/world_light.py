@@ -2,10 +2,12 @@
 
 import bpy
 
+from .visibility import is_visible
+
 
 def is_dark(scene: bpy.types.Scene) -> bool:
     """Are there no lights, and is the world black? Objects that shine are not asked."""
-    if any(thing.type == "LIGHT" and thing.visible_get() for thing in scene.objects):
+    if any(thing.type == "LIGHT" and is_visible(thing) for thing in scene.objects):
         return False
     return scene.world is None or _is_black(scene.world)
 
