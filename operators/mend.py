@@ -260,11 +260,16 @@ def _fill(shape: bmesh.types.BMesh, distance: float) -> None:
     """Join vertices along open edges that are nearer than a distance, and fill the holes that are
     left with faces that look, shade and shine as those around them.
     """
-    ends = {vertex for edge in shape.edges if edge.is_boundary for vertex in edge.verts}
-    bmesh.ops.remove_doubles(shape, verts=list(ends), dist=distance)
+    _merge_open(shape, distance)
     holes = [edge for edge in shape.edges if edge.is_boundary]
     made = bmesh.ops.holes_fill(shape, edges=holes, sides=0)["faces"]
     bmesh.ops.face_attribute_fill(shape, faces=made, use_normals=True, use_data=True)
+
+
+def _merge_open(shape: bmesh.types.BMesh, distance: float) -> None:
+    """Join vertices along open edges that are nearer than a distance."""
+    ends = {vertex for edge in shape.edges if edge.is_boundary for vertex in edge.verts}
+    bmesh.ops.remove_doubles(shape, verts=list(ends), dist=distance)
 
 
 class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
@@ -293,6 +298,7 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
             told = Message("'{name}' is shaded smooth now.", name=thing.name)
             return _and_others(told, thing)
         mesh = _mesh_of(thing)
+        n_joined = _join(mesh)
         turning = [m for m in thing.modifiers if hasattr(m, "use_smooth_shade")]  # such as Screw
         _check_faces(thing, mesh.polygons or turning)
         mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
@@ -305,7 +311,23 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
         for modifier in turning:
             modifier.use_smooth_shade = True
         told = Message("'{name}' is shaded smooth now, but for its sharp edges.", name=thing.name)
+        if n_joined:
+            text = Message("{n} vertices that lay in the same places are one each.", n=n_joined)
+            told = joined([told, text])
         return _and_others(told, thing)
+
+
+def _join(mesh: bpy.types.Mesh) -> int:
+    """Have faces that lie edge to edge share vertices, as in files that list triangle by triangle:
+    else each would be flat, however it is shaded. Returns how many vertices went.
+    """
+    one = faults_of(mesh).one
+    if (one == np.arange(len(one))).all():
+        return 0
+    n_before = len(mesh.vertices)
+    with _edited(mesh) as shape:
+        _merge_open(shape, _near(mesh))
+    return n_before - len(mesh.vertices)
 
 
 FAULTS = (

@@ -20,6 +20,7 @@ class Faults:
     is_flat : (p,) which polygons have triangles without area
     n_flat : how many triangles have none
     is_open : (e,) which edges have one face, or more than two
+    one : (v,) the vertex that each counts as
     is_inside_out : is it open, so that nothing tells its inside but
         the faces, and do these look into it?
     is_vessel : is one of its holes as wide as a mouth?
@@ -29,6 +30,7 @@ class Faults:
     is_flat: Bools
     n_flat: int
     is_open: Bools
+    one: Ints
     is_inside_out: bool
     is_vessel: bool
 
@@ -42,15 +44,15 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     local = read_local(mesh)
     n = len(local.triangles)
     edges = column(mesh.edges, "vertices", 2, np.int32).astype(np.int64).reshape(-1, 2)
+    one = np.arange(len(mesh.vertices))
     if not n or not np.isfinite(local.vertices).all():
         empty = np.zeros(len(mesh.polygons), bool)
-        return Faults(n, empty, 0, np.zeros(len(edges), bool), False, False)
+        return Faults(n, empty, 0, np.zeros(len(edges), bool), one, False, False)
 
     # one vertex for those that are welded
     mesh.calc_loop_triangles()
     drawn = column(mesh.loop_triangles, "vertices", 3, np.int32).reshape(-1, 3)
     by_loop = column(mesh.loops, "vertex_index", 1, np.int32)
-    one = np.arange(len(mesh.vertices))
     one[by_loop[local.loops]] = local.triangles
 
     has_no_area = ~has_area(local.vertices, drawn)
@@ -61,7 +63,7 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     is_open = open_edges(one[edges], local.triangles)
     volume = volume_of(local.vertices[local.triangles]) if is_open.any() else 0.0
     is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
-    return Faults(n, is_flat, int(has_no_area.sum()), is_open, volume < 0, is_vessel)
+    return Faults(n, is_flat, int(has_no_area.sum()), is_open, one, volume < 0, is_vessel)
 
 
 def _widest_hole(vertices: Floats, edges: Ints) -> float:

@@ -270,6 +270,6 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         n_flat=faults.n_flat,
         is_inside_out=faults.is_inside_out,
         n_cut=int(np.count_nonzero(cut_polygons(mesh))) if is_glass else 0,
-        n_facets=n_facets(mesh),
+        n_facets=n_facets(mesh, faults.one),
         is_vessel=faults.is_vessel,
     )

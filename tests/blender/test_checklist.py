@@ -356,6 +356,37 @@ def test_a_curve_that_is_shaded_flat_is_told(look: Callable[[], list]) -> None:
     assert not any(edge.use_edge_sharp for edge in mesh.edges)
 
 
+@pytest.mark.parametrize("is_smooth", [False, True])
+def test_a_curve_of_separate_triangles_is_told(look: Callable[[], list], is_smooth: bool) -> None:
+    """As a scan is listed, triangle by triangle: flat, shaded smooth, too. Its button has them share
+    vertices, so that the normals are those of the ball; cut crystal in pieces is left as it is.
+    """
+    mesh = lathe(32, 16)
+    apart(mesh)
+    mesh.polygons.foreach_set("use_smooth", [is_smooth] * len(mesh.polygons))
+    glass = glass_of(mesh)
+    assert told(look()) == ["'Cube' looks curved, but its 960 faces are flat."]
+    press(look(), "looks curved")
+    assert told(look()) == []
+    assert len(mesh.vertices) == 32 * 15 + 2
+    for normal, vertex in zip(mesh.vertex_normals, mesh.vertices, strict=True):
+        assert normal.vector.dot(vertex.co.normalized()) > 0.999
+
+    glass.data = cut_crystal()
+    apart(glass.data)
+    assert told(look()) == []
+
+
+def apart(mesh: bpy.types.Mesh) -> None:
+    """Have each triangle of a mesh have vertices of its own."""
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    bmesh.ops.triangulate(shape, faces=shape.faces[:])
+    bmesh.ops.split_edges(shape, edges=shape.edges[:])
+    shape.to_mesh(mesh)
+    shape.free()
+
+
 def test_sharp_edges_of_a_curve_stay_sharp(look: Callable[[], list]) -> None:
     """A plug of glass: its side becomes smooth, its flat ends keep their edges, and an edge that
     the artist has made sharp is so still.
