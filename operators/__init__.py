@@ -61,6 +61,7 @@ CLASSES = (
     add_rig.KIRIKO_OT_add_rig,
     remove_rig.KIRIKO_OT_remove_rig,
     choose_rig.KIRIKO_OT_choose_rig,
+    choose_rig.KIRIKO_OT_part_copies,
     plate_material.KIRIKO_OT_add_plate_material,
     plate_material.KIRIKO_OT_add_asset_library,
     plate_preset.KIRIKO_OT_plate_preset,

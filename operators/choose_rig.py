@@ -9,7 +9,13 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.active_rig import follow, know_by_name, make_active, remember
-from ..core.blender.newcomers import keep_settings, know_plates, take_newcomers
+from ..core.blender.newcomers import (
+    copies_of,
+    keep_settings,
+    know_plates,
+    part_copies,
+    take_newcomers,
+)
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
@@ -88,6 +94,33 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             choose_by_name(context, self.rig)
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+class KIRIKO_OT_part_copies(bpy.types.Operator):
+    """Make copies of the rig's parts, as by Shift D, a rig of their own, with the same settings"""
+
+    bl_idname = "kiriko.part_copies"
+    bl_label = "Make the Copies a Rig"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        rig = active_rig(context.scene)
+        has_copies = rig is not None and rig.is_editable and bool(copies_of(context.scene, rig))
+        reasons = [] if has_copies else [Message("There are no copies of the rig's parts")]
+        if work.is_busy():
+            reasons.append(needed.AT_WORK)
+        return needed.can_run(cls, reasons)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            rig = active_rig(context.scene)
+            new = part_copies(context.scene, rig, copies_of(context.scene, rig))
+            choose_by_name(context, new.name)
+            told = Message("The copies are the rig '{name}' now: solve it.", name=new.name)
+            telling.report(self, "INFO", told)
             return {"FINISHED"}
         return {"CANCELLED"}
 

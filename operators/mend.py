@@ -13,7 +13,8 @@ from ..core.arrays import Ints
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.faults import faults_of
-from ..core.blender.look import sides_of
+from ..core.blender.flaps import take_flaps
+from ..core.blender.look import has_open_ends, sides_of
 from ..core.blender.mesh import column
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
@@ -235,25 +236,37 @@ def _merge(mesh: bpy.types.Mesh) -> None:
 
 
 class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
-    """Close the mesh with faces over its holes; the mouth of a vessel without walls is one, too"""
+    """Close holes with faces, the mouth of a vessel, too; loose faces go, and tubes get caps"""
 
     bl_idname = "kiriko.fill_holes"
     bl_label = "Fill Holes"
 
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        if not has_open_ends(thing):
+            return super().mend(context, thing)
+        _check_own(thing.data)
+        thing.data.use_fill_caps = True
+        return _and_others(Message("The ends of '{name}' have caps now.", name=thing.name), thing)
+
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         n_before = faults_of(mesh).n_open
         with _edited(mesh) as shape:
+            n_loose = take_flaps(shape)
             _fill(shape, _near(mesh))
 
         n = faults_of(mesh).n_open
+        told = [Message("All holes of '{mesh}' are closed.", mesh=mesh.name)]
         if n:
-            return Message(
+            text = Message(
                 "{n} of {all} open edges of '{mesh}' are closed; press Select for the others.",
                 n=n_before - n,
                 all=n_before,
                 mesh=mesh.name,
             )
-        return Message("All holes of '{mesh}' are closed.", mesh=mesh.name)
+            told = [text]
+        if n_loose:
+            told.append(Message("{n} faces that hung loose on it are gone.", n=n_loose))
+        return joined(told)
 
 
 def _fill(shape: bmesh.types.BMesh, distance: float) -> None:

@@ -133,9 +133,9 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         )
         select = _select(thing, "OPEN", own.n_open) or (_select_part(thing),)
         mends = [_thicken(thing)]  # as a bowl of one surface wants
-        if own.n_open:
-            properties = naming(thing.named)
-            fill = Button("kiriko.fill_holes", Message("Fill Holes"), properties, "SNAP_FACE")
+        if own.n_open or thing.has_ends:
+            label = Message("Cap Ends") if thing.has_ends else Message("Fill Holes")
+            fill = Button("kiriko.fill_holes", label, naming(thing.named), "SNAP_FACE")
             mends.insert(1 if own.is_vessel else 0, fill)
         yield Entry(text, PROBLEM, (*select, *mends))
 

@@ -115,7 +115,11 @@ def _show(thing: Thing) -> Button:
 
 
 def on_too_many(look: Look) -> Iterator[Entry]:
-    """Parts of which a rig has one."""
+    """Parts of which a rig has one; all of its parts may have been duplicated."""
+    if look.is_doubled:
+        text = Message("The rig's parts were duplicated, and lie in the same rig.")
+        label = Message("Make the Copies a Rig")
+        yield Entry(text, PROBLEM, (Button("kiriko.part_copies", label, (), "DUPLICATE"),))
     for role, label in SINGLE.items():
         things = [thing for thing in shown(look) if thing.role == role]
         if len(things) < 2:

@@ -18,6 +18,7 @@ from .faults import faults_of
 from .kept import Numbers
 from .material import Bends, bends_light, read_refraction, refracts
 from .mesh import column, used_slots
+from .newcomers import is_doubled
 from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
 from .result_images import images_of, lacks_numbers
@@ -77,6 +78,7 @@ def look_at(
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
+        is_doubled=len(found.get("DISPLAY", ())) > 1 and is_doubled(scene),
         is_coarse=result.is_coarse,
         lacks_numbers=lacks_numbers(result),
         is_stale=is_stale,
@@ -149,7 +151,19 @@ def _thing(
         faults=None if looked is None else looked.as_read,
         own_faults=None if looked is None else looked.own,
         has_facets=thing.kiriko.surface == "FACETS",
+        has_ends=has_open_ends(thing),
     )
+
+
+def has_open_ends(thing: bpy.types.Object) -> bool:
+    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?"""
+    curve = thing.data
+    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
+        return False
+    is_tube = curve.bevel_depth > 0 or (
+        curve.bevel_mode == "OBJECT" and curve.bevel_object is not None
+    )
+    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
 
 
 def _named(thing: bpy.types.Object) -> Named:

@@ -64,6 +64,7 @@ class Thing:
     own_faults : of its mesh before modifiers, which can be edited
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
     has_facets : are facets wanted of it, by its setting Surface?
+    has_ends : is it a bevelled curve whose ends are open?
     """
 
     named: Named
@@ -79,6 +80,7 @@ class Thing:
     faults: Counts | None = None
     own_faults: Counts | None = None
     has_facets: bool = False
+    has_ends: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class Look:
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
     lacks_numbers : is the source image final, without its numbers?
+    is_doubled : are there copies of a rig's display and picture beside them?
     is_followed : does Live follow the scene, so that the final image comes by itself?
     """
 
@@ -117,6 +120,7 @@ class Look:
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
+    is_doubled: bool = False
     is_coarse: bool = False
     lacks_numbers: bool = False
     is_stale: bool = False

@@ -76,8 +76,9 @@ def make_media(
             name = glass_of[cluster[0]].name
             if all(glass_of[i].name == name for i in cluster):
                 raise RigError(
-                    "The glass '{name}' is in {n} pieces that overlap or nest: merge its"
-                    " vertices by distance, or keep at most {most} pieces.",
+                    "The glass '{name}' is in {n} pieces that overlap or nest: make one"
+                    " body of them by a Remesh modifier, merge its vertices by distance where they"
+                    " belong together, or keep at most {most} pieces.",
                     name=name,
                     n=len(cluster),
                     most=MOST_OVERLAPPING,

@@ -343,10 +343,13 @@ GLASS = Section(
             "ブーリアンモディファイアーで一つにまとめます。",
         ),
         Advice(
-            "The glass '{name}' is in {n} pieces that overlap or nest: merge its vertices by"
-            " distance, or keep at most {most} pieces.",
-            "In Edit Mode press M, and choose By Distance.",
-            "編集モードで M を押し、「距離で」を選びます。",
+            "The glass '{name}' is in {n} pieces that overlap or nest: make one body of them by a"
+            " Remesh modifier, merge its vertices by distance where they belong together, or keep"
+            " at most {most} pieces.",
+            "Remesh: choose Voxel, with voxels smaller than the thinnest part. To merge, press M in"
+            " Edit Mode, and choose By Distance.",
+            "リメッシュでは「ボクセル」を選び、一番細い部分より小さいボクセルにします。マージは、編集"
+            "モードで M を押して「距離で」を選びます。",
         ),
         Advice(
             "{owner} has vertices that are not finite numbers: repair or remove them.",

@@ -358,7 +358,7 @@ def test_a_curve_that_is_shaded_flat_is_told(look: Callable[[], list]) -> None:
 
 @pytest.mark.parametrize("is_smooth", [False, True])
 def test_a_curve_of_separate_triangles_is_told(look: Callable[[], list], is_smooth: bool) -> None:
-    """As a scan is listed, triangle by triangle: flat, shaded smooth, too. Its button has them share
+    """As a scan is listed, triangle by triangle: flat, if smooth, too. Its button has them share
     vertices, so that the normals are those of the ball; cut crystal in pieces is left as it is.
     """
     mesh = lathe(32, 16)

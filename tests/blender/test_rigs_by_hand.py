@@ -13,7 +13,7 @@ import pytest
 from panel_layout import Layout
 from small_rigs import cube, pixels
 from test_remove_rig import differences, snapshot
-from test_rigs import add, choose, gem, two
+from test_rigs import SMALL, add, choose, gem, two
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
 
@@ -226,6 +226,63 @@ def test_a_ball_within_the_collection_is_duplicated_with_it(
     assert roles(kiriko)["glasses"] == ["Kiriko Ball.001"]
     choose(first)
     assert roles(kiriko)["glasses"] == ["Kiriko Ball"]
+
+
+def press(entries: list, label: str) -> None:
+    """Press the one button of the checklist with this label."""
+    (button,) = (b for entry in entries for b in entry.buttons if str(b.label) == label)
+    verb = getattr(bpy.ops.kiriko, button.operator.split(".")[1])
+    assert verb(**dict(button.properties)) == {"FINISHED"}
+
+
+@pytest.mark.parametrize("is_own_glass", [False, True])
+def test_parts_that_were_duplicated_become_a_rig(
+    kiriko: ModuleType, scene: bpy.types.Scene, is_own_glass: bool
+) -> None:
+    """Shift D of all parts puts copies into the same rig, twice: each time the checklist's button
+    makes the first ones a rig, with its own glass, and both are solved as the first was.
+    """
+    to_do = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    if is_own_glass:
+        first = add(cube())
+    else:
+        bpy.ops.kiriko.add_rig(**SMALL)
+        first = scene.collection.children[-1]
+    scene.kiriko.tolerance = 0.3
+    bpy.ops.kiriko.solve()
+    source = pixels(scene.kiriko.result.source)
+    before = roles(kiriko)
+    originals = list(scene.objects)
+    sets = [duplicated(originals), duplicated(originals)]
+
+    label = "Make the Copies a Rig"
+    for copies in sets:
+        choose(first)
+        with pytest.raises(RuntimeError, match=r"\d displays"):
+            bpy.ops.kiriko.solve()
+        press(to_do.look_now(bpy.context), label)
+        look(kiriko)
+        new = scene.kiriko.rig
+        assert new != first.kiriko.key
+        assert scene.kiriko.tolerance == pytest.approx(0.3)
+        mine = roles(kiriko)
+        assert {name for names in mine.values() for name in names} == {one.name for one in copies}
+        bpy.ops.kiriko.solve()
+        assert np.array_equal(pixels(scene.kiriko.result.source), source)
+
+    choose(first)
+    assert roles(kiriko) == before
+    assert not any(label in str(b.label) for e in to_do.look_now(bpy.context) for b in e.buttons)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert not bpy.ops.kiriko.part_copies.poll()
+
+
+def duplicated(things: list[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Copies of objects, as by Shift D."""
+    for thing in bpy.context.view_layer.objects:
+        thing.select_set(thing in things)
+    bpy.ops.object.duplicate()
+    return list(bpy.context.selected_objects)
 
 
 def test_a_full_copy_of_a_scene_has_images_of_its_own(scene: bpy.types.Scene) -> None:

@@ -564,3 +564,67 @@ def test_a_turned_profile_is_shaded_smooth(scene):
     glass.modifiers.new("Screw", "SCREW").use_smooth_shade = False
     assert bpy.ops.kiriko.shade_smooth(part=glass.name) == {"FINISHED"}
     assert glass.modifiers[0].use_smooth_shade
+
+
+def test_a_tube_gets_caps(look: Callable[[], list]) -> None:
+    """A bevelled curve that is open at its ends is closed by its own caps, and stays solid."""
+    curve = bpy.data.curves.new("tube", "CURVE")
+    curve.dimensions, curve.bevel_depth = "3D", 0.012
+    spline = curve.splines.new("POLY")
+    spline.points.add(3)
+    for k, point in enumerate(spline.points):
+        point.co = (0.02 * k, 0.005 * k * k, 0.0, 1.0)
+    tube = new_object(curve, "GLASS")
+    tube.kiriko.use_ior = True
+
+    words = "'thing' is not closed"
+    assert labels_of(look(), words) == ["Select Part", "Cap Ends", "Thicken"]
+    press(look(), words, "Cap Ends")
+    assert curve.use_fill_caps
+    assert words not in " ".join(told(look()))
+
+    # one without ends has nothing to cap
+    curve.use_fill_caps, spline.use_cyclic_u = False, True
+    assert words not in " ".join(told(look()))
+
+
+def test_loose_faces_go(kiriko: ModuleType, look: Callable[[], list]) -> None:
+    """Two triangles, one on the other, hang on an edge of a closed cube, as after a cut:
+    Fill Holes takes them away, and has no hole to fill.
+    """
+    mesh = primitive("cube", size=SIDE)
+    glass = new_object(mesh, "GLASS")
+    glass.kiriko.use_ior = True
+    before = [tuple(vertex.co) for vertex in mesh.vertices]
+    hang(mesh)
+    assert set(labels_of(look(), "is not closed: 4 edges")) == {"Select", "Fill Holes", "Thicken"}
+    press(look(), "is not closed", "Fill Holes")
+    assert "is not closed" not in " ".join(told(look()))
+    assert [tuple(vertex.co) for vertex in mesh.vertices] == before
+    assert len(mesh.polygons) == 6
+
+    # where one side of the cube is gone they are what is left of it
+    flaps = importlib.import_module(f"{kiriko.__name__}.core.blender.flaps")
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    shape.edges.ensure_lookup_table()
+    bmesh.ops.delete(shape, geom=[shape.edges[0].link_faces[0]], context="FACES_ONLY")
+    shape.to_mesh(mesh)
+    hang(mesh)
+    shape.clear()
+    shape.from_mesh(mesh)
+    assert flaps.take_flaps(shape) == 0
+    shape.free()
+
+
+def hang(mesh: bpy.types.Mesh) -> None:
+    """Two triangles on an edge of a mesh, the second one on the first."""
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    shape.edges.ensure_lookup_table()
+    a, b = shape.edges[0].verts
+    out = [shape.verts.new(k * (a.co + b.co)) for k in (0.7, 0.9)]
+    shape.faces.new((a, b, out[0]))
+    shape.faces.new((b, out[1], out[0]))
+    shape.to_mesh(mesh)
+    shape.free()
