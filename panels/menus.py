@@ -19,6 +19,7 @@ class VIEW3D_MT_kiriko(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         add_menu.add_rig(layout, add_menu.labels_of("Add Rig"))
+        layout.operator("kiriko.part_copies", icon="DUPLICATE")
         layout.operator("kiriko.remove_rig", icon="TRASH")
         if len(rigs(context.scene)) > 1:
             layout.menu("VIEW3D_MT_kiriko_rigs", icon="OUTLINER_COLLECTION")
