@@ -265,7 +265,8 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
             )
             told = [text]
         if n_loose:
-            told.append(Message("{n} faces that hung loose on it are gone.", n=n_loose))
+            s = "s" if n_loose > 1 else ""
+            told.append(Message("Loose faces are gone: {n} face{s}.", n=n_loose, s=s))
         return joined(told)
 
 
