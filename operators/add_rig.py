@@ -222,6 +222,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         if compared.is_shown(scene):
             compared.leave()
         live.settle(scene)
+        live.forget_why()
         record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
         _tell(record, scene, text, remarks)
         if not bpy.app.background:

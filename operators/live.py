@@ -88,6 +88,12 @@ def stop(last_words: str = "") -> None:
     redraw()
 
 
+def forget_why() -> None:
+    """Why Live stopped by itself is no news any more, once the artist has gone on."""
+    if not _lives:
+        _last_words.clear()
+
+
 def pack_if_needed(live: live_follower.Live) -> None:
     """Save the image within the file, which takes too long to be done with each update; what is
     told beside it is of no other.

@@ -34,6 +34,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene, self.shown = context.scene, 0
+        live.forget_why()
         reading = work.read_to_solve(context)
         settings = work.settings_of(scene)
 

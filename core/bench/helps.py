@@ -6,6 +6,7 @@ back are told. An operator's name stands with each, so that a list can have a bu
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from time import perf_counter
 
@@ -20,11 +21,13 @@ from ..words import percent
 from .best_place import Limits, best_place
 from .picture_light import PlanOf, traced
 from .picture_room import fit_picture, plane_of
-from .room import Wanted, fit_display, fit_plate
+from .room import Fitted, Wanted, fit_display, fit_plate
 
 N_GRID = 32  # points along each edge of a triangle of the picture
 WORTH_IT = 1e-3  # share of the picture that a remedy has to bring back
 REACH = 0.5  # of the picture's longer side: so far it may move
+# a part that had to be larger than so many times would have to bring back so much of what misses it
+LARGE, MUCH = 2.0, 0.5
 TOLD = 5e-3  # share of the picture: more that is lost all the same is told
 
 
@@ -84,11 +87,15 @@ def what_helps(rig: Rig, plan_of: PlanOf, seconds: float = inf) -> Generator[flo
     if not lost:
         return Helps(before.share, lost, ())
 
+    misses_display, misses_plate = (
+        lost.get(REASON_WORDS[reason], 0.0)
+        for reason in (Reason.MISSED_DISPLAY, Reason.MISSED_PLATE)
+    )
     remedies = [_by_picture, _by_place]
-    if REASON_WORDS[Reason.MISSED_DISPLAY] in lost:
-        remedies.insert(0, _by_display)
-    if REASON_WORDS[Reason.MISSED_PLATE] in lost and rig.plates:
-        remedies.insert(0, _by_plate)
+    if misses_display:
+        remedies.insert(0, partial(_by_display, misses_display))
+    if misses_plate and rig.plates:
+        remedies.insert(0, partial(_by_plate, misses_plate))
 
     helps = []
     is_whole = True
@@ -121,14 +128,22 @@ def _until(end: float, steps: Generator[float, None, Help]) -> Generator[float, 
             return done.value
 
 
-def _by_plate(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
+def _by_plate(misses: float, rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     fitted = yield from fit_plate(rig, plan_of, Wanted(n_grid=N_GRID))
-    return Help("kiriko.fit_plate", fitted.more, fitted.after)
+    return Help("kiriko.fit_plate", fitted.more, _worth(fitted, misses))
 
 
-def _by_display(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
+def _by_display(misses: float, rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     fitted = yield from fit_display(rig, plan_of, Wanted(n_grid=N_GRID))
-    return Help("kiriko.fit_display", fitted.more, fitted.after)
+    return Help("kiriko.fit_display", fitted.more, _worth(fitted, misses))
+
+
+def _worth(fitted: Fitted, misses: float) -> float:
+    """The share of the picture that arrives with a part so large, 0 where that is too large for
+    the little that it brings back of the share that misses it, as behind glass that scatters.
+    """
+    is_much = fitted.after - fitted.before >= MUCH * misses
+    return fitted.after if fitted.size <= LARGE or is_much else 0.0
 
 
 def _by_picture(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:

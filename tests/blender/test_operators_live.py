@@ -744,6 +744,17 @@ def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
     assert other.kiriko.result.source is None
 
 
+@pytest.mark.usefixtures("no_remedies")
+def test_why_it_stopped_is_told_until_the_next_rig(live: ModuleType) -> None:
+    """Another file ends it, and the panel says so; once a rig was added there, no more."""
+    follow(live)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert live.status()[0] == "Live stopped: another file was loaded."
+    scene = bpy.context.scene
+    small_rig()
+    assert live.status(scene) == ("", False)
+
+
 def test_deleted_scene_stops_it(live: ModuleType) -> None:
     """A scene that is gone is followed no more."""
     follow(live)

@@ -1,14 +1,16 @@
 """What helps where some of a picture is lost."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from kiriko.core.bench import helps
 from kiriko.core.bench.flat import outline_of
 from kiriko.core.bench.helps import Help, what_helps
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
-from kiriko.core.bench.room import fit_plate
+from kiriko.core.bench.room import Fitted, fit_plate
 from kiriko.core.numbers import millimetres
 from kiriko.core.rig import ConstantIndex, Glass, Rig
 from kiriko.core.settings import Settings
@@ -62,6 +64,32 @@ def test_a_plate_that_is_too_small_is_named() -> None:
     assert "kiriko.best_place" in {help.operator for help in found.helps}
     help = next(help for help in found.helps if help.operator == "kiriko.best_place")
     assert help.told(millimetres) == "move it"
+
+
+@pytest.mark.parametrize(("gain", "is_told"), [(0.05, False), (0.9, True)])
+def test_no_part_grows_without_end_for_little(
+    monkeypatch: pytest.MonkeyPatch, gain: float, is_told: bool
+) -> None:
+    """A plate four times as large is told where it brings back most of what missed it, and not for
+    a twentieth, as of glass that scatters; one that is a little larger is, for any gain.
+    """
+
+    def fitted(size: float) -> Fitted:
+        share = finish(what_helps(rig, plan_of())).share
+        return Fitted(size, size * 0.02, np.zeros(3), share, share + gain * (1 - share), {})
+
+    rig = rig_around(picture=0.02, display=0.03, plate=0.02)
+    for size, is_expected in ((4.0, is_told), (1.5, True)):
+        found = fitted(size)
+
+        def fit(*_: object, found: Fitted = found) -> Iterator[float]:
+            yield 0.5
+            return found
+
+        with monkeypatch.context() as patched:
+            patched.setattr(helps, "fit_plate", fit)
+            told = {help.operator for help in finish(what_helps(rig, plan_of())).helps}
+        assert ("kiriko.fit_plate" in told) == is_expected
 
 
 def test_where_all_arrives_nothing_is_told() -> None:
