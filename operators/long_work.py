@@ -136,7 +136,11 @@ class LongWork:
         return {"FINISHED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop; Blender calls this too when it closes or loads another file meanwhile."""
+        """Stop; Blender calls this too when it closes or loads another file meanwhile, and where a
+        dialogue is left before any work.
+        """
+        if not self.is_watched:
+            return
         try:
             self._work.close()
         finally:

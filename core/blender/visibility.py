@@ -78,7 +78,8 @@ def is_visible(thing: bpy.types.Object, layer: bpy.types.ViewLayer | None = None
     Asked from a 3D viewport Blender counts its local view and its filter of types, too. These are
     of one viewport alone, and a rig is the same in all of them.
     """
-    with bpy.context.temp_override(area=None):
+    # the context of a file dialogue says None to all names that it does not know, to this one, too
+    with bpy.types.Context.temp_override(bpy.context, area=None):
         return thing.visible_get(view_layer=layer or bpy.context.view_layer)
 
 

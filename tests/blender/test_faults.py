@@ -792,6 +792,19 @@ def test_what_happens_to_the_file_after_the_coarse_image(
     assert is_of_coarse(shown[0])
 
 
+def test_a_dialogue_that_is_left_before_any_work_ends_nothing(rig: dict, window: Window) -> None:
+    """Blender cancels the operator of a dialogue on Esc: no work of it is there to be stopped, and
+    that of another one goes on.
+    """
+    asked("export_atlas").cancel(window)
+    assert not part("operators.work").is_busy()
+    operator = pressed("solve", window)
+    asked("export_atlas").cancel(window)
+    assert part("operators.work").is_busy()
+    operator.cancel(window)
+    assert window.is_clean
+
+
 def test_only_what_is_traced_while_somebody_watches_is_coarse(
     rig: dict, window: Window, shown: list
 ) -> None:

@@ -1,6 +1,8 @@
 """A 3D view in local view, as by the key /, shows some objects alone; the rig stays whole."""
 
+import importlib
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import pytest
@@ -49,6 +51,23 @@ def test_types_that_a_view_hides_are_parts(scene: bpy.types.Scene) -> None:
             assert bpy.ops.kiriko.solve.poll()
     finally:
         space().show_object_viewport_mesh = True
+
+
+def test_parts_are_told_in_a_file_dialogue(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """Blender's context there answers None to all names that it does not know, and the dialogue of
+    Export Atlas asks for the display.
+    """
+    display = small_rig()["DISPLAY"]
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    area = bpy.context.screen.areas[0]
+    before = area.type
+    area.type = "FILE_BROWSER"
+    try:
+        with bpy.context.temp_override(area=area):
+            assert bpy.context.temp_override is None
+            assert needed.parts(scene)["DISPLAY"] == {display: ""}
+    finally:
+        area.type = before
 
 
 @pytest.mark.usefixtures("no_remedies")
