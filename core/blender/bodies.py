@@ -5,6 +5,7 @@ import bpy
 from ..messages import Message
 
 EMPTY = Message("an empty has no surface")
+OUTLINES = {"BOUNDS", "WIRE"}  # as tools of modifiers are drawn
 SURFACELESS = {
     "ARMATURE": Message("an armature has no surface"),
     "CAMERA": Message("a camera has no surface"),
@@ -22,6 +23,27 @@ def bodiless(thing: bpy.types.Object) -> str:
         return "" if is_instance else EMPTY
 
     return SURFACELESS.get(thing.type, "")
+
+
+def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.Object]:
+    """Objects that are no bodies of their own, but cut or complete others among these by a Boolean
+    modifier, and what each one cuts. Wine that is cut out of its glass is a body: it is rendered,
+    and no mere outline in the viewport.
+    """
+    found = {}
+    for whole in things:
+        for modifier in whole.modifiers:
+            if modifier.type != "BOOLEAN" or not modifier.show_viewport:
+                continue
+            is_one = modifier.operand_type == "OBJECT"
+            group = modifier.collection
+            tools = [modifier.object] if is_one else (group.all_objects if group else [])
+            found.update({tool: whole for tool in tools if tool in things})
+    return {
+        tool: whole
+        for tool, whole in found.items()
+        if tool.kiriko.role == "NONE" and (tool.hide_render or tool.display_type in OUTLINES)
+    }
 
 
 def shows_instances_alone(shown: bpy.types.Object) -> bool:

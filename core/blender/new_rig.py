@@ -14,7 +14,7 @@ from ..bench.placement import Proposal
 from ..errors import RigError
 from ..messages import Message, quoted
 from ..rig import ROLES, ConstantIndex, Glass, Rig
-from .bodies import bodiless
+from .bodies import bodiless, tools_of
 from .elements import DEFAULT_IOR
 from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
@@ -53,11 +53,13 @@ class Bench:
 
 
 def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
-    """Those of the selected objects that can be glass.
+    """Those of the selected objects that can be glass, without the tools that cut them.
 
     Raises RigError where there are some, but none that can.
     """
     reasons = {thing: bodiless(thing) for thing in things}
+    for thing, whole in tools_of(things).items():
+        reasons[thing] = Message("it cuts '{name}'", name=whole.name)
     for thing in things:
         if thing.kiriko.role not in {"NONE", "GLASS"}:
             reasons[thing] = Message("it has the role {role}", role=role_label(thing))

@@ -628,3 +628,29 @@ def hang(mesh: bpy.types.Mesh) -> None:
     shape.faces.new((b, out[1], out[0]))
     shape.to_mesh(mesh)
     shape.free()
+
+
+@pytest.mark.usefixtures("no_remedies")
+@pytest.mark.parametrize("way", ["wire", "no render", "collection"])
+def test_tools_of_a_boolean_are_no_glass(scene: bpy.types.Scene, way: str) -> None:
+    """All objects are selected, as by A: the tool that cuts the glass would fill the notch. Wine,
+    which is cut out of the glass and rendered, is glass as well.
+    """
+    glass, tool, wine = (new_object(primitive("cube", size=side)) for side in (0.05, 0.02, 0.03))
+    tool.location.z = wine.location.x = 0.025
+    for thing in (tool, wine):
+        cut = glass.modifiers.new("Cut", "BOOLEAN")
+        cut.object = thing
+        thing.select_set(True)
+    glass.select_set(True)
+    tool.display_type = "TEXTURED" if way == "no render" else "WIRE"
+    tool.hide_render = way == "no render"
+    if way == "collection":
+        tools = bpy.data.collections.new("Tools")
+        scene.collection.children.link(tools)
+        tools.objects.link(tool)
+        cut = glass.modifiers[0]
+        cut.operand_type, cut.collection = "COLLECTION", tools
+    small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
+    assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
+    assert [thing.kiriko.role for thing in (glass, tool, wine)] == ["GLASS", "NONE", "GLASS"]
