@@ -31,7 +31,7 @@ from kiriko.core.settings import Settings  # noqa: E402
 from kiriko.core.solve.session import Session  # noqa: E402
 from kiriko.core.solve.solution import without_glass  # noqa: E402
 from kiriko.core.steps import finish  # noqa: E402
-from kiriko.operators import work  # noqa: E402
+from kiriko.operators import framing, work  # noqa: E402
 
 
 def add_ball() -> None:
@@ -136,6 +136,7 @@ def run(name: str, out: Path) -> list[str]:
         bpy.ops.kiriko.export(filepath=str(folder / file), overwrite=True)
 
     bpy.ops.kiriko.preview(samples=32, filepath=str(folder / "preview.png"), overwrite=True)
+    framing.frame_rig(context)  # whoever opens the file sees the rig
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "rig.blend"))
     seconds = perf_counter() - started
     report = {
