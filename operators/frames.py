@@ -109,14 +109,15 @@ class Tally:
         """In one or more sentences."""
         parts = [
             Message(
-                "Wrote {n} frames to '{folder}', {traced} of them traced anew.",
+                "Wrote {n} frame{s} to '{folder}', {traced} of them traced anew.",
                 n=self.written,
+                s="" if self.written == 1 else "s",
                 folder=folder,
                 traced=self.traced,
             )
         ]
         if self.there:
-            parts.append(Message("{n} were there already.", n=self.there))
+            parts.append(Message("Already there: {n}.", n=self.there))
         if self.others:
             parts.append(
                 Message(

@@ -57,7 +57,7 @@ class OfFrames(long_work.LongWork):
             )
 
     def _stopped(self) -> set[str]:
-        text = Message("Stopped; {n} frames are written.", n=self.tally.written)
+        text = Message("Stopped; frames written: {n}.", n=self.tally.written)
         telling.report(self, "INFO", text)
         return {"CANCELLED"}
 

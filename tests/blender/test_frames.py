@@ -160,8 +160,8 @@ def test_frames_that_are_there_stay_and_missing_ones_are_made(
     (out / "f03.png").unlink()
     (out / "f05.png").write_bytes(b"mine")
     assert run("solve", "--out", out, "--frames", "1,3,5", "--name", "f##") == 0
-    assert "Wrote 1 frames" in (told := capsys.readouterr().out)
-    assert "2 were there already" in told
+    assert "Wrote 1 frame to" in (told := capsys.readouterr().out)
+    assert "Already there: 2." in told
     assert contents(out) == {**made, "f05.png": b"mine"}
     assert run("solve", "--out", out, "--frames", "5", "--name", "f##", "--overwrite") == 0
     assert contents(out) == made
