@@ -58,19 +58,19 @@ def find_roots(
         # a ray that starts on the surface goes on to the next hit
         odd = odd[found.distance[odd] > least]
 
-    if not is_last:
+    if not is_last and len(odd) + len(lost):
         # light on its way in meets the front before the back it was found to meet; within, the
-        # back is beyond
+        # back is beyond; a ray that grazes may meet the surface where no root was found, but most
+        # often it does not
         wrong = found.distance[odd]
-        beyond = np.where(leaves[odd], wrong, -np.inf)
-        before = np.where(leaves[odd], np.inf, wrong)
-        around = _Around(odd, found.triangle[odd], beyond, before)
-        _search_around(faces, found, around, lines, leaves, len(ROOTS.starts))
-
-        # a ray that grazes may meet the surface where no root was found; most often it does not
-        nowhere = np.full((2, len(lost)), [[least], [np.inf]])
-        around = _Around(lost, spots.triangle[lost], *nowhere)
-        _search_around(faces, found, around, lines, leaves, ROOTS.few_starts)
+        around = _Around(
+            rays=np.append(odd, lost),
+            near=np.append(found.triangle[odd], spots.triangle[lost]),
+            least=np.append(np.where(leaves[odd], wrong, -np.inf), np.full(len(lost), least)),
+            most=np.append(np.where(leaves[odd], np.inf, wrong), np.full(len(lost), np.inf)),
+            n_starts=np.repeat([len(ROOTS.starts), ROOTS.few_starts], [len(odd), len(lost)]),
+        )
+        _search_around(faces, found, around, lines, leaves)
 
     return found
 
@@ -129,12 +129,15 @@ def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
 
 
 class _Around(NamedTuple):
-    """Rays (n,) that are looked for on triangles (n,) and around, between two distances (n,), m."""
+    """Rays (n,) that are looked for on triangles (n,) and around, between two distances (n,), m,
+    from so many places (n,) on each.
+    """
 
     rays: Ints
     near: Ints
     least: Floats
     most: Floats
+    n_starts: Ints
 
 
 def _search_around(
@@ -143,9 +146,9 @@ def _search_around(
     around: _Around,
     lines: Lines,
     leaves: Bools,
-    n_starts: int,
 ) -> None:
-    """Put the nearest roots on the right side, from so many places on each of the faces around."""
+    """Put the nearest roots on the right side on each of the faces around."""
+    starts = np.array(ROOTS.starts)
     for first in range(0, len(around.rays), ROOTS.searched_at_once):
         some = _Around(*(column[first : first + ROOTS.searched_at_once] for column in around))
         near = _faces_around(faces, some.near)
@@ -154,9 +157,10 @@ def _search_around(
         i, j = np.nonzero(near >= 0)
         k = near[i, j]
         holds = are_in_boxes(faces, k, lines.at(some.rays[i]))
-        k = np.tile(k[holds], n_starts)
-        i = np.tile(i[holds], n_starts)
-        u, v = np.repeat(np.array(ROOTS.starts[:n_starts]), len(k) // n_starts, axis=0).T
+        i, k = i[holds], k[holds]
+        start, of_place = np.nonzero(np.arange(len(starts))[:, None] < some.n_starts[i])
+        i, k = i[of_place], k[of_place]
+        u, v = starts[start].T
         rays = some.rays[i]
         others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)
         is_between = (others.distance > some.least[i]) & (others.distance < some.most[i])

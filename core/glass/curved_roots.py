@@ -123,15 +123,14 @@ def _follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         way = _Way(faces, spots, lines)
         live = np.arange(len(way.k))
+        goes_on = _goes_on(way.u, way.v, way.size, way.n_steps)
         while True:
-            goes_on = _goes_on(way.u[live], way.v[live], way.size[live], way.n_steps[live])
             through = live[~goes_on]
-            live = live[goes_on]
             if len(through):
-                live = np.concatenate([live, way.step_over(through, walks)])
+                live = np.concatenate([live[goes_on], way.step_over(through, walks)])
             if not len(live):
                 return way.roots()
-            way.step(live)
+            goes_on = way.step(live)
 
 
 class _Way:
@@ -144,9 +143,8 @@ class _Way:
     def __init__(self, faces: CurvedFaces, spots: Spots, lines: Lines) -> None:
         self.faces, self.lines = faces, lines
         self.k = k = spots.triangle.copy()
-        self.c, self.away = _seen_from(faces, k, lines)
+        self.c, self.away = _seen_from(faces, k, lines.origins)
         self.d = lines.directions.T.copy()
-        self.is_met = np.zeros(len(k), bool)
         self.n_steps = np.full(len(k), 2)
         self.n_faces = np.ones(len(k), np.int64)
 
@@ -154,46 +152,45 @@ class _Way:
         u, v, _ = _step(self.c, self.away, self.d, spots.u, spots.v)
         self.u, self.v, self.size = _step(self.c, self.away, self.d, u, v)
 
-    def step(self, some: Ints) -> None:
-        """Take a step of some rays."""
-        self.u[some], self.v[some], self.size[some] = _step(
+    def step(self, some: Ints) -> Bools:
+        """Take a step of some rays (m,); which of them go on on their faces."""
+        u, v, size = _step(
             self.c.take(some, axis=2),
             self.away.take(some, axis=1),
             self.d.take(some, axis=1),
             self.u[some],
             self.v[some],
         )
-        self.n_steps[some] += 1
+        n_steps = self.n_steps[some] + 1
+        self.u[some], self.v[some], self.size[some], self.n_steps[some] = u, v, size, n_steps
+        return _goes_on(u, v, size, n_steps)
 
     def step_over(self, some: Ints, walks: int) -> Ints:
-        """Take note of roots of some rays that are through with their faces; those rays that go
-        on on the next face, of so many in all.
+        """Those of some rays, through with their faces, that go on on the next one, of so many in
+        all: there a root may lie that is beyond an edge, or is looked for far beyond it.
         """
         u, v = self.u[some], self.v[some]
-        row = self.faces.row[self.k[some]]
+        outside = _outside(u, v)
+        far = np.flatnonzero((self.size[some] < ROOTS.converged) | (outside <= -ROOTS.aside))
+        row = self.faces.row[self.k[some[far]]]
+        is_beyond = ~(outside[far] >= -self.faces.slack(row))
+        is_beyond &= self.n_faces[some[far]] < walks
+        if not is_beyond.any():
+            return some[:0]
 
-        # distances from the edges
-        outside = np.stack([v, 1 - u - v, u])
-        least = np.minimum(np.minimum(outside[0], outside[1]), outside[2])
-        is_done = self.size[some] < ROOTS.converged
-        is_within = least >= -self.faces.slack(row)
-        self.is_met[some] = is_done & is_within
-
-        # a root beyond an edge, or one that is looked for
-        # far beyond it, may lie on the next face
-        is_beyond = ~is_within & (is_done | (least <= -ROOTS.aside))
-        left = np.flatnonzero(is_beyond & (self.n_faces[some] < walks))
-        edge = outside[:, left].argmin(axis=0)
-        following = self.faces.neighbour[row[left], edge]
+        # the next faces
+        left, row = far[is_beyond], row[is_beyond]
+        u, v = u[left], v[left]
+        edge = np.stack([v, 1 - u - v, u]).argmin(axis=0)
+        following = self.faces.neighbour[row, edge]
         has_next = following >= 0
-        left, edge, following = left[has_next], edge[has_next], following[has_next]
-
-        on = some[left]
+        on, following = some[left[has_next]], following[has_next]
         if len(on):
+            row, edge, u, v = row[has_next], edge[has_next], u[has_next], v[has_next]
             self.k[on] = following
-            at = _step_over(self.faces, row[left], edge, u[left], v[left])
-            self.u[on], self.v[on] = at
-            self.c[..., on], self.away[:, on] = _seen_from(self.faces, following, self.lines.at(on))
+            self.u[on], self.v[on] = _step_over(self.faces, row, edge, u, v)
+            origins = self.lines.origins.take(on, axis=0)
+            self.c[..., on], self.away[:, on] = _seen_from(self.faces, following, origins)
             self.n_steps[on] = 0
             self.n_faces[on] += 1
         return on
@@ -203,6 +200,7 @@ class _Way:
         at, by_u, by_v = value_and_slopes(self.c, self.u, self.v)
         at += self.away
         facing = cross(by_u, by_v)
+        is_within = _outside(self.u, self.v) >= -self.faces.slack(self.faces.row[self.k])
         return Roots(
             triangle=self.k,
             u=self.u,
@@ -211,15 +209,22 @@ class _Way:
             enters=product(self.d, facing) < 0,
             facing=facing.T,
             normal=self.faces.refracting(facing.T, self.k, self.u, self.v),
-            is_met=self.is_met,
+            is_met=is_within & (self.size < ROOTS.converged),
         )
 
 
-def _seen_from(faces: CurvedFaces, k: Ints, lines: Lines) -> tuple[Floats, Floats]:
-    """Coefficients (14, 3, n) of the faces of triangles k (n,), and where
-    (3, n) their first corners are as seen from the rays' origins.
+def _outside(u: Floats, v: Floats) -> Floats:
+    """How far (n,), barycentric, places are from the edge that
+    is nearest, or if below 0 furthest beyond one.
     """
-    return faces.terms(k), (np.take(faces.corners, k, axis=0)[:, 0] - lines.origins).T.copy()
+    return np.minimum(np.minimum(v, 1 - u - v), u)
+
+
+def _seen_from(faces: CurvedFaces, k: Ints, origins: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (14, 3, n) of the faces of triangles k (n,), and where
+    (3, n) their first corners are as seen from the rays' origins (n, 3).
+    """
+    return faces.terms(k), (faces.corners[k, 0] - origins).T.copy()
 
 
 def _step_over(
@@ -227,15 +232,11 @@ def _step_over(
 ) -> tuple[Floats, Floats]:
     """Places on the neighbours across edges next to where u, v left their faces."""
     along = np.choose(edge, [u, v, 1 - u - v])  # weight of the corner in which the edge ends
-    along = np.clip(along, 0.0, 1.0)
-    weights = np.zeros((len(row), 3))
-    n = np.arange(len(row))
-    theirs = faces.neighbour_edge[row, edge].astype(int)
-
+    along = np.minimum(np.maximum(along, 0.0), 1.0)
     # it runs the other way there
-    weights[n, theirs] = along
-    weights[n, (theirs + 1) % 3] = 1 - along
-    return weights[:, 1], weights[:, 2]
+    back = 1 - along
+    theirs = faces.neighbour_edge[row, edge]
+    return np.choose(theirs, [back, along, 0.0]), np.choose(theirs, [0.0, back, along])
 
 
 def _step(
