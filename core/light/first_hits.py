@@ -5,7 +5,7 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints
 from ..steps import Pauses
 from .contact import NEAR, in_order
-from .hits import Accept, Hits, slab
+from .hits import Accept, Hits, Search, slab
 from .plan import Plan
 from .rays import Rays, ReachedError
 
@@ -72,9 +72,13 @@ class _Sides:
         self.gap_distance[i[nearer]] = distance[nearer]
 
 
-def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
-    """First hits of the live rays, and those of each layer
-    that are no further. Triangles are the plan's.
+def find_first_hits(
+    plan: Plan, rays: Rays, searches: list[Search]
+) -> Pauses[tuple[Hits, list[Hits], Bools]]:
+    """First hits of the live rays (n,), those of each layer that are no further, and the rays (n,)
+    of which the search is put off. Triangles are the plan's.
+
+    searches : how far each layer was searched for all rays
     """
     live = rays.live
     origins = rays.positions[live]
@@ -91,13 +95,14 @@ def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
         layer = held.layer
         tolerance = max(layer.tolerance, plan.merge_distance)
         has_sides = layer.curved is not None and held.solid_bits is not None
+        searches[number].begin(live, nearest + max(tolerance, near))
         hits = yield from layer.find_first_hits(
             origins,
             directions,
             sides.is_in(held.closed_bits),
             sides.of_layer(held.numbers, tolerance),
             sides.is_in(held.solid_bits) if has_sides else None,
-            nearest + max(tolerance, near),
+            searches[number],
         )
         found = hits.triangle >= 0
         hits.triangle[found] = held.numbers[hits.triangle[found]]
@@ -113,12 +118,19 @@ def find_first_hits(plan: Plan, rays: Rays) -> Pauses[tuple[Hits, list[Hits]]]:
     if plan.display.is_by_glass:
         first = in_order(plan, first, by_layer)
 
+    is_open = np.zeros(len(live), bool)
+    for search in searches:
+        is_open |= search.is_open
+    found = np.flatnonzero(~is_open)
+    for search in searches:
+        search.end(found)
+
     if plan.aside.glasses:
-        _keep_clear(plan, origins, directions, first.distance)
+        _keep_clear(plan, origins[found], directions[found], first.distance[found])
 
     came_in = sides.gap_distance < first.distance
     rays.leak[live[came_in]] = sides.gap[came_in]
-    return first, by_layer
+    return first, by_layer, is_open
 
 
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:

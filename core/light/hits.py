@@ -78,6 +78,60 @@ def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -
 Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
 
 
+# rays are few where an event has so many times as many
+TIMES_FEW = 4
+
+
+class Search:
+    """How far a layer was searched for the first hits of n rays.
+
+    An answer of the engine costs as much for one ray as for many. So where few rays of an event are
+    still to be asked for, they may be put off to the next event.
+
+    live (m,) : the rays of this event
+    within (m,) : m, hits further away need not be found
+    is_open (m,) : is the search put off?
+    """
+
+    def __init__(self, n: int, may_wait: bool = False) -> None:
+        self.may_wait = may_wait
+        # where the engine is asked from next, and how much further
+        # after that, m; NaN where it was not asked yet
+        self._start, self._step = np.full((2, n), np.nan)
+        self._is_lost = np.zeros(n, bool)  # a hit was found that cannot be
+        self.begin(np.arange(n), np.full(n, np.inf))
+
+    def begin(self, live: Ints, within: Floats) -> None:
+        """Begin an event of these rays."""
+        self.live, self.within = live, within
+        self.is_open = np.zeros(len(live), bool)
+
+    def resume(self, rays: Ints, start: Floats, step: Floats) -> tuple[Floats, Floats]:
+        """Start and step of some rays, those given where the search only begins."""
+        i = self.live[rays]
+        is_new = np.isnan(self._start[i])
+        return np.where(is_new, start, self._start[i]), np.where(is_new, step, self._step[i])
+
+    def put_off(self, rays: Ints, start: Floats, step: Floats) -> bool:
+        """Put the search for some rays off, if it may be and they are few; is it?"""
+        if not self.may_wait or len(rays) * TIMES_FEW > len(self.live):
+            return False
+        self.is_open[rays] = True
+        self._start[self.live[rays]], self._step[self.live[rays]] = start, step
+        return True
+
+    def lost(self, rays: Ints, lost: Ints) -> Ints:
+        """Those of some rays with a hit that cannot be, now or
+        before, of which the search is not put off.
+        """
+        self._is_lost[self.live[lost]] = True
+        return rays[self._is_lost[self.live[rays]] & ~self.is_open[rays]]
+
+    def end(self, rays: Ints) -> None:
+        """Forget about some rays, whose hits are found."""
+        self._start[self.live[rays]], self._is_lost[self.live[rays]] = np.nan, False
+
+
 @dataclass(frozen=True, eq=False)
 class Question:
     """Rays that a layer is asked for their first true hits.
@@ -87,14 +141,14 @@ class Question:
     is_inside : (n,) the ray is inside a closed solid of the layer, so that a miss cannot be
     leaves : (n,) the ray is inside a solid, so that only hits from
         behind can be; None where not all are solids
-    within : (n,) m, hits further away need not be found
+    search : how far the layer was searched before
     """
 
     lines: Lines
     accept: Accept
     is_inside: Bools | None = None
     leaves: Bools | None = None
-    within: Floats | None = None
+    search: Search | None = None
 
     def leaves_at(self, rays: Ints) -> Bools | None:
         """Which of some rays leave; None where not all are solids."""

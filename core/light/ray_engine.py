@@ -22,7 +22,7 @@ from ..steps import Pauses, finish
 from ..vectors import dot
 from .asked import Asked
 from .engines import Found
-from .hits import Accept, Hits, Question, is_within, slab
+from .hits import Accept, Hits, Question, Search, is_within, slab
 from .rescue import rescue
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
@@ -98,7 +98,7 @@ class Layer:
         is_inside: Bools,
         accept: Accept,
         leaves: Bools | None = None,
-        within: Floats | None = None,
+        search: Search | None = None,
     ) -> Pauses[Hits]:
         """First true hits of rays; pauses as often as work may be stopped.
 
@@ -109,13 +109,13 @@ class Layer:
         accept : which hits are true ones
         leaves : (n,) the ray is inside a solid, so that only hits from
             behind can be; None where not all are solids
-        within : (n,) m, hits further away need not be found
+        search : how far the layer was searched before; None where all hits are to be found now
         """
         lines = Lines(origins, directions)
         if self.motion is not None:
             lines = Lines(*self.motion.back(origins, directions))
-        within = np.full(len(origins), np.inf) if within is None else within
-        question = Question(lines, accept, is_inside=is_inside, leaves=leaves, within=within)
+        search = search or Search(len(origins))
+        question = Question(lines, accept, is_inside, leaves, search)
         hits = yield from self._first_hits(question)
         if self.motion is None:
             return hits
@@ -132,7 +132,7 @@ class Layer:
         hits = Hits.none(len(lines.origins), self.curved)
         grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
         enter, leave = slab(grown, *lines)
-        may_hit = (enter <= np.minimum(leave, question.within)) & (leave >= 0)
+        may_hit = (enter <= np.minimum(leave, question.search.within)) & (leave >= 0)
         rays = np.flatnonzero(may_hit | question.is_inside)
         if not len(rays):
             return hits
@@ -193,7 +193,7 @@ class Layer:
         with np.errstate(invalid="ignore", divide="ignore"):
             t = -start[:k] / slope[:k]
             u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
-            is_met = is_within(u, v) & (t > -self.tolerance) & (t <= question.within[rays])
+            is_met = is_within(u, v) & (t > -self.tolerance) & (t <= question.search.within[rays])
             t[~is_met] = np.inf
 
         # the nearest of each ray, then the next one for those where it is no true one
@@ -253,6 +253,8 @@ class Layer:
         # ahead, so as not to meet the face they come from
         step = np.full(len(rays), 3 * FLOAT32 * self.radius)
         start = np.where(start > 0, start - 2 * self.tolerance, step)
+        start, step = question.search.resume(rays, start, step)
+        asked_of = rays
         while len(rays):
             # the triangles that the engine finds; a ray within a solid has to meet one
             lines = question.lines.at(rays)
@@ -288,7 +290,9 @@ class Layer:
             rays = rays[again]
             step = 2 * step[again]
             yield 0
-        return np.unique(np.concatenate(lost)) if lost else np.empty(0, np.int64)
+            if question.search.put_off(rays, start, step):
+                break
+        return question.search.lost(asked_of, np.concatenate([asked_of[:0], *lost]))
 
     def _rescue(self, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
         yield from rescue(self, question, rays, hits)

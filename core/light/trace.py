@@ -12,7 +12,7 @@ from ..steps import Pauses, finish
 from .contact import land
 from .endings import end_without_hit
 from .first_hits import find_first_hits
-from .hits import Hits
+from .hits import Hits, Search
 from .landings import Landings, Words, join
 from .laws import ENDS, LAWS
 from .plan import Plan
@@ -153,6 +153,9 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
     waiting = rays.live
     rays.live = waiting[:0]
     at_once = LIVE_AT_ONCE if steps is None else len(waiting)
+    # gaps are told by all that a ray comes upon
+    may_wait = steps is None and not plan.open_parts
+    searches = [Search(len(waiting), may_wait) for _ in plan.layers]
 
     while True:
         room = at_once - len(rays.live)
@@ -162,8 +165,14 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         if not n_live:
             break
 
+        # a few may have to wait for their hits
+        hits, by_layer, is_open = yield from find_first_hits(plan, rays, searches)
+        put_off = rays.live[is_open]
+        if len(put_off):
+            rays.live = rays.live[~is_open]
+            hits, *by_layer = (some.at(~is_open) for some in (hits, *by_layer))
+
         # rays that meet nothing end here
-        hits, by_layer = yield from find_first_hits(plan, rays)
         hit = hits.triangle >= 0
         left = rays.live[~hit]
 
@@ -198,7 +207,8 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         if plan.display.is_by_glass:
             land(plan, rays, hits, by_layer, before)
         is_over = rays.n_events[rays.live] >= plan.settings.max_events
-        rays.live = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
+        on = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
+        rays.live = np.concatenate([on, put_off])
         yield n_live - len(rays.live)
 
 

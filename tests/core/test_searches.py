@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kiriko.core import kernel
-from kiriko.core.light import trace
+from kiriko.core.light import hits, trace
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.allowance import Allowance
@@ -17,7 +17,7 @@ from kiriko.core.map.points import Points, trace_points
 from kiriko.core.map.searches import ask, traced
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from known.reference_rigs import ball_rig, box, rig
+from known.reference_rigs import ball_rig, bottle, box, icosphere, rig
 
 
 def are_same(a, b):
@@ -101,3 +101,32 @@ def test_a_border_takes_as_many_rays_as_are_told(n_borders, tolerance, is_off):
         )
         n_rays = sum(traced(plan, last_on_branch(plan, points, edges)))
         assert n_rays == n_borders * n_digits(plan)
+
+
+@pytest.mark.parametrize("glass", [bottle(), icosphere(0.02, 2)])
+def test_rays_that_wait_for_their_hits_go_the_same_way(monkeypatch, glass):
+    """Whether those that meet no true hit at first are asked for once more, all at
+    once or one by one, before others go on, or with the next events of these.
+    """
+    plan = make_plan(rig(glass, pixels=16), Settings())
+    rays = plan.viewer.rays(16 * np.random.default_rng(0).random((3000, 2)))
+    n_put_off = []
+    put_off = hits.Search.put_off
+
+    def counted(search, some, *where):
+        is_put_off = put_off(search, some, *where)
+        n_put_off[-1] += len(some) * is_put_off
+        return is_put_off
+
+    monkeypatch.setattr(hits.Search, "put_off", counted)
+    found = []
+    for times in (np.inf, hits.TIMES_FEW, 1):
+        monkeypatch.setattr(hits, "TIMES_FEW", times)
+        n_put_off.append(0)
+        with kernel.off():
+            found.append(trace.trace(plan, *rays))
+
+    assert n_put_off[0] == 0
+    assert 0 < n_put_off[1] < n_put_off[2]
+    assert are_same(found[1], found[0])
+    assert are_same(found[2], found[0])
