@@ -141,13 +141,20 @@ def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
 
     if n_cut:
         n = own.n_cut or n_cut
-        text = Message(
-            "'{name}' cuts itself at {n} face{s}, where light may be lost.",
-            name=name,
-            n=n,
-            s="s" if n > 1 else "",
-        )
-        yield Entry(text, PROBLEM, _select(thing, "CUT", own.n_cut) or (_select_part(thing),))
+        values = {"name": name, "n": n, "s": "s" if n > 1 else ""}
+        mends = _select(thing, "CUT", own.n_cut) or (_select_part(thing),)
+        if n_open:
+            text = Message(
+                "'{name}' cuts itself at {n} face{s}, where light may be lost.", **values
+            )
+            yield Entry(text, PROBLEM, mends)
+        else:
+            text = Message(
+                "'{name}' cuts itself at {n} face{s}: Kiriko counts it as one body, Cycles does"
+                " not.",
+                **values,
+            )
+            yield Entry(text, ADVICE, mends)
 
     if n_open and is_inside_out and thing.role == "GLASS":
         text = Message("The faces of '{name}' look into the glass.", name=name)

@@ -1,6 +1,8 @@
-"""Faces of glass that cut each other where nothing tells which of them light meets first: a shell
-that cuts itself has no clear inside, nor has an open one that cuts another. Closed shells may
-overlap: each is a solid of its own.
+"""Faces of glass that cut each other within one shell, or where one of them is open.
+
+A closed shell that cuts itself counts as one body (core/light/passed.py), which Cycles shows
+otherwise; nothing tells the inside of an open one that cuts another. Closed shells may overlap:
+each is a solid of its own.
 """
 
 from dataclasses import dataclass
@@ -38,7 +40,7 @@ SEARCH = Search()
 
 
 def cut_polygons(mesh: bpy.types.Mesh) -> Bools:
-    """Which polygons (p,) of a Blender mesh are cut by others, so that light may be lost there.
+    """Which polygons (p,) of a Blender mesh are cut by others.
 
     Of a mesh that is a tangle as a whole only some are found; one too large to be looked at
     in a second has none.

@@ -18,7 +18,10 @@ typedef struct {
     double start;    /* from where the tree is asked, m */
     double least;    /* hits that are nearer are those of what was just met */
     double tolerance, slack;
-    double wrong;    /* distance of the nearest hit that cannot be */
+    double wrong;    /* distance of the nearest hit that cannot be, unless a shell cuts itself */
+    bool is_inside;  /* of a closed solid */
+    int64_t deeper;  /* faces of such a shell passed, more entered than left */
+    double passed;   /* distance of the last of them */
     Hit *hit;
 } Search;
 
@@ -41,6 +44,13 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     /* what touches may be a little behind; not so other faces of what was just met, however thin it is */
     if (bit) return fits && t > (is_last ? -1e-3 : -1.0) * tolerance;
     return t > tolerance || (!is_last && t > -1e-3 * tolerance);
+}
+
+/* Pass a face of a shell that cuts itself, as core/light/passed.py does. */
+static void pass(Search *search, double t, bool is_wrong) {
+    if (!(t > search->passed + search->layer->tolerance)) return;
+    search->deeper += is_wrong == search->is_inside ? 1 : -1;
+    search->passed = t;
 }
 
 /* Where a ray meets the plane of a triangle, if it does between two distances. */
@@ -97,6 +107,18 @@ static void visit_face(void *context, int32_t position, double *far) {
                         &found))
             consider(search, &found, far);
     }
+}
+
+/* Is the nearest that was found a face to be passed? What lies beyond is to be searched for then. */
+static bool has_passed(Search *search) {
+    bool is_wrong = search->wrong < search->hit->distance;
+    double t = is_wrong ? search->wrong : search->hit->distance;
+    if (!is_wrong && !(search->deeper && search->hit->triangle >= 0)) return false;
+    pass(search, t, is_wrong);
+    search->least = t + search->layer->tolerance;
+    search->wrong = search->hit->distance = INFINITY;
+    search->hit->triangle = -1;
+    return true;
 }
 
 /* Ask all faces that the ray may meet, exactly. */
@@ -198,13 +220,13 @@ KIRIKO_API void kiriko_shoot(const Hull *hull, const float *origins, const float
 
 /* Follow a ray from one triangle of the hull to the next until there is a true hit. Returns whether it must have met
    something else. */
-static bool ask_hull(Search *search, double enter, bool is_inside) {
+static bool ask_hull(Search *search, double enter) {
     const Layer *layer = search->layer;
     const Curved *curved = layer->curved;
     const Hull *hull = layer->hull;
     const double *o = search->o, *d = search->d, radius = layer->radius;
     double step = 3 * FLOAT32 * radius, start = enter > 0 ? enter - 2 * layer->tolerance : step;
-    bool is_lost = false;
+    const bool from_outside = false;
 
     for (int asked = 0; asked < MOST_ASKED; asked++) {
         double from[3], far = INFINITY;
@@ -213,7 +235,7 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
         shot.is_outside = search->leaves && !*search->leaves;
         shot.gone = start / radius;
         visit_tree(&hull->tree, from, d, &far, visit_hull, &shot);
-        if (shot.position < 0) return is_lost || is_inside;
+        if (shot.position < 0) break;
         double at = start + far * radius;
         int32_t asked_for = hull->tree.items[shot.position];
         int64_t k = hull->owner[shot.position];
@@ -231,16 +253,22 @@ static bool ask_hull(Search *search, double enter, bool is_inside) {
                 v = w * at_corner[1] + shot.u * at_corner[3] + shot.v * at_corner[5];
             }
             is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
+            /* from within into the glass: where a shell cuts itself */
+            if (!is_met && search->is_inside && search->leaves && dot(d, shot.normal) < 0)
+                is_met = meet_curved(curved, k, u, v, o, d, &from_outside, layer->tolerance, false, &found);
         }
-        if (is_met && accept(search, &found, &is_wrong)) {
-            *search->hit = found;
-            return is_lost;
+        if (is_met) {
+            bool is_true = accept(search, &found, &is_wrong);
+            if (is_true && !search->deeper) {
+                *search->hit = found;
+                return false;
+            }
+            if (is_true || is_wrong) pass(search, found.distance, is_wrong);
         }
-        is_lost |= is_wrong;
         start = (at > start ? at : start) + step;
         step *= 2;
     }
-    return is_lost || is_inside;
+    return search->is_inside || search->deeper;
 }
 
 static void turn(const double *rotation, bool is_back, double *vector) {
@@ -257,7 +285,7 @@ static void find(Search *search, double within) {
     const double *o = search->o, *d = search->d;
     Sides *sides = search->sides;
     double low[3], high[3], inverse[3], enter = -INFINITY, leave = INFINITY;
-    bool is_inside = sides->mask & layer->closed_bits[sides->cluster];
+    bool is_inside = search->is_inside = sides->mask & layer->closed_bits[sides->cluster];
 
     for (int j = 0; j < 3; j++) {
         low[j] = layer->low[j] - layer->tolerance;
@@ -267,23 +295,28 @@ static void find(Search *search, double within) {
     slab(low, high, o, inverse, &enter, &leave);
     if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
     if (!layer->has_engine) {
-        for (int64_t k = 0; k < layer->n_triangles; k++) {
-            Hit found;
-            const double *frame = layer->frames + 12 * k;
-            if (meet_facet(search, frame, k, EDGE, &found) && found.distance <= within) consider(search, &found, NULL);
-        }
+        do {
+            for (int64_t k = 0; k < layer->n_triangles; k++) {
+                Hit found;
+                const double *frame = layer->frames + 12 * k;
+                if (meet_facet(search, frame, k, EDGE, &found) && found.distance <= within)
+                    consider(search, &found, NULL);
+            }
+        } while (has_passed(search));
         return;
     }
 
     search->start = (enter > 0 ? enter : 0) - 2 * layer->tolerance;
     bool is_lost;
     if (layer->curved) {
-        is_lost = ask_hull(search, enter, is_inside);
+        is_lost = ask_hull(search, enter);
     } else {
         /* at a vertex or an edge the faces around are met at once: one is enough, but where there is no other way out */
         if (!(enter > 0)) search->least = 3 * FLOAT32 * layer->radius;
-        search_faces(search, EDGE, is_inside ? INFINITY : within);
-        is_lost = search->wrong < search->hit->distance || (is_inside && search->hit->triangle < 0);
+        do {
+            search_faces(search, EDGE, is_inside ? INFINITY : within);
+        } while (has_passed(search));
+        is_lost = search->hit->triangle < 0 && (is_inside || search->deeper);
     }
     if (!is_lost) return;
     if (!layer->over_faces.nodes) {
@@ -322,6 +355,7 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
         .tolerance = layer->tolerance > merge ? layer->tolerance : merge,
         .least = -layer->tolerance,
         .wrong = INFINITY,
+        .passed = -INFINITY,
         .hit = hit,
     };
     hit->distance = INFINITY;

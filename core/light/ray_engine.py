@@ -23,6 +23,7 @@ from ..vectors import dot
 from .asked import Asked
 from .engines import Found
 from .hits import Accept, Hits, Question, Search, is_within, slab
+from .passed import Passed, enter_again
 from .rescue import rescue
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
@@ -197,6 +198,7 @@ class Layer:
             t[~is_met] = np.inf
 
         # the nearest of each ray, then the next one for those where it is no true one
+        passed = Passed(question.is_inside, self.tolerance)
         todo = np.arange(len(rays))
         while len(todo):
             nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
@@ -204,7 +206,8 @@ class Layer:
             todo = todo[meets]
             nearest = nearest[meets]
             found = self.on_facets(nearest, o[todo], d[todo])
-            is_true, _ = question.accept(rays[todo], found)
+            is_true, is_wrong = question.accept(rays[todo], found)
+            is_true = passed.count(rays[todo], found.distance, is_true, is_wrong)
             hits.put(rays[todo[is_true]], found.at(is_true))
             todo = todo[~is_true]
             nearest = nearest[~is_true]
@@ -248,7 +251,7 @@ class Layer:
         self, question: Question, rays: Ints, start: Floats, hits: Hits
     ) -> Pauses[Ints]:
         """Put the hits that the engine finds; return the rays that must have hit something else."""
-        lost = []
+        lost, passed = [], Passed(question.is_inside, self.tolerance)
         # far rays begin a little before the box, near ones a little
         # ahead, so as not to meet the face they come from
         step = np.full(len(rays), 3 * FLOAT32 * self.radius)
@@ -261,7 +264,7 @@ class Layer:
             found, far = self.shoot(lines, start)
             hit = found.triangle >= 0
             if not hit.all():
-                lost.append(rays[~hit & question.is_inside[rays]])
+                lost.append(passed.lost(rays[~hit]))
             again = np.zeros(len(rays), bool)
             if self.curved is not None and question.leaves is not None:
                 only_leaves = self.asked.are_left(found, lines.directions, far / self.radius)
@@ -272,25 +275,24 @@ class Layer:
             asked = rays[hit]
             lines = lines if hit.all() else lines.at(hit)
             some, is_met = self.refine(found, hit, lines, question.leaves_at(asked))
+            enter_again(self, question, asked, found, hit, (some, is_met))
             is_true, is_wrong = np.zeros((2, len(asked)), bool)
             is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
-            if is_true.all():
-                hits.put(asked, some)
-            else:
-                hits.put(asked[is_true], some.at(is_true))
-            lost.append(asked[is_wrong])
+            is_true = passed.count(asked, some.distance, is_true, is_wrong)
+            good = slice(None) if is_true.all() else is_true
+            hits.put(asked[good], some.at(good))
 
             # the others go on; the true hit may lie a little further than the engine has it
             again[hit] = ~is_true
             if self.curved is None:
-                at = some.distance
-                far[hit] = np.where(np.isfinite(at), np.fmax(at, far[hit]), far[hit])
+                is_there = np.isfinite(some.distance)
+                far[hit] = np.where(is_there, np.fmax(some.distance, far[hit]), far[hit])
             # doubling: the loop ends once the ray has left the box
             start = np.maximum(far + step, start + step)[again]
             rays = rays[again]
             step = 2 * step[again]
             yield 0
-            if question.search.put_off(rays, start, step):
+            if not passed.any_of(rays) and question.search.put_off(rays, start, step):
                 break
         return question.search.lost(asked_of, np.concatenate([asked_of[:0], *lost]))
 

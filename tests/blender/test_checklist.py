@@ -220,7 +220,8 @@ def test_faces_that_cut_each_other_are_selected(look: Callable[[], list]) -> Non
     press(entries, "cuts itself")
     shape = bmesh.from_edit_mesh(glass.data)
     chosen = [face for face in shape.faces if face.select]
-    assert text == f"'Cube' cuts itself at {len(chosen)} faces, where light may be lost."
+    body = "Kiriko counts it as one body, Cycles does not."
+    assert text == f"'Cube' cuts itself at {len(chosen)} faces: {body}"
     heights = [np.ptp([vertex.co.z for vertex in face.verts]) for face in chosen]
     assert sorted(round(height / SIDE, 3) for height in heights) == [0] * 8 + [1.1] * 8
     assert all(0 < max(map(abs, face.calc_center_median()[:2])) < 0.3 * SIDE for face in chosen)
@@ -251,7 +252,7 @@ def test_faces_that_touch_cut_nothing(look: Callable[[], list]) -> None:
     shape.to_mesh(mesh)
     shape.free()
     mesh.update_tag()
-    assert "cuts itself at" in " ".join(told(look()))
+    assert "faces, where light may be lost." in " ".join(told(look()))
 
 
 def test_of_a_tangle_few_pairs_are_asked(core: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

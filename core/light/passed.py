@@ -1,0 +1,88 @@
+"""Where a shell that cuts itself begins and ends: what it winds around once or more is glass.
+
+So a ray leaves it where it has left as many of its faces as it has entered, and faces within count
+for nothing. Where the shell is inside out there is no glass.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from ..vectors import dot
+from .engines import Found
+from .hits import Hits, Question
+
+if TYPE_CHECKING:
+    from .ray_engine import Layer
+
+
+class Passed:
+    """The faces of such shells that rays have passed, met one after the other."""
+
+    def __init__(self, is_inside: Bools, tolerance: float) -> None:
+        """Of rays (n,), inside a closed solid or not.
+
+        tolerance : m, a face that is no further from the one before is the same
+        """
+        self._is_inside = is_inside
+        self._tolerance = tolerance
+        # of each ray, once there are some: faces entered more than left, and how far the last is
+        self._deeper: Ints | None = None
+        self._distance: Floats | None = None
+
+    def count(self, rays: Ints, distance: Floats, is_true: Bools, is_wrong: Bools) -> Bools:
+        """Which hits (m,) of rays (m,) are true ones, with those passed.
+
+        distance : (m,) m; is_true, is_wrong : (m,) are they true ones, or such that cannot be,
+            of shells that do not cut themselves
+        """
+        if self._deeper is None:
+            if not is_wrong.any():
+                return is_true
+            self._deeper = np.zeros(len(self._is_inside), np.int64)
+            self._distance = np.full(len(self._is_inside), -np.inf)
+
+        turns = np.where(self._is_inside[rays], 1, -1)
+        deeper = self._deeper[rays]
+        leaves = is_true & (deeper != 0)
+        is_new = distance > self._distance[rays] + self._tolerance
+        passes = (is_wrong | leaves) & is_new
+        self._deeper[rays[passes]] = (deeper + np.where(is_wrong, turns, -turns))[passes]
+        self._distance[rays[passes]] = distance[passes]
+        return is_true & ~leaves
+
+    def any_of(self, rays: Ints) -> bool:
+        """Has one of rays (m,) passed a face?"""
+        return self._distance is not None and bool(np.isfinite(self._distance[rays]).any())
+
+    def lost(self, rays: Ints) -> Ints:
+        """Those of rays (m,) that meet nothing more, and must have met another face."""
+        is_inside = self._is_inside[rays]
+        return rays[is_inside if self._deeper is None else is_inside | (self._deeper[rays] != 0)]
+
+
+def enter_again(
+    layer: "Layer",
+    question: Question,
+    rays: Ints,
+    found: Found,
+    chosen: Bools,
+    hits: tuple[Hits, Bools],
+) -> None:
+    """Put hits where rays (m,) within the glass enter it, beside those where they leave it.
+
+    found, chosen : what the engine has found, and for which of its rays (n,), m of them
+    hits : where they meet the layer, and whether they do (m,)
+    """
+    if layer.curved is None or question.leaves is None:
+        return
+    some, is_met = hits
+    enters = dot(question.lines.directions[rays], found.normal[chosen]) < 0
+    asked = np.flatnonzero(~is_met & enters & question.leaves[rays] & question.is_inside[rays])
+    if len(asked):
+        which = np.flatnonzero(chosen)[asked]
+        from_outside = np.zeros(len(asked), bool)
+        more, is_more = layer.refine(found, which, question.lines.at(rays[asked]), from_outside)
+        some.put(asked[is_more], more.at(is_more))
+        is_met[asked[is_more]] = True

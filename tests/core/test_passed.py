@@ -1,0 +1,89 @@
+"""Shells that cut themselves: what they wind around once or more is glass, and counts once."""
+
+import numpy as np
+import pytest
+
+from kiriko.core import kernel
+from kiriko.core.light.landings import Reason
+from kiriko.core.light.planning import make_plan
+from kiriko.core.light.trace import trace_all
+from kiriko.core.rig import Mesh
+from kiriko.core.settings import Settings
+from known.closed_forms import landing
+from known.reference_rigs import glass_rig, icosphere
+from known.union_walk import through_union
+
+INDEX = 1.49
+
+
+def tube(path: np.ndarray, n_sides: int, radius: float) -> Mesh:
+    """A closed tube around a closed path (m, 3) in the xz plane."""
+    ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    beside = np.cross(ahead, [0, 1, 0])
+    angle = 2 * np.pi * (np.arange(n_sides) + 0.3) / n_sides
+    ring = np.cos(angle)[:, None, None] * beside + np.sin(angle)[:, None, None] * [0, 1, 0]
+    vertices = (path + radius * ring).transpose(1, 0, 2).reshape(-1, 3)
+
+    i, k = np.meshgrid(np.arange(len(path)), np.arange(n_sides), indexing="ij")
+    corner = [
+        ((i + a) % len(path)) * n_sides + (k + b) % n_sides
+        for a, b in [(0, 0), (1, 0), (1, 1), (0, 1)]
+    ]
+    triangles = np.stack(
+        [corner[0], corner[1], corner[2], corner[0], corner[2], corner[3]], axis=-1
+    )
+    return Mesh(vertices, triangles.reshape(-1, 3))
+
+
+def eight(n: int = 40) -> Mesh:
+    """A tube around the figure of eight, which meets itself in its middle."""
+    t = 2 * np.pi * (np.arange(n) + 0.5) / n
+    path = 0.021 * np.stack([0.8 * np.sin(2 * t), np.zeros(n), np.cos(t)], axis=1)
+    return tube(path, 7, 0.006)
+
+
+def bow() -> Mesh:
+    """One of 24 triangles, which no engine is asked about."""
+    return tube(0.015 * np.array([[-1, 0, -1.1], [1, 0, 1], [1, 0, -1], [-1, 0, 1.2]]), 3, 0.009)
+
+
+def folded() -> Mesh:
+    """A ball displaced so far that it cuts itself all over, and is inside out at places."""
+    ball = icosphere(0.018, 3)
+    random = np.random.default_rng(5)
+    waves, ways = random.normal(scale=250, size=(6, 3)), random.normal(scale=0.004, size=(6, 3))
+    return Mesh(ball.vertices + np.sin(ball.vertices @ waves.T) @ ways, ball.triangles)
+
+
+@pytest.mark.parametrize("is_compiled", [True, False])
+@pytest.mark.parametrize("shape", [eight, bow, folded])
+def test_it_is_as_the_union_of_all_that_it_winds_around(shape, is_compiled):
+    """Rays land where brute force has them, through places
+    that a shell winds around twice as well.
+    """
+    rig = glass_rig(shape(), ior=INDEX)
+    settings = Settings()
+    plan = make_plan(rig, settings)
+    viewer = rig.viewer
+    xy = np.random.default_rng(0).random((900, 2)) * [viewer.width, viewer.height]
+    origins, directions = viewer.rays(xy)
+    origins = np.broadcast_to(origins, directions.shape)
+    if is_compiled:
+        found = trace_all(plan, origins, directions)
+    else:
+        with kernel.off():
+            found = trace_all(plan, origins, directions)
+
+    # light that meets the glass again after the plate is not told by the walk
+    walk = through_union(origins, directions, rig.glasses[0].mesh, INDEX, settings.max_events)
+    expected = landing(rig, walk.places, walk.directions)
+    asked = (found.reason != Reason.BLOCKED) & (found.reason != Reason.CUT_OFF)
+    asked &= walk.n_events < settings.max_events
+    has_met = asked & (walk.n_events > 0)
+    assert (walk.is_deep & has_met).sum() > 0.1 * has_met.sum()
+    assert (found.reason[asked] == Reason.MISSED_GLASS).tolist() == (~has_met[asked]).tolist()
+    assert not (found.reason == Reason.LOST_INSIDE).any()
+    both = has_met & found.has_arrived
+    assert both.sum() > 50
+    np.testing.assert_allclose(found.xy[both], expected[both], rtol=0, atol=1e-5)
