@@ -380,6 +380,26 @@ def badly_drawn(quick: bool) -> Rows:
         )
 
 
+def wound_twice() -> Mesh:
+    """A prism along x; its outline goes around y = -10 to 20 mm, and once more around 0 to 15 mm
+    within, before it crosses itself and ends where it began.
+    """
+    outline = 1e-3 * np.array(
+        [(-10, -150), (20, -150), (20, 150), (-10, 150), (-10, -145)]
+        + [(15, -140), (15, 145), (0, 145), (0, -135)]
+    )
+    n = len(outline)
+    ends = [np.column_stack([np.full(n, x), outline]) for x in (-0.15, 0.15)]
+    k = np.arange(n)
+    after = (k + 1) % n
+    sides = [(k, after, after + n), (k, after + n, k + n)]
+    fan = np.stack([np.zeros(n - 2, int), k[1:-1], k[2:]], axis=1)
+    return Mesh(
+        np.concatenate(ends),
+        np.concatenate([*(np.stack(side, axis=1) for side in sides), fan[:, ::-1], fan + n]),
+    )
+
+
 @case("meshes", "open, non-manifold, self-intersecting")
 def not_solid(quick: bool) -> Rows:
     slab = box(SLAB)
@@ -435,6 +455,13 @@ def not_solid(quick: bool) -> Rows:
     a_rig = slab_rig(crossing)
     yield exact(
         "landing, two slabs in one mesh that overlap by half",
+        furthest(a_rig, traced(a_rig, o, d), on(o, d, layers((-0.01, N), (0.02, 1)))),
+        1e-11,
+        "px",
+    )
+    a_rig = slab_rig(wound_twice())
+    yield exact(
+        "landing, slab of one shell that winds around its inside twice",
         furthest(a_rig, traced(a_rig, o, d), on(o, d, layers((-0.01, N), (0.02, 1)))),
         1e-11,
         "px",
