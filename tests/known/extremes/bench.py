@@ -384,10 +384,9 @@ def wound_twice() -> Mesh:
     """A prism along x; its outline goes around y = -10 to 20 mm, and once more around 0 to 15 mm
     within, before it crosses itself and ends where it began.
     """
-    outline = 1e-3 * np.array(
-        [(-10, -150), (20, -150), (20, 150), (-10, 150), (-10, -145)]
-        + [(15, -140), (15, 145), (0, 145), (0, -135)]
-    )
+    outer = (-10, -150), (20, -150), (20, 150), (-10, 150), (-10, -145)
+    inner = (15, -140), (15, 145), (0, 145), (0, -135)
+    outline = 1e-3 * np.array([*outer, *inner])
     n = len(outline)
     ends = [np.column_stack([np.full(n, x), outline]) for x in (-0.15, 0.15)]
     k = np.arange(n)
