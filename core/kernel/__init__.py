@@ -58,6 +58,7 @@ __all__ = [
     "library",
     "make_faces",
     "making",
+    "n_threads",
     "off",
     "paint",
     "quantise",

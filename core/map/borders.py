@@ -14,8 +14,9 @@ import numpy as np
 
 from ..arrays import Bools, Ints, mean_at
 from ..light.plan import Plan
+from ..steps import Pauses
 from .allowance import Allowance
-from .cut_cells import cut_cells, n_unknown
+from .cut_cells import around_middles, cut_cells, n_unknown
 from .doubts import (
     CUT,
     Doubts,
@@ -30,6 +31,7 @@ from .known_borders import Borders
 from .points import Points, trace_points
 from .quarters import lack_quarters, quartered
 from .ray_guess import N_SEARCHES, NO_RAYS, RAYS, Rays, RaysAhead, of_quarters, rays_of_cut
+from .share_guess import SharesOfPieces, more_shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +101,7 @@ class _Cutting:
         self.quarterings = quarterings
         self.known = Borders.none()
         self.allowance = Allowance(plan, points.view)
+        self.shares = SharesOfPieces(plan)
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
         self.chaotic: list[Ints] = []
@@ -143,8 +146,7 @@ class _Cutting:
         )
         yield 0
         if depth == self.quarterings:  # none of these are quartered again
-            self._expect(corners, depth)
-            yield 0
+            yield from self._expect(corners, depth)
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
@@ -160,12 +162,11 @@ class _Cutting:
         """Cut what is not looked into any further."""
         yield 0
         last = np.concatenate(self.last)
-        yield 0
-        self._expect(np.empty((0, 4), np.int64), N_SEARCHES - 1)
-        yield 0
+        yield from self._expect(np.empty((0, 4), np.int64), N_SEARCHES - 1)
         of_last = yield from self.ahead.searching(self._cut_last(last))
         triangles = np.concatenate([*self.triangles, of_last])
         quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
+        self.ahead.n_shares = self.shares.of_all(self.points, [triangles, quads])
         return Pieces(self.points, quads, triangles, chaotic, self.allowance)
 
     def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
@@ -184,8 +185,7 @@ class _Cutting:
         )
         n_bent = int((off[one] > tolerance).sum())
         yield 0
-        self._expect(cells.corners, depth, of_quarters(RAYS.of_bent[depth] * n_bent))
-        yield 0
+        yield from self._expect(cells.corners, depth, of_quarters(RAYS.of_bent[depth] * n_bent))
 
         # on several
         corners, middle = cells.corners[mixed], cells.middle[mixed]
@@ -255,11 +255,13 @@ class _Cutting:
         owner = number[found.owner[is_rough]]
         self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
         self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
+        n_shares = self.shares.take_up(self.points, found, is_tangled, simple)
+        self.ahead.n_shares = more_shares(n_shares, depth, sum(map(len, self.last)))
         return cells.at(np.flatnonzero(simple))
 
     def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:
         """Pieces (t, 3) of cells (n, 5), around their middles, or where rays lack by corners."""
-        triangles = _around(last)
+        triangles = around_middles(last)
         branch = self.points.branch[triangles]
         is_one = (branch == branch[:, :1]).all(axis=1)
         mixed = np.flatnonzero(~is_one)
@@ -283,17 +285,16 @@ class _Cutting:
             rough[lacks[rough[:, 3]], :3],
         ])  # fmt: skip
 
-    def _expect(self, cells: Ints, depth: int, more: Rays = NO_RAYS) -> None:
+    def _expect(self, cells: Ints, depth: int, more: Rays = NO_RAYS) -> Pauses[None]:
         """Tell about how many rays it takes to find the borders in cells (m, 4), quartered so
         often, to cut those that were left for the end, and to sample; and more rays besides.
         """
-        last = _around(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
-        n_edges = [n_unknown(self.points, some, self.known) for some in (cells, last)]
+        last = around_middles(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
+        yield 0
+        n_edges = [n_unknown(self.points, cells, self.known)]
+        yield 0
+        n_edges.append(n_unknown(self.points, last, self.known))
+        yield 0
         rays = rays_of_cut(self.plan, self.points, n_edges, depth, self.chaotic)
-        searches = Rays(searches=N_SEARCHES - depth)
-        self.ahead.expect(rays.and_more(more).and_more(searches))
-
-
-def _around(cells: Ints) -> Ints:
-    """Four triangles (4 m, 3) around the middle of each cell (m, 5), given after its corners."""
-    return np.concatenate([cells[:, [4, k, (k + 1) % 4]] for k in range(4)])
+        self.ahead.expect(rays.and_more(more).and_more(Rays(searches=N_SEARCHES - depth)))
+        yield 0

@@ -48,14 +48,20 @@ def cut_cells(
     cells = cells.astype(np.int64)
     key, of_cell = _sides(points, cells)
     yield 0
-    new = np.unique(key[~known.find(key)[0]])
+    is_new = ~known.find(key)[0]
+    key, of_cell = key[is_new], of_cell[is_new]
     yield 0
-    lacking = new[lack(plan, points, *points_of(new), allowance)]
-    lacks[of_cell[np.isin(key, lacking)]] = True
+    new = np.unique(key)
+    yield 0
+    number = np.searchsorted(new, key)
+    yield 0
+    lacks[of_cell[lack(plan, points, *points_of(new), allowance)[number]]] = True
     yield 0
 
     # of cells that lack no ray
-    new = np.intersect1d(new, key[~lacks[of_cell]])
+    is_wanted = np.zeros(len(new), bool)
+    is_wanted[number[~lacks[of_cell]]] = True
+    new = new[is_wanted]
     near, far = points_of(new)
     yield 0
     border, strips, of_strips, is_given_up = yield from traced(
@@ -85,6 +91,11 @@ def n_unknown(points: Points, cells: Ints, known: Borders) -> tuple[int, int]:
     near, far = points_of(new)
     n_edges = len(np.unique(key_of(np.minimum(near, far), np.maximum(near, far))))
     return n_edges, len(new) - n_edges
+
+
+def around_middles(cells: Ints) -> Ints:
+    """Four triangles (4 m, 3) around the middle of each cell (m, 5), given after its corners."""
+    return np.concatenate([cells[:, [4, k, (k + 1) % 4]] for k in range(4)])
 
 
 def _sides(points: Points, cells: Ints) -> tuple[Ints, Ints]:
@@ -128,7 +139,9 @@ def _cut(
     group = _groups(points, cells, middle)
     yield 0
     of_place = np.stack([group, group, np.roll(group, -1, axis=1)], axis=2)
+    yield 0
     on_edges = known.strips_on(cells, following)
+    yield 0
 
     # cells with strips have more places
     has_strips = (on_edges > 0).any(axis=(1, 2))
@@ -136,6 +149,7 @@ def _cut(
     others = np.flatnonzero(has_strips)
     on_edges = on_edges[others]
     of_strip = _groups_of_strips(points, branch[others], group[others], on_edges)
+    yield 0
     found = [
         (plain, places[plain], of_place[plain]),
         (others, _between(places[others], on_edges), _between(of_place[others], of_strip)),

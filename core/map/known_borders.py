@@ -48,9 +48,10 @@ class Borders(NamedTuple):
         between two points, in order: 1 + their number, 0 for none.
         """
         found = np.zeros((*near.shape, self.strips.shape[1]), np.int64)
+        few = Borders(*(values[self.strips.any(axis=1)] for values in self))
         for wanted, turn in ((key_of(near, far), 1), (key_of(far, near), -1)):
-            is_there, at = self.find(wanted)
-            ends = self.strips[at[is_there], ::turn]
+            is_there, at = few.find(wanted)
+            ends = few.strips[at[is_there], ::turn]
             found[is_there] = np.where(ends > 0, ends, found[is_there])
         return found
 

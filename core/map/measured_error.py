@@ -47,7 +47,9 @@ class _Places:
 
 def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None, MapError]:
     """Errors at random places of smooth cells, and of the finest pixels with corners (n, 4)."""
+    yield 0
     places = _places(view_map, pixels)
+    yield 0
     found = yield from trace_points(plan, places.at)
     display_size = view_map.display_size
 

@@ -133,6 +133,7 @@ def trace_points(
         else:
             found, taken_by_them = yield from recording(plan, origins, directions)
             courses.append(taken_by_them)
+        yield 0
         landings = main_landings(found, len(origins))
         if paths is not None:
             paths.add(origins, steps)

@@ -17,6 +17,7 @@ from .doubts import CUT
 from .faint import may_take_more
 from .interpolation import NODES_ALONG, PARTS
 from .points import Points
+from .share_guess import CellsAndShares
 
 T = TypeVar("T")
 
@@ -45,7 +46,7 @@ class RayGuess:
     of_quarters: float = 0.5
     of_square: float = 16
     missed: float = 0.7
-    of_faint: float = 4.0
+    of_faint: float = 5.0
 
 
 class Rays(NamedTuple):
@@ -73,13 +74,19 @@ class RaysAhead:
     """The rays of a view map: `done` so far, and about how many are still `to_come`.
 
     n_last : of these, to measure errors when all is cut
-    lit : share of the viewer's image, 0..1, that shows the display, about
+    n_shares : of the pieces that pixels are cut in, about; None until some are cut
+    smooth : smooth cells, and their shares
     n_pauses : in which the first squares were traced, the more the more events their rays have
     is_guessed : not so until squares are as small as can be
+    can_be_told : nor is the work after them, where it waits for the shares: before a display of
+        more pixels than the viewer has they may be most of it
     """
 
-    def __init__(self, n_last: int) -> None:
-        self.n_last, self.lit, self.n_pauses = n_last, 0.0, 0
+    def __init__(self, n_last: int, waits_for_shares: bool = False) -> None:
+        self.waits_for_shares = waits_for_shares
+        self.n_shares: float | None = None
+        self.n_last, self.n_pauses = n_last, 0
+        self.smooth = CellsAndShares()
         self.done = Rays()
         self.to_come = Rays(np.inf)
         self.is_searching = False
@@ -87,6 +94,15 @@ class RaysAhead:
     @property
     def is_guessed(self) -> bool:
         return isfinite(self.to_come.every)
+
+    @property
+    def can_be_told(self) -> bool:
+        return self.is_guessed and not (self.waits_for_shares and self.n_shares is None)
+
+    @property
+    def part_done(self) -> float:
+        """Part of all rays that are done, about; 0 until it can be told."""
+        return self.done.every / self.expected if self.can_be_told else 0.0
 
     @property
     def expected(self) -> float:

@@ -82,9 +82,13 @@ def sample_cells(
     # all of a cell count alike
     of_found = [cells[_cells_of(corners[cells], n)] for n, cells in asked]
     owner = np.concatenate([owner, *of_found])
+    yield 0
     share = whole / np.bincount(owner, minlength=len(whole))
     reach = np.append(samples.reach, np.sqrt(area))
-    return Samples(points.and_more(found), share[owner], reach)
+    yield 0
+    points = points.and_more(found)
+    yield 0
+    return Samples(points, share[owner], reach)
 
 
 def _check_memory(plan: Plan, n_rays: int) -> None:

@@ -20,9 +20,10 @@ from .borders import cut
 from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import CHECK, measure
-from .points import Paths, Points, is_in_image, is_seen, trace_points
+from .points import Paths, Points, is_seen, trace_points
 from .ray_guess import RAYS, Rays, RaysAhead, begun, rays_of_finest, rays_of_samples
 from .samples import sample_cells
+from .share_guess import smooth_ahead
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
 from .view_map import NO_ERROR, ViewMap
@@ -83,7 +84,8 @@ class Sampling:
             np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position))
         )
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
-        self.ahead, self.begun = RaysAhead(2 * CHECK.n_places), 0.0
+        is_finer = display.width * display.height > viewer.width * viewer.height
+        self.ahead, self.begun = RaysAhead(2 * CHECK.n_places, waits_for_shares=is_finer), 0.0
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
@@ -96,7 +98,7 @@ class Sampling:
             except StopIteration as end:
                 return replace(end.value, n_rays=int(self.ahead.done.every))
             # more may be expected than before
-            told = max(told, self.begun, self.ahead.done.every / self.ahead.expected)
+            told = max(told, self.begun, self.ahead.part_done)
             yield told
 
     def _run(self) -> Generator[int, None, ViewMap]:
@@ -121,8 +123,6 @@ class Sampling:
             )
 
             first = len(self.points)
-            if not first:
-                self.ahead.lit = float(is_in_image(found.xy, self.display_size).mean())
             self.points = self.points.and_more(found)
             self.number.ravel()[missing] = first + np.arange(len(missing))
             yield 0
@@ -145,6 +145,8 @@ class Sampling:
             todo = refused.at(refused.size > PARTS).quarters()
             if len(finest) or not len(todo):
                 self._expect_of_squares(todo, checking, finest)
+                cells = smooth.and_more(checking)
+                self.ahead.smooth = smooth_ahead(self.plan, self.points, cells, self._at_nodes)
             else:
                 self.begun = begun(self.first_size, int(todo.size.max()))
 

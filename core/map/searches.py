@@ -91,6 +91,7 @@ def traced(
             asks = search.send(answers)
         except StopIteration as end:
             return end.value
+        yield 0
         answers = yield from _answers(plan, asks)
         for one, found in zip(asks, answers, strict=True) if allowance is not None else ():
             if not one.takes:

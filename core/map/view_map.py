@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats, Ints, each_value, taken
 from ..light.landings import Reason
 from ..steps import Pauses, finish
-from .cells import area_within
 from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around
-from .points import Points, bounds_of
+from .points import Points
+from .share_guess import CORNERS, is_within, shares_of
+from .squares import Squares
 from .subdivision import n_parts
 from .thinning import THINNING, Thinning
 
 QUADS_AT_ONCE = 1 << 15
-CORNERS = [0, 4, 24, 20]  # of the nodes of a smooth cell, around it
-COUNTED = 1 << 16  # pieces at the least of which the shares are counted, where there are more
 
 
 @dataclass(frozen=True)
@@ -107,11 +106,9 @@ class ViewMap:
     @cached_property
     def _is_inside(self) -> Bools:
         """Are smooth cells (c,) inside of both images, wholly?"""
-        low, high = bounds_of(taken(self.points.xy, self.nodes))
-        return (
-            ((low >= 0) & (high <= self.display_size)).all(axis=1)
-            & (self.corner + self.size[:, None] <= self.view_size).all(axis=1)
-        )  # fmt: skip
+        xy = taken(self.points.xy, self.nodes)
+        squares = Squares(self.corner, self.size)
+        return is_within(xy, squares, self.view_size, self.display_size)
 
     def is_beside_glass(self, points: Ints) -> Bools:
         """Is light of these landed points beside the glass?"""
@@ -132,12 +129,12 @@ class ViewMap:
         touches.
         """
         parts = self._n_parts
-        shares, step = self._shares_of_some(self.nodes[:, CORNERS], parts)
+        shares, step = self._shares_of(self.nodes[:, CORNERS], parts)
         number, of_cell = np.unique(parts, return_inverse=True)
         n_cells = np.bincount(of_cell, minlength=len(number))
         smooth = [n_cells * number**2, step * np.bincount(of_cell[::step], shares, len(number))]
 
-        shares, step = self._shares_of_some(self.quads)
+        shares, step = self._shares_of(self.quads)
         quads = len(self.quads), step * shares.sum()
         shares, step = self._shares_of_triangles
         if self.thinning is not None:
@@ -169,35 +166,15 @@ class ViewMap:
 
     @cached_property
     def _shares_of_triangles(self) -> tuple[Floats, int]:
-        return self._shares_of_some(self.triangles)
+        return self._shares_of(self.triangles)
+
+    def _shares_of(self, pieces: Ints, n_parts: Ints | None = None) -> tuple[Floats, int]:
+        return shares_of(self.points, pieces, self.display_size, n_parts=n_parts)
 
     @property
     def n_cut_shares(self) -> float:
         """About how many shares the pixels make that are not in smooth cells."""
         return float(self.n_by_kind[1, -3:].sum())
-
-    def _shares_of_some(self, pieces: Ints, n_parts: Ints | None = None) -> tuple[Floats, int]:
-        """About how many shares each of some pieces (n, 4 or 3) makes, cut into n_parts a side;
-        and for how many pieces each of them stands, where there are many.
-
-        A convex part wide w and high h, of area a, touches a + w + h + 1 pixels on average.
-        """
-        step = 1 + len(pieces) // COUNTED
-        some = pieces[::step]
-        parts = np.ones(len(some)) if n_parts is None else n_parts[::step]
-        corners = [taken(self.points.xy, number) for number in some.T]
-        low, high = (reduce(bound, corners) for bound in (np.minimum, np.maximum))
-        size = np.clip(high, 0, self.display_size) - np.clip(low, 0, self.display_size)
-        is_seen = ((high > 0) & (low < self.display_size)).all(axis=1)
-
-        area = area_within(*np.moveaxis(corners, 2, 0), self.display_size)
-        area = np.fmin(area, size.prod(axis=1))
-        # of many parts those beside the image make none
-        with np.errstate(invalid="ignore", divide="ignore"):
-            within = np.nan_to_num((size / (high - low)).prod(axis=1), nan=1.0)
-        n_seen = 1 + (parts**2 - 1) * within
-        lines = 1 + (parts - 1) * np.sqrt(within)
-        return np.where(is_seen, area + lines * size.sum(axis=1) + n_seen, 0.0), step
 
     @property
     def is_whole(self) -> Bools:

@@ -24,10 +24,12 @@ from ..settings import Settings
 from ..steps import Pauses, at, within
 from ..viewer import Viewer
 from .channel import shares_of
+from .pace import seconds_to_paint
 from .picture_coverage import of_the_picture
-from .progress import STAGES, seconds_to_paint
+from .progress import STAGES
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
+SPREAD = 1.5  # times as many shares as others of their kind may the last cells make
 
 
 @dataclass(eq=False)
@@ -76,7 +78,8 @@ class Placed:
         n_cells, n_before = batches.before_lot
         before, with_lot = np.interp((n_cells, batches.n_divided), self.cells, self.n_made)
         of_lot = max(with_lot - before - (batches.n_made - n_before), 0.0)
-        left = min(max(self.n_made[-1] - batches.n_made, 0.0), of_lot + self.n_made[-1] - with_lot)
+        by_cells = SPREAD * (of_lot + self.n_made[-1] - with_lot)
+        left = min(max(self.n_made[-1] - batches.n_made, 0.0), by_cells)
         whole = max(batches.n_made + left, 1.0)
         return min(1.0, float(STAGES.made * batches.n_made + (1 - STAGES.made) * n) / whole)
 

@@ -3,19 +3,15 @@
 Nothing but the bar that is watched depends on these numbers.
 """
 
-import timeit
 from collections.abc import Generator
 from dataclasses import dataclass
-from functools import lru_cache
-from time import perf_counter, thread_time
-from typing import NamedTuple, TypeVar
+from time import perf_counter
+from typing import TypeVar
 
-import numpy as np
-
-from .. import kernel
 from ..light.plan import Plan
 from ..map.ray_guess import RaysAhead
-from ..map.view_map import ViewMap
+from ..map.share_guess import shares_ahead
+from .pace import pace, times_slower
 
 Result = TypeVar("Result")
 
@@ -37,100 +33,10 @@ class Stages:
     made: float = 0.6
 
 
-class GlassPace(NamedTuple):
-    """The pace of solves through one kind of glass.
-
-    searched : times as long as others takes a ray that is searched with
-    search : what each of a map's searches takes besides, s, however few its rays are, for
-        each pause that the first squares took: in small batches all events take their time
-    after_pixel, after_ray : of the work after tracing but for measuring, s for a pixel
-        that is lit, of the viewer or the display, and for a ray
-    measured, measured_rays : to measure errors, s, and as long as so many rays of the view map
-    """
-
-    searched: float
-    search: float
-    after_pixel: float
-    after_ray: float
-    measured: float
-    measured_rays: float
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Seconds that parts of a solve take, about, where `times_slower` is 1.
-
-    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*).
-
-    flat, curved, bent : glass without a curved face, with nothing else, and such as has flat
-        triangles with bent normals: there errors take longest to measure
-    painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
-    after_view_pixel : of the work after tracing but for measuring, a viewer pixel, lit or not
-    covered_pixel, covered_point : to find how much of the picture is shown, a viewer
-        pixel and a point of the map
-    """
-
-    flat: GlassPace
-    curved: GlassPace
-    bent: GlassPace
-    painted_pixel: float
-    painted_cell: float
-    painted_share: float
-    after_view_pixel: float = 0.1e-6
-    covered_pixel: float = 0.06e-6
-    covered_point: float = 0.05e-6
-
-    def through(self, plan: Plan) -> GlassPace:
-        """The pace of solves through the glass of a plan."""
-        if plan.is_flat:
-            return self.flat
-        return self.bent if plan.triangles.is_bent.any() else self.curved
-
-
 STAGES = Stages()
-PACE = Pace(
-    flat=GlassPace(1.2, 0.16e-3, 0.64e-6, 0.04e-6, 0.0035, 0.7e3),
-    curved=GlassPace(1.5, 0.36e-3, 1.36e-6, 1.1e-6, 0.0, 2e3),
-    bent=GlassPace(1.5, 0.24e-3, 0.57e-6, 1e-6, 0.045, 14e3),
-    painted_pixel=0.05e-6,
-    painted_cell=0.24e-6,
-    painted_share=0.1e-6,
-)
-NUMPY_PACE = Pace(
-    flat=GlassPace(1.0, 1.2e-3, 3.2e-6, 0.4e-6, 0.01, 0.5e3),
-    curved=GlassPace(1.5, 4e-3, 4.6e-6, 5.5e-6, 0.03, 1e3),
-    bent=GlassPace(2.0, 6e-3, 1.8e-6, 4.0e-6, 0.1, 2e3),
-    painted_pixel=0.05e-6,
-    painted_cell=0.3e-6,
-    painted_share=0.7e-6,
-)
-
 MOST_TOLD = 0.97  # before all is done: remarks come at the end
 TINY = 1e-9  # s
 TRUST = 0.3  # of a part of the work: what is expected of it weighs as much as if so much were done
-PROBE = np.ones((1 << 14, 3))
-STAYS = 10.0
-PROBE_SECONDS = 300e-6  # that the norms of its rows take on the machine of PACE
-
-
-def pace() -> Pace:
-    """The pace of solves with the kernel, or by numpy alone."""
-    return NUMPY_PACE if kernel.library() is None else PACE
-
-
-def times_slower() -> float:
-    """How many times slower this machine is than the one of PACE, whatever else it does: found
-    anew after STAYS seconds.
-    """
-    return _times_slower(int(perf_counter() / STAYS))
-
-
-@lru_cache(maxsize=1)
-def _times_slower(_: int) -> float:
-    passes = timeit.repeat(
-        lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=10, timer=thread_time
-    )
-    return min(passes) / PROBE_SECONDS
 
 
 class Bar:
@@ -230,25 +136,25 @@ class Searches:
 class Ahead:
     """What is still to come of a solve while a view map of a plan is traced."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, of_plan: float) -> None:
+        """For a plan that was made in so many seconds."""
         self._plan = plan
         self._of = pace()
         self._through = self._of.through(plan)
+        self._measuring = self._of.to_measure(plan, of_plan)
         self._searches = Searches()
 
     def seconds(self, rays: RaysAhead, so_far: float) -> float:
         """About how long it goes on after so many seconds of tracing."""
         to_trace = self._to_trace(rays, so_far)
         viewer, display = self._plan.viewer, self._plan.rig.display
-        n_pixels = viewer.width * viewer.height
-        after = times_slower() * (
-            self._through.after_pixel * rays.lit * max(n_pixels, display.width * display.height)
-            + self._of.after_view_pixel * n_pixels
-            + self._through.after_ray * rays.expected
-            + self._through.measured
+        made = shares_ahead(self._plan, rays)
+        return (
+            to_trace
+            + self._of.to_paint(display.width * display.height, made)
+            + self._of.to_cover(viewer.width * viewer.height, rays.expected)
+            + self._measuring
         )
-        of_ray = (so_far + to_trace) / rays.expected
-        return to_trace + after + self._through.measured_rays * of_ray
 
     def _to_trace(self, rays: RaysAhead, so_far: float) -> float:
         """Seconds of tracing to come: searches take as much longer than expected as those before.
@@ -273,28 +179,3 @@ class Ahead:
         left = max(of_search * to_come.searches - begun, 0.0)
         to_search = of_searched * to_come.searched + left
         return of_ray * (to_come.every - to_come.searched) + slower * to_search
-
-
-def seconds_to_measure(plan: Plan, of_ray: float) -> float:
-    """About how long it takes to measure the errors of a plan, a ray of which takes so long."""
-    of = pace().through(plan)
-    return times_slower() * of.measured + of.measured_rays * of_ray
-
-
-def seconds_to_paint(view_map: ViewMap) -> float:
-    """About how long it takes to paint a view map, with all that comes with it."""
-    width, height = view_map.display_size
-    n_cells, n_shares = view_map.n_by_kind.sum(axis=1)
-    of = pace()
-    return times_slower() * float(
-        of.painted_pixel * (width * height)
-        + of.painted_cell * n_cells
-        + of.painted_share * n_shares
-    )
-
-
-def seconds_to_cover(view_map: ViewMap) -> float:
-    """About how long it takes to find how much of the picture a viewer is shown."""
-    of = pace()
-    n_pixels = view_map.view_size[0] * view_map.view_size[1]
-    return times_slower() * (of.covered_pixel * n_pixels + of.covered_point * len(view_map.points))

@@ -93,9 +93,9 @@ def sample_reached(
         plan = plan.seen_by(viewer)
         lap("plan")
 
-        of_plan = perf_counter() - started
+        planned = of_plan = perf_counter() - started
         sampling = Sampling(plan, is_coarse)
-        ahead = Ahead(plan)
+        ahead = Ahead(plan, planned)
         steps = sampling.sample()
 
         try:
@@ -106,7 +106,8 @@ def sample_reached(
                     of_plan = so_far
                 if sampling.ahead.is_guessed:
                     rest = ahead.seconds(sampling.ahead, so_far - of_plan)
-                    share = so_far / (so_far + rest)
+                    if sampling.ahead.can_be_told:
+                        share = so_far / (so_far + rest)
                 # a solve that begins again has come no further
                 told = max(told, share)
                 yield told

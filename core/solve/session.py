@@ -29,9 +29,10 @@ from .disagreement import is_comparable, is_sharp, settle
 from .known import Optics, Place, keys_of, placed_for
 from .measured import measuring
 from .memory import check_memory, check_traced
+from .pace import seconds_to_cover, seconds_to_measure
 from .painting import Clock, Placed, finished, paint, place, weight_beside
 from .picture_coverage import of_the_picture
-from .progress import STAGES, Bar, seconds_to_cover, seconds_to_measure
+from .progress import STAGES, Bar
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
@@ -80,7 +81,7 @@ class Session:
         # what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
         unmeasured = [traced for traced in optics.channels if traced.measured is None]
-        to_measure = sum(seconds_to_measure(of.plan, of.seconds_of_ray) for of in unmeasured)
+        to_measure = sum(seconds_to_measure(of.plan, of.seconds_of_plan) for of in unmeasured)
         to_cover = sum(
             seconds_to_cover(traced.view_map)
             for traced, one in zip(optics.channels, placed.channels, strict=True)
@@ -234,7 +235,7 @@ class Session:
         """Trace the view map of one viewer; yields progress of the
         whole solve as if there were no other.
         """
-        before = clock.seconds.get("tracing", 0.0)
+        before = clock.seconds.get("plan", 0.0)
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
@@ -243,13 +244,11 @@ class Session:
             self.is_tracing = False
 
         clock.lap("tracing")
-        of_ray = (clock.seconds["tracing"] - before) / max(view_map.n_rays, 1)
-
         yield from at(told, view_map.look_far())
         clock.lap("shares")
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
-        return Traced(plan, view_map, weight, of_ray)
+        return Traced(plan, view_map, weight, clock.seconds["plan"] - before)
 
 
 def _is_to_be_settled(place: Place, rig: Rig) -> bool:

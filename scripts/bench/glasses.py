@@ -9,8 +9,9 @@ times the rays that are still to come differ from a guess of them, each time it 
 to 90 %. `MB` is the memory taken, on Linux, and `told` how many times that differs from the
 estimate. Each solve is the first of a process of its own. `curved` is the share of the triangles
 with a curved face, `beyond` the share that is seen off by more than the tolerance, `sampled` where
-light is chaotic. With `--processor` all seconds are the processor's, for one thread: other work
-beside it changes little.
+light is chaotic. With `--processor` all seconds are the processor's, of the thread that a solve is
+begun in: other work beside it changes little. That is one thread, or with `--threads 2` what the
+clock shows where nothing else runs.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
@@ -86,13 +87,13 @@ def main() -> None:
         "--rays", action="store_true", help="how many rays a viewer pixel takes, instead"
     )
     parser.add_argument(
-        "--processor", action="store_true", help="the processor's seconds, for one thread"
+        "--processor", action="store_true", help="the processor's seconds, of the first thread"
     )
     parser.add_argument(
         "--here", action="store_true", help="measure the first glass here and print its line"
     )
     arguments = parser.parse_args()
-    kernel.use_threads(1 if arguments.processor else arguments.threads)
+    kernel.use_threads(arguments.threads or int(arguments.processor))
     if arguments.processor:
         for module in (reach, progress, painting, sys.modules[__name__]):
             module.perf_counter = thread_time

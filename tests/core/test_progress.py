@@ -1,13 +1,120 @@
 """The rest of a solve as it is told, by a clock that the tests set."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
 import pytest
 
+from kiriko.core import kernel
+from kiriko.core.image.source_image import Painting
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.ray_guess import Rays, RaysAhead
+from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.settings import Settings
-from kiriko.core.solve import progress
-from kiriko.core.solve.progress import Ahead, Bar
-from known.reference_rigs import cube_rig
+from kiriko.core.solve import pace, painting, progress, reach
+from kiriko.core.solve.pace import GlassPace, Pace, Seconds
+from kiriko.core.solve.progress import STAGES, Ahead, Bar
+from kiriko.core.solve.session import Session
+from known.reference_rigs import ball_rig, bottle, cube_rig, glass_rig, torus
+
+RIGS = {
+    "ball": lambda: ball_rig(4, pixels=256),
+    "torus": lambda: glass_rig(torus(0.04, 0.015), pixels=256),
+    "ball before a finer display": lambda: ball_rig(4, pixels=128, display_pixels=512),
+    "cube before a finer display": lambda: cube_rig(pixels=128, display_pixels=512),
+    "bottle before a finer display": lambda: glass_rig(bottle(), pixels=128, display_pixels=768),
+    "torus before a finer display": lambda: glass_rig(
+        torus(0.04, 0.015), pixels=128, display_pixels=768
+    ),
+}
+# s, by the clock that goes by counts
+RAY = 2e-6
+SHARE = 0.3e-6
+AT_ONCE = GlassPace(searched=1.0, search=0.0, measured=0.0)
+
+
+@contextmanager
+def counting_clock(monkeypatch) -> Iterator[list[float]]:
+    """A clock that goes by the rays that are traced and the shares that are made and painted,
+    which take so many seconds each; and the pace of solves by it. All else takes no time.
+    """
+    now = [0.0]
+    of_pace = Pace(
+        flat=AT_ONCE,
+        curved=AT_ONCE,
+        bent=AT_ONCE,
+        painted_pixel=Seconds(0.0),
+        painted_cell=Seconds(0.0),
+        painted_share=Seconds(SHARE),
+        covered_pixel=0.0,
+        covered_point=0.0,
+        planned_again=0.0,
+    )
+    count, made = RaysAhead.count, ShareBatches._count
+    find_strokes, add = painting.find_strokes, Painting.add
+    n_found = [0]
+
+    def trace(ahead, n):
+        now[0] += RAY * n
+        count(ahead, n)
+
+    def make(batches, n_cells, n_shares):
+        now[0] += STAGES.made * SHARE * n_shares
+        made(batches, n_cells, n_shares)
+
+    def find(picture, viewer, shares, reads):
+        n_found[0] = len(shares)
+        return find_strokes(picture, viewer, shares, reads)
+
+    def paint(to, pyramid, strokes):
+        add(to, pyramid, strokes)
+        now[0] += (1 - STAGES.made) * SHARE * n_found[0]
+
+    with monkeypatch.context() as patch:
+        for module in (reach, progress, painting):
+            patch.setattr(module, "perf_counter", lambda: now[0])
+        for module in (pace, progress):
+            patch.setattr(module, "times_slower", lambda: 1.0)
+            patch.setattr(module, "pace", lambda: of_pace)
+        patch.setattr(RaysAhead, "count", trace)
+        patch.setattr(ShareBatches, "_count", make)
+        patch.setattr(painting, "find_strokes", find)
+        patch.setattr(Painting, "add", paint)
+        yield now
+
+
+@pytest.mark.skipif(kernel.library() is None, reason="numpy takes minutes for it")
+@pytest.mark.parametrize("name", RIGS)
+def test_the_rest_is_told_within_a_factor_of_two(monkeypatch, name):
+    """From 10 % to 90 % of the work as it is told. Half of the time and
+    more goes to shares, none of which is made before all rays are traced.
+    """
+    with counting_clock(monkeypatch) as now:
+        told, seconds = [], []
+        for part in Session().solve(RIGS[name](), Settings()):
+            told.append(part)
+            seconds.append(now[0])
+    told, seconds = np.array(told), np.array(seconds)
+    some = (told >= 0.1) & (told <= 0.9)
+    assert some.sum() >= 10
+    factor = seconds[some] * (1 / told[some] - 1) / (now[0] - seconds[some])
+    assert factor.min() >= 0.5
+    assert factor.max() <= 2
+
+
+def test_threads_share_what_the_kernel_does():
+    """What numpy does takes its time, however many there are."""
+    seconds = Seconds(alone=2.0, shared=6.0)
+    try:
+        kernel.use_threads(1)
+        of_one = seconds.by_clock / pace.times_slower()
+        kernel.use_threads(3)
+        of_three = seconds.by_clock / pace.times_slower()
+    finally:
+        kernel.use_threads(0)
+    assert of_one == pytest.approx(2 + 6)
+    assert of_three == pytest.approx(2 + 6 / 3)
 
 
 def test_while_nothing_new_is_told_the_rest_of_the_time_passes(monkeypatch):
@@ -39,7 +146,7 @@ def test_a_search_that_has_ended_tells_how_long_the_next_will_take(monkeypatch):
     While it is under way the first, many at once, do not tell that it is fast.
     """
     monkeypatch.setattr(progress, "times_slower", lambda: 1.0)
-    ahead = Ahead(make_plan(cube_rig(pixels=64), Settings()))
+    ahead = Ahead(make_plan(cube_rig(pixels=64), Settings()), of_plan=0.0)
     rays = RaysAhead(0)
     rays.count(1000)
     rays.expect(Rays(2000, 2000, searches=2))

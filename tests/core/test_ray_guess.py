@@ -83,3 +83,14 @@ def test_the_bar_moves_before_the_rays_can_be_guessed(name):
     made = traced(name)
     assert sorted(made.begun) == pytest.approx(np.linspace(0, UNKNOWN, made.n_sizes))
     assert UNKNOWN < 0.1
+
+
+def test_before_a_finer_display_no_tenth_is_told_until_pieces_tell_how_far_light_spreads():
+    """Their shares may be most of the work. Before one of as many pixels it is told sooner."""
+    for size, waits in ((64, False), (128, True)):
+        sampling = Sampling(make_plan(ball_rig(4, pixels=64, display_pixels=size), Settings()))
+        told = {False: [0.0], True: [0.0]}
+        for part in sampling.sample():
+            told[sampling.ahead.n_shares is not None].append(part)
+        assert (max(told[False]) <= UNKNOWN) == waits
+        assert max(told[True]) > 0.9

@@ -22,7 +22,7 @@ from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import painting, progress, reach
 from kiriko.core.solve.accuracy import rounding_error
-from kiriko.core.solve.progress import pace
+from kiriko.core.solve.pace import Seconds, pace
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.tessellation import tessellation
@@ -657,8 +657,15 @@ def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
     of it goes on from there: `solve` looks at that.
     """
     of = pace()
-    at_once = of.curved._replace(after_pixel=0.0, after_ray=0.0, measured_rays=0.0)
-    monkeypatch.setattr(progress, "pace", lambda: replace(of, curved=at_once, covered_pixel=0.0))
+    nothing = {name: Seconds(0.0) for name in ("painted_pixel", "painted_cell", "painted_share")}
+    at_once = replace(
+        of,
+        curved=of.curved._replace(measured=0.0),
+        covered_pixel=0.0,
+        covered_point=0.0,
+        **nothing,
+    )
+    monkeypatch.setattr(progress, "pace", lambda: at_once)
     assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
 
 

@@ -1,0 +1,155 @@
+"""The pace of a solve: about how long its parts take, by how much there is to do.
+
+Parts that the kernel's threads share take less by the clock, the more threads there are; what numpy
+does takes its time all the same.
+"""
+
+import timeit
+from dataclasses import dataclass
+from functools import lru_cache
+from time import perf_counter, thread_time
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import kernel
+from ..light.plan import Plan
+from ..map.share_guess import CellsAndShares
+from ..map.view_map import ViewMap
+from .coarse_parts import coarsest
+
+PROBE = np.ones((1 << 14, 3))
+STAYS = 10.0
+PROBE_SECONDS = 300e-6  # that the norms of its rows take on the machine of PACE
+
+
+class Seconds(NamedTuple):
+    """Of a part of the work, on the machine of PACE: of the one
+    thread that does it, and those that the kernel's threads share.
+    """
+
+    alone: float
+    shared: float = 0.0
+
+    @property
+    def by_clock(self) -> float:
+        """On this machine, with as many threads as there are."""
+        return times_slower() * (self.alone + self.shared / kernel.n_threads())
+
+
+class GlassPace(NamedTuple):
+    """The pace of solves through one kind of glass.
+
+    searched : times as long as others takes a ray that is searched with
+    search : what each of a map's searches takes besides, s, however few its rays are, for
+        each pause that the first squares took: in small batches all events take their time
+    measured : to measure errors, s, by numpy for the most part
+    """
+
+    searched: float
+    search: float
+    measured: float
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Seconds that parts of a solve take, about, where `times_slower` is 1.
+
+    Fitted to the glass that artists bring (`dev.py glasses`, column *rest x*).
+
+    flat, curved, bent : glass without a curved face, with nothing else, and such as has flat
+        triangles with bent normals: there errors take longest to measure
+    painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
+    covered_pixel, covered_point : to find how much of the picture is shown, a viewer
+        pixel and a point of the map
+    planned_again : times as long as its plan takes glass that is compared with
+        another surface, because it is coarse
+    """
+
+    flat: GlassPace
+    curved: GlassPace
+    bent: GlassPace
+    painted_pixel: Seconds
+    painted_cell: Seconds
+    painted_share: Seconds
+    covered_pixel: float = 0.06e-6
+    covered_point: float = 0.05e-6
+    planned_again: float = 2.5
+
+    def through(self, plan: Plan) -> GlassPace:
+        """The pace of solves through the glass of a plan."""
+        if plan.is_flat:
+            return self.flat
+        return self.bent if plan.triangles.is_bent.any() else self.curved
+
+    def to_paint(self, n_pixels: int, made: CellsAndShares) -> float:
+        """Seconds to paint so many display pixels, cells and shares."""
+        return (
+            self.painted_pixel.by_clock * n_pixels
+            + self.painted_cell.by_clock * made.n_cells
+            + self.painted_share.by_clock * made.n_shares
+        )
+
+    def to_cover(self, n_pixels: int, n_points: float) -> float:
+        """Seconds to find how much of the picture a viewer of so many pixels is shown."""
+        return times_slower() * (self.covered_pixel * n_pixels + self.covered_point * n_points)
+
+    def to_measure(self, plan: Plan, of_plan: float) -> float:
+        """Seconds to measure the errors of a plan that was made in so many."""
+        again = self.planned_again * of_plan if coarsest(plan.counts) >= 0 else 0.0
+        return times_slower() * self.through(plan).measured + again
+
+
+PACE = Pace(
+    flat=GlassPace(1.2, 0.16e-3, 0.006),
+    curved=GlassPace(1.5, 0.36e-3, 0.02),
+    bent=GlassPace(1.5, 0.24e-3, 0.09),
+    painted_pixel=Seconds(0.05e-6),
+    painted_cell=Seconds(0.04e-6, 0.165e-6),
+    painted_share=Seconds(0.075e-6, 0.035e-6),
+)
+NUMPY_PACE = Pace(
+    flat=GlassPace(1.0, 1.2e-3, 0.02),
+    curved=GlassPace(1.5, 4e-3, 0.06),
+    bent=GlassPace(2.0, 6e-3, 0.2),
+    painted_pixel=Seconds(0.05e-6),
+    painted_cell=Seconds(0.3e-6),
+    painted_share=Seconds(0.7e-6),
+)
+
+
+def pace() -> Pace:
+    """The pace of solves with the kernel, or by numpy alone."""
+    return NUMPY_PACE if kernel.library() is None else PACE
+
+
+def times_slower() -> float:
+    """How many times slower this machine is than the one of PACE, whatever else it does: found
+    anew after STAYS seconds.
+    """
+    return _times_slower(int(perf_counter() / STAYS))
+
+
+@lru_cache(maxsize=1)
+def _times_slower(_: int) -> float:
+    passes = timeit.repeat(
+        lambda: np.linalg.norm(PROBE, axis=1), number=1, repeat=10, timer=thread_time
+    )
+    return min(passes) / PROBE_SECONDS
+
+
+def seconds_to_measure(plan: Plan, of_plan: float) -> float:
+    """About how long it takes to measure the errors of a plan that was made in so many seconds."""
+    return pace().to_measure(plan, of_plan)
+
+
+def seconds_to_paint(view_map: ViewMap) -> float:
+    """About how long it takes to paint a view map, with all that comes with it."""
+    width, height = view_map.display_size
+    return pace().to_paint(width * height, CellsAndShares(*view_map.n_by_kind.sum(axis=1)))
+
+
+def seconds_to_cover(view_map: ViewMap) -> float:
+    """About how long it takes to find how much of the picture a viewer is shown."""
+    width, height = view_map.view_size
+    return pace().to_cover(width * height, len(view_map.points))
