@@ -256,7 +256,8 @@ class _Cutting:
         self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
         self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
         n_shares = self.shares.take_up(self.points, found, is_tangled, simple)
-        self.ahead.n_shares = more_shares(n_shares, depth, sum(map(len, self.last)))
+        n_anew = int(simple.sum()) + sum(map(len, self.last))
+        self.ahead.n_shares = more_shares(n_shares, depth, n_anew)
         return cells.at(np.flatnonzero(simple))
 
     def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:
@@ -291,10 +292,9 @@ class _Cutting:
         """
         last = around_middles(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
         yield 0
-        n_edges = [n_unknown(self.points, cells, self.known)]
+        n_edges = [(yield from n_unknown(self.points, cells, self.known))]
         yield 0
-        n_edges.append(n_unknown(self.points, last, self.known))
-        yield 0
+        n_edges.append((yield from n_unknown(self.points, last, self.known)))
         rays = rays_of_cut(self.plan, self.points, n_edges, depth, self.chaotic)
         self.ahead.expect(rays.and_more(more).and_more(Rays(searches=N_SEARCHES - depth)))
         yield 0

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..arrays import Bools, Ints
 from ..light.plan import Plan
+from ..steps import Pauses
 from .allowance import Allowance
 from .edges import find_borders, lack
 from .known_borders import Borders, key_of, points_of
@@ -82,12 +83,14 @@ def cut_cells(
     return Cut(points, known, pieces, some[owner], lacks)
 
 
-def n_unknown(points: Points, cells: Ints, known: Borders) -> tuple[int, int]:
+def n_unknown(points: Points, cells: Ints, known: Borders) -> Pauses[tuple[int, int]]:
     """Number of the edges of cells (m, k) with a border that is not known yet; and of those with
     a landing at both ends.
     """
     key, _ = _sides(points, cells)
+    yield 0
     new = np.unique(key[~known.find(key)[0]])
+    yield 0
     near, far = points_of(new)
     n_edges = len(np.unique(key_of(np.minimum(near, far), np.maximum(near, far))))
     return n_edges, len(new) - n_edges

@@ -38,7 +38,8 @@ class ShareGuess:
         ray to come, until some are cut
     times_cut : when pixels are cut, quarters of them, and quarters of these, times as many as
         their pieces make: there will be more pieces
-    of_last : a cell that is left for the end makes so many besides, as triangles around its middle
+    of_anew : a cell that is cut anew makes so many besides, as
+        quarters, or in the end as triangles around its middle
     cells_of_ray : cells, for each ray
     most_thinned : where light spreads far, times the pieces that light a pixel in its mean light
     """
@@ -46,9 +47,9 @@ class ShareGuess:
     of_ray: float = 5
     of_flat_ray: float = 0.2
     times_cut: tuple[float, ...] = (1.7, 2.3, 2.3)
-    of_last: float = 24
+    of_anew: float = 24
     cells_of_ray: float = 0.5
-    most_thinned: float = 3.5
+    most_thinned: float = 4.0
 
 
 SHARES = ShareGuess()
@@ -92,11 +93,11 @@ class SharesOfPieces:
         return sum(step * float(n.sum()) for n, step in by_kind)
 
 
-def more_shares(n_shares: float, depth: int, n_last: int) -> float:
+def more_shares(n_shares: float, depth: int, n_anew: int) -> float:
     """How many there will be in the end, when cells that were quartered so often have pieces that
-    make so many, and so many cells are left for the end.
+    make so many, and so many cells are to be cut anew.
     """
-    return SHARES.times_cut[depth] * n_shares + SHARES.of_last * n_last
+    return SHARES.times_cut[depth] * n_shares + SHARES.of_anew * n_anew
 
 
 def shares_of(

@@ -101,7 +101,7 @@ class Pace:
 
 
 PACE = Pace(
-    flat=GlassPace(1.2, 0.16e-3, 0.006),
+    flat=GlassPace(1.2, 0.4e-3, 0.006),
     curved=GlassPace(1.5, 0.36e-3, 0.02),
     bent=GlassPace(1.5, 0.24e-3, 0.09),
     painted_pixel=Seconds(0.05e-6),
