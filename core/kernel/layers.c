@@ -21,7 +21,8 @@ typedef struct {
     double wrong;    /* distance of the nearest hit that cannot be, unless a shell cuts itself */
     bool is_inside;  /* of a closed solid */
     int64_t deeper;  /* faces of such a shell passed, more entered than left */
-    double passed;   /* distance of the last of them */
+    double passed;   /* distance of the last of them, */
+    int64_t last;    /* and its triangle */
     Hit *hit;
 } Search;
 
@@ -46,11 +47,13 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     return t > tolerance || (!is_last && t > -1e-3 * tolerance);
 }
 
-/* Pass a face of a shell that cuts itself, as core/light/passed.py does. */
-static void pass(Search *search, double t, bool is_wrong) {
-    if (!(t > search->passed + search->layer->tolerance)) return;
+/* Pass a face of a shell that cuts itself, as core/light/passed.py does; is it another than the last? */
+static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
+    if (!(t > search->passed + search->layer->tolerance)) return false;
     search->deeper += is_wrong == search->is_inside ? 1 : -1;
     search->passed = t;
+    search->last = triangle;
+    return true;
 }
 
 /* Where a ray meets the plane of a triangle, if it does between two distances. */
@@ -114,7 +117,7 @@ static bool has_passed(Search *search) {
     bool is_wrong = search->wrong < search->hit->distance;
     double t = is_wrong ? search->wrong : search->hit->distance;
     if (!is_wrong && !(search->deeper && search->hit->triangle >= 0)) return false;
-    pass(search, t, is_wrong);
+    pass(search, t, -1, is_wrong);
     search->least = t + search->layer->tolerance;
     search->wrong = search->hit->distance = INFINITY;
     search->hit->triangle = -1;
@@ -253,17 +256,29 @@ static bool ask_hull(Search *search, double enter) {
                 v = w * at_corner[1] + shot.u * at_corner[3] + shot.v * at_corner[5];
             }
             is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
-            /* from within into the glass: where a shell cuts itself */
-            if (!is_met && search->is_inside && search->leaves && dot(d, shot.normal) < 0)
-                is_met = meet_curved(curved, k, u, v, o, d, &from_outside, layer->tolerance, false, &found);
+            /* from within into the glass, before the ray leaves it around there: where a shell cuts itself */
+            Hit into;
+            if (search->is_inside && search->leaves && dot(d, shot.normal) < 0 &&
+                meet_curved(curved, k, u, v, o, d, &from_outside, layer->tolerance, false, &into) && into.enters &&
+                into.distance > fmax(search->passed, 0) + layer->tolerance &&
+                !(is_met && found.distance < into.distance)) {
+                found = into;
+                is_met = true;
+            }
         }
         if (is_met) {
             bool is_true = accept(search, &found, &is_wrong);
-            if (is_true && !search->deeper) {
+            /* the same face may be met behind several triangles of the hull */
+            bool is_same =
+                found.triangle == search->last && fabs(found.distance - search->passed) <= layer->tolerance;
+            if (is_true && !search->deeper && !is_same) {
                 *search->hit = found;
                 return false;
             }
-            if (is_true || is_wrong) pass(search, found.distance, is_wrong);
+            if ((is_true || is_wrong) && pass(search, found.distance, found.triangle, is_wrong)) {
+                step = 3 * FLOAT32 * radius;
+                asked = 0;
+            }
         }
         start = (at > start ? at : start) + step;
         step *= 2;
@@ -356,6 +371,7 @@ void first_hit(const Layer *layer, Sides *sides, const double *o, const double *
         .least = -layer->tolerance,
         .wrong = INFINITY,
         .passed = -INFINITY,
+        .last = -1,
         .hit = hit,
     };
     hit->distance = INFINITY;

@@ -27,34 +27,48 @@ class Passed:
         """
         self._is_inside = is_inside
         self._tolerance = tolerance
-        # of each ray, once there are some: faces entered more than left, and how far the last is
+        # of each ray, once there are some: faces entered more than left, how far the last is, and
+        # its triangle
         self._deeper: Ints | None = None
         self._distance: Floats | None = None
+        self._triangle: Ints | None = None
 
-    def count(self, rays: Ints, distance: Floats, is_true: Bools, is_wrong: Bools) -> Bools:
-        """Which hits (m,) of rays (m,) are true ones, with those passed.
+    def count(
+        self, rays: Ints, hits: Hits, is_true: Bools, is_wrong: Bools
+    ) -> tuple[Bools, Bools | None]:
+        """Which hits (m,) of rays (m,) are true ones, with those passed, and which are passed now,
+        None for none.
 
-        distance : (m,) m; is_true, is_wrong : (m,) are they true ones, or such that cannot be,
-            of shells that do not cut themselves
+        is_true, is_wrong : (m,) are they true ones, or such that cannot be, of shells that do not
+            cut themselves
         """
         if self._deeper is None:
             if not is_wrong.any():
-                return is_true
+                return is_true, None
             self._deeper = np.zeros(len(self._is_inside), np.int64)
             self._distance = np.full(len(self._is_inside), -np.inf)
+            self._triangle = np.full(len(self._is_inside), -1)
 
         turns = np.where(self._is_inside[rays], 1, -1)
         deeper = self._deeper[rays]
         leaves = is_true & (deeper != 0)
-        is_new = distance > self._distance[rays] + self._tolerance
-        passes = (is_wrong | leaves) & is_new
+        further = hits.distance - self._distance[rays]
+        passes = (is_wrong | leaves) & (further > self._tolerance)
+
+        # the same face may be met behind several triangles of the hull
+        is_same = (hits.triangle == self._triangle[rays]) & (np.abs(further) <= self._tolerance)
         self._deeper[rays[passes]] = (deeper + np.where(is_wrong, turns, -turns))[passes]
-        self._distance[rays[passes]] = distance[passes]
-        return is_true & ~leaves
+        self._distance[rays[passes]] = hits.distance[passes]
+        self._triangle[rays[passes]] = hits.triangle[passes]
+        return is_true & ~leaves & ~is_same, passes
+
+    def last(self, rays: Ints) -> Floats:
+        """How far the last face is that each of rays (m,) has passed, m, -inf for none."""
+        return np.full(len(rays), -np.inf) if self._distance is None else self._distance[rays]
 
     def any_of(self, rays: Ints) -> bool:
         """Has one of rays (m,) passed a face?"""
-        return self._distance is not None and bool(np.isfinite(self._distance[rays]).any())
+        return bool(np.isfinite(self.last(rays)).any())
 
     def lost(self, rays: Ints) -> Ints:
         """Those of rays (m,) that meet nothing more, and must have met another face."""
@@ -66,23 +80,28 @@ def enter_again(
     layer: "Layer",
     question: Question,
     rays: Ints,
-    found: Found,
-    chosen: Bools,
+    shot: tuple[Found, Bools],
     hits: tuple[Hits, Bools],
+    passed: Passed,
 ) -> None:
     """Put hits where rays (m,) within the glass enter it, beside those where they leave it.
 
-    found, chosen : what the engine has found, and for which of its rays (n,), m of them
+    shot : what the engine has found, and for which of its rays (n,), m of them
     hits : where they meet the layer, and whether they do (m,)
     """
     if layer.curved is None or question.leaves is None:
         return
+    found, chosen = shot
     some, is_met = hits
     enters = dot(question.lines.directions[rays], found.normal[chosen]) < 0
-    asked = np.flatnonzero(~is_met & enters & question.leaves[rays] & question.is_inside[rays])
+    asked = np.flatnonzero(enters & question.leaves[rays] & question.is_inside[rays])
     if len(asked):
         which = np.flatnonzero(chosen)[asked]
         from_outside = np.zeros(len(asked), bool)
         more, is_more = layer.refine(found, which, question.lines.at(rays[asked]), from_outside)
+        # before the ray leaves around there, and no face that it has passed
+        t = more.distance
+        is_more &= more.enters & (t > np.maximum(passed.last(rays[asked]), 0.0) + layer.tolerance)
+        is_more &= ~(is_met[asked] & (some.distance[asked] < t))
         some.put(asked[is_more], more.at(is_more))
         is_met[asked[is_more]] = True

@@ -207,7 +207,7 @@ class Layer:
             nearest = nearest[meets]
             found = self.on_facets(nearest, o[todo], d[todo])
             is_true, is_wrong = question.accept(rays[todo], found)
-            is_true = passed.count(rays[todo], found.distance, is_true, is_wrong)
+            is_true, _ = passed.count(rays[todo], found, is_true, is_wrong)
             hits.put(rays[todo[is_true]], found.at(is_true))
             todo = todo[~is_true]
             nearest = nearest[~is_true]
@@ -225,9 +225,7 @@ class Layer:
     def refine(
         self, found: Found, chosen: Bools, lines: Lines, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
-        """Hits (n,) in float64 of the chosen ones that the
-        engine found, of which some may come to nothing.
-        """
+        """Hits (n,) in float64 of what the engine has found, some of which may come to nothing."""
         spots = self.asked.spots(found, chosen)
         k = spots.triangle
         if self.curved is None:
@@ -275,10 +273,12 @@ class Layer:
             asked = rays[hit]
             lines = lines if hit.all() else lines.at(hit)
             some, is_met = self.refine(found, hit, lines, question.leaves_at(asked))
-            enter_again(self, question, asked, found, hit, (some, is_met))
+            enter_again(self, question, asked, (found, hit), (some, is_met), passed)
             is_true, is_wrong = np.zeros((2, len(asked)), bool)
             is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
-            is_true = passed.count(asked, some.distance, is_true, is_wrong)
+            is_true, passes = passed.count(asked, some, is_true, is_wrong)
+            if passes is not None:
+                step[hit] = np.where(passes, 3 * FLOAT32 * self.radius, step[hit])
             good = slice(None) if is_true.all() else is_true
             hits.put(asked[good], some.at(good))
 

@@ -48,6 +48,14 @@ def bow() -> Mesh:
     return tube(0.015 * np.array([[-1, 0, -1.1], [1, 0, 1], [1, 0, -1], [-1, 0, 1.2]]), 3, 0.009)
 
 
+def rose(n: int = 260) -> Mesh:
+    """A tube in eleven loops, through up to a dozen of which a ray goes on its way."""
+    t = 2 * np.pi * (np.arange(n) + 0.5) / n
+    radius = 0.010 + 0.008 * np.cos(7 * t)
+    around = radius * np.stack([np.cos(11 * t), 0 * t, np.sin(11 * t)])
+    return tube(around.T, 5, 0.004)
+
+
 def folded() -> Mesh:
     """A ball displaced so far that it cuts itself all over, and is inside out at places."""
     ball = icosphere(0.018, 3)
@@ -57,7 +65,7 @@ def folded() -> Mesh:
 
 
 @pytest.mark.parametrize("is_compiled", [True, False])
-@pytest.mark.parametrize("shape", [eight, bow, folded])
+@pytest.mark.parametrize("shape", [eight, bow, rose, folded])
 def test_it_is_as_the_union_of_all_that_it_winds_around(shape, is_compiled):
     """Rays land where brute force has them, through places
     that a shell winds around twice as well.
