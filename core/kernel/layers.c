@@ -22,7 +22,7 @@ typedef struct {
     bool is_inside;  /* of a closed solid */
     int64_t deeper;  /* faces of such a shell passed, more entered than left */
     double passed;   /* distance of the last of them, */
-    int64_t last;    /* and its triangle */
+    int64_t last;    /* and its triangle, -1 where by itself it could not be met */
     Hit *hit;
 } Search;
 
@@ -52,7 +52,7 @@ static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     if (!(t > search->passed + search->layer->tolerance)) return false;
     search->deeper += is_wrong == search->is_inside ? 1 : -1;
     search->passed = t;
-    search->last = triangle;
+    search->last = is_wrong ? -1 : triangle;
     return true;
 }
 
@@ -117,6 +117,8 @@ static bool has_passed(Search *search) {
     bool is_wrong = search->wrong < search->hit->distance;
     double t = is_wrong ? search->wrong : search->hit->distance;
     if (!is_wrong && !(search->deeper && search->hit->triangle >= 0)) return false;
+    /* rounding may change the order of two faces in one place */
+    if (is_wrong && !search->deeper && search->hit->distance <= t + search->layer->tolerance) return false;
     pass(search, t, -1, is_wrong);
     search->least = t + search->layer->tolerance;
     search->wrong = search->hit->distance = INFINITY;
@@ -268,10 +270,12 @@ static bool ask_hull(Search *search, double enter) {
         }
         if (is_met) {
             bool is_true = accept(search, &found, &is_wrong);
-            /* the same face may be met behind several triangles of the hull */
-            bool is_same =
-                found.triangle == search->last && fabs(found.distance - search->passed) <= layer->tolerance;
-            if (is_true && !search->deeper && !is_same) {
+            /* the same face may be met behind several triangles of the hull, and rounding may change the order of two
+               faces in one place */
+            bool is_here = fabs(found.distance - search->passed) <= layer->tolerance;
+            bool is_same = is_here && found.triangle == search->last;
+            bool is_swapped = is_here && search->last < 0 && (search->deeper == 1 || search->deeper == -1);
+            if (is_true && (!search->deeper || is_swapped) && !is_same) {
                 *search->hit = found;
                 return false;
             }
@@ -284,6 +288,16 @@ static bool ask_hull(Search *search, double enter) {
         step *= 2;
     }
     return search->is_inside || search->deeper;
+}
+
+/* Ask all of few triangles. */
+static void search_few(Search *search, double within) {
+    const Layer *layer = search->layer;
+    for (int64_t k = 0; k < layer->n_triangles; k++) {
+        Hit found;
+        if (meet_facet(search, layer->frames + 12 * k, k, EDGE, &found) && found.distance <= within)
+            consider(search, &found, NULL);
+    }
 }
 
 static void turn(const double *rotation, bool is_back, double *vector) {
@@ -310,14 +324,11 @@ static void find(Search *search, double within) {
     slab(low, high, o, inverse, &enter, &leave);
     if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
     if (!layer->has_engine) {
-        do {
-            for (int64_t k = 0; k < layer->n_triangles; k++) {
-                Hit found;
-                const double *frame = layer->frames + 12 * k;
-                if (meet_facet(search, frame, k, EDGE, &found) && found.distance <= within)
-                    consider(search, &found, NULL);
-            }
-        } while (has_passed(search));
+        do search_few(search, within);
+        while (has_passed(search));
+        if (search->hit->triangle >= 0 || search->passed == -INFINITY || !(is_inside || search->deeper)) return;
+        search->least = -layer->tolerance; /* the numbers do not come out even: no shell cuts itself there */
+        search_few(search, within);
         return;
     }
 

@@ -28,7 +28,7 @@ class Passed:
         self._is_inside = is_inside
         self._tolerance = tolerance
         # of each ray, once there are some: faces entered more than left, how far the last is, and
-        # its triangle
+        # its triangle, -1 where by itself it could not be met
         self._deeper: Ints | None = None
         self._distance: Floats | None = None
         self._triangle: Ints | None = None
@@ -50,16 +50,20 @@ class Passed:
             self._triangle = np.full(len(self._is_inside), -1)
 
         turns = np.where(self._is_inside[rays], 1, -1)
-        deeper = self._deeper[rays]
-        leaves = is_true & (deeper != 0)
+        deeper, last = self._deeper[rays], self._triangle[rays]
         further = hits.distance - self._distance[rays]
-        passes = (is_wrong | leaves) & (further > self._tolerance)
+        is_here = np.abs(further) <= self._tolerance
 
-        # the same face may be met behind several triangles of the hull
-        is_same = (hits.triangle == self._triangle[rays]) & (np.abs(further) <= self._tolerance)
+        # the same face may be met behind several triangles of the hull,
+        # and rounding may change the order of two faces in one place
+        is_same = is_here & (hits.triangle == last)
+        is_swapped = is_here & (last < 0) & (np.abs(deeper) == 1)
+        leaves = is_true & (deeper != 0) & ~is_swapped
+
+        passes = (is_wrong | leaves) & (further > self._tolerance)
         self._deeper[rays[passes]] = (deeper + np.where(is_wrong, turns, -turns))[passes]
         self._distance[rays[passes]] = hits.distance[passes]
-        self._triangle[rays[passes]] = hits.triangle[passes]
+        self._triangle[rays[passes]] = np.where(is_wrong, -1, hits.triangle)[passes]
         return is_true & ~leaves & ~is_same, passes
 
     def last(self, rays: Ints) -> Floats:
@@ -69,6 +73,10 @@ class Passed:
     def any_of(self, rays: Ints) -> bool:
         """Has one of rays (m,) passed a face?"""
         return bool(np.isfinite(self.last(rays)).any())
+
+    def astray(self, rays: Ints) -> Ints:
+        """Those of rays (m,) that have passed a face, and are lost."""
+        return self.lost(rays[np.isfinite(self.last(rays))])
 
     def lost(self, rays: Ints) -> Ints:
         """Those of rays (m,) that meet nothing more, and must have met another face."""

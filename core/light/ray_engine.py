@@ -47,8 +47,7 @@ class Layer:
         self.curved = curved
         self.n_triangles = len(corners)
 
-        # curved faces are hidden behind triangles that lie
-        # just in front of them, several for each
+        # curved faces are hidden behind triangles just in front of them, several for each
         owner = np.arange(len(corners))
         n_whole = len(corners)
         places = np.empty((0, 3, 2), np.float32)
@@ -70,9 +69,7 @@ class Layer:
         )
 
     def moved(self, motion: Motion) -> "Layer":
-        """The same layer elsewhere: rays are taken to where it
-        was made, so that its engine stays as it is.
-        """
+        """The same layer elsewhere, with the same engine: rays are taken to where it was made."""
         other = copy(self)
         other.motion = motion
         return other
@@ -180,7 +177,7 @@ class Layer:
             return is_flat_hit
         return is_flat_hit | (self.curved.row[hits.triangle] >= 0)
 
-    def _test_all(self, question: Question, rays: Ints, hits: Hits) -> None:
+    def _test_all(self, question: Question, rays: Ints, hits: Hits, may_pass: bool = True) -> None:
         """Put the first true hits of some rays on few flat triangles, each of which is tested."""
         o, d = question.lines.at(rays)
         k = self.n_triangles
@@ -203,15 +200,16 @@ class Layer:
         while len(todo):
             nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
             meets = np.isfinite(t[nearest, todo])
-            todo = todo[meets]
-            nearest = nearest[meets]
+            todo, nearest = todo[meets], nearest[meets]
             found = self.on_facets(nearest, o[todo], d[todo])
             is_true, is_wrong = question.accept(rays[todo], found)
-            is_true, _ = passed.count(rays[todo], found, is_true, is_wrong)
+            if may_pass:
+                is_true, _ = passed.count(rays[todo], found, is_true, is_wrong)
             hits.put(rays[todo[is_true]], found.at(is_true))
             todo = todo[~is_true]
-            nearest = nearest[~is_true]
-            t[nearest, todo] = np.inf
+            t[nearest[~is_true], todo] = np.inf
+        if len(lost := passed.astray(rays[hits.triangle[rays] < 0])):
+            self._test_all(question, lost, hits, may_pass=False)
 
     def shoot(self, lines: Lines, start: Floats) -> tuple[Found, Floats]:
         """The triangles that the engine finds from `start` on,
@@ -250,8 +248,7 @@ class Layer:
     ) -> Pauses[Ints]:
         """Put the hits that the engine finds; return the rays that must have hit something else."""
         lost, passed = [], Passed(question.is_inside, self.tolerance)
-        # far rays begin a little before the box, near ones a little
-        # ahead, so as not to meet the face they come from
+        # far rays begin a little before the box, near ones ahead, beyond the face they come from
         step = np.full(len(rays), 3 * FLOAT32 * self.radius)
         start = np.where(start > 0, start - 2 * self.tolerance, step)
         start, step = question.search.resume(rays, start, step)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kiriko.core import kernel
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.planning import make_plan
@@ -143,6 +144,10 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     d = d[::every]
     is_straight = plan.rig.glasses[0].ior.at(0) == STRAIGHT
     found = Leaks(0, 0, 0, 0, 0)
+    if kernel.library() is not None:
+        # or rays that were lost on the way would begin again in air
+        finish(kernel.making(plan))
+        finish(kernel.making_whole(plan))
 
     for first in range(0, len(d), TRACED_AT_ONCE):
         some = slice(first, first + TRACED_AT_ONCE)
