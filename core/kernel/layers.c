@@ -50,7 +50,7 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
 /* Pass a face of a shell that cuts itself, as core/light/passed.py does; is it another than the last? */
 static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     if (!(t > search->passed + search->layer->tolerance)) return false;
-    search->deeper += is_wrong == search->is_inside ? 1 : -1;
+    search->deeper += is_wrong ? 1 : -1;
     search->passed = t;
     search->last = is_wrong ? -1 : triangle;
     return true;
@@ -114,6 +114,7 @@ static void visit_face(void *context, int32_t position, double *far) {
 
 /* Is the nearest that was found a face to be passed? What lies beyond is to be searched for then. */
 static bool has_passed(Search *search) {
+    if (!search->is_inside) return false;
     bool is_wrong = search->wrong < search->hit->distance;
     double t = is_wrong ? search->wrong : search->hit->distance;
     if (!is_wrong && !(search->deeper && search->hit->triangle >= 0)) return false;
@@ -232,6 +233,7 @@ static bool ask_hull(Search *search, double enter) {
     const double *o = search->o, *d = search->d, radius = layer->radius;
     double step = 3 * FLOAT32 * radius, start = enter > 0 ? enter - 2 * layer->tolerance : step;
     const bool from_outside = false;
+    bool is_lost = false;
 
     for (int asked = 0; asked < MOST_ASKED; asked++) {
         double from[3], far = INFINITY;
@@ -274,12 +276,14 @@ static bool ask_hull(Search *search, double enter) {
                faces in one place */
             bool is_here = fabs(found.distance - search->passed) <= layer->tolerance;
             bool is_same = is_here && found.triangle == search->last;
-            bool is_swapped = is_here && search->last < 0 && (search->deeper == 1 || search->deeper == -1);
+            bool is_swapped = is_here && search->last < 0 && search->deeper == 1;
             if (is_true && (!search->deeper || is_swapped) && !is_same) {
                 *search->hit = found;
-                return false;
+                return is_lost;
             }
-            if ((is_true || is_wrong) && pass(search, found.distance, found.triangle, is_wrong)) {
+            is_lost |= is_wrong && !search->is_inside;
+            if (search->is_inside && (is_true || is_wrong) &&
+                pass(search, found.distance, found.triangle, is_wrong)) {
                 step = 3 * FLOAT32 * radius;
                 asked = 0;
             }
@@ -287,7 +291,7 @@ static bool ask_hull(Search *search, double enter) {
         start = (at > start ? at : start) + step;
         step *= 2;
     }
-    return search->is_inside || search->deeper;
+    return is_lost || search->is_inside;
 }
 
 /* Ask all of few triangles. */
@@ -324,9 +328,10 @@ static void find(Search *search, double within) {
     slab(low, high, o, inverse, &enter, &leave);
     if (!((enter <= leave && enter <= within && leave >= 0) || is_inside)) return;
     if (!layer->has_engine) {
+        if (is_inside) within = INFINITY; /* or a shell that cuts itself would seem to end before it does */
         do search_few(search, within);
         while (has_passed(search));
-        if (search->hit->triangle >= 0 || search->passed == -INFINITY || !(is_inside || search->deeper)) return;
+        if (search->hit->triangle >= 0 || search->passed == -INFINITY) return;
         search->least = -layer->tolerance; /* the numbers do not come out even: no shell cuts itself there */
         search_few(search, within);
         return;
@@ -342,7 +347,7 @@ static void find(Search *search, double within) {
         do {
             search_faces(search, EDGE, is_inside ? INFINITY : within);
         } while (has_passed(search));
-        is_lost = search->hit->triangle < 0 && (is_inside || search->deeper);
+        is_lost = search->wrong < search->hit->distance || (is_inside && search->hit->triangle < 0);
     }
     if (!is_lost) return;
     if (!layer->over_faces.nodes) {

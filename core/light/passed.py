@@ -1,7 +1,6 @@
-"""Where a shell that cuts itself begins and ends: what it winds around once or more is glass.
-
-So a ray leaves it where it has left as many of its faces as it has entered, and faces within count
-for nothing. Where the shell is inside out there is no glass.
+"""Where a ray within a shell that cuts itself leaves it: what the shell winds around once or more
+is glass. So it is where the ray has left as many of its faces as it has entered; faces within count
+for nothing.
 """
 
 from typing import TYPE_CHECKING
@@ -32,6 +31,7 @@ class Passed:
         self._deeper: Ints | None = None
         self._distance: Floats | None = None
         self._triangle: Ints | None = None
+        self._doubted: list[Ints] = []  # rays outside with a hit that cannot be
 
     def count(
         self, rays: Ints, hits: Hits, is_true: Bools, is_wrong: Bools
@@ -42,14 +42,16 @@ class Passed:
         is_true, is_wrong : (m,) are they true ones, or such that cannot be, of shells that do not
             cut themselves
         """
+        is_inside = self._is_inside[rays]
+        enters = is_wrong & is_inside
+        self._doubted.append(rays[is_wrong & ~is_inside])
         if self._deeper is None:
-            if not is_wrong.any():
+            if not enters.any():
                 return is_true, None
             self._deeper = np.zeros(len(self._is_inside), np.int64)
             self._distance = np.full(len(self._is_inside), -np.inf)
             self._triangle = np.full(len(self._is_inside), -1)
 
-        turns = np.where(self._is_inside[rays], 1, -1)
         deeper, last = self._deeper[rays], self._triangle[rays]
         further = hits.distance - self._distance[rays]
         is_here = np.abs(further) <= self._tolerance
@@ -57,13 +59,13 @@ class Passed:
         # the same face may be met behind several triangles of the hull,
         # and rounding may change the order of two faces in one place
         is_same = is_here & (hits.triangle == last)
-        is_swapped = is_here & (last < 0) & (np.abs(deeper) == 1)
-        leaves = is_true & (deeper != 0) & ~is_swapped
+        is_swapped = is_here & (last < 0) & (deeper == 1)
+        leaves = is_true & (deeper > 0) & ~is_swapped
 
-        passes = (is_wrong | leaves) & (further > self._tolerance)
-        self._deeper[rays[passes]] = (deeper + np.where(is_wrong, turns, -turns))[passes]
+        passes = (enters | leaves) & (further > self._tolerance)
+        self._deeper[rays[passes]] = (deeper + np.where(enters, 1, -1))[passes]
         self._distance[rays[passes]] = hits.distance[passes]
-        self._triangle[rays[passes]] = np.where(is_wrong, -1, hits.triangle)[passes]
+        self._triangle[rays[passes]] = np.where(enters, -1, hits.triangle)[passes]
         return is_true & ~leaves & ~is_same, passes
 
     def last(self, rays: Ints) -> Floats:
@@ -75,13 +77,15 @@ class Passed:
         return bool(np.isfinite(self.last(rays)).any())
 
     def astray(self, rays: Ints) -> Ints:
-        """Those of rays (m,) that have passed a face, and are lost."""
-        return self.lost(rays[np.isfinite(self.last(rays))])
+        """Those of rays (m,) that meet nothing more, and have passed a face."""
+        return rays[np.isfinite(self.last(rays))]
 
-    def lost(self, rays: Ints) -> Ints:
-        """Those of rays (m,) that meet nothing more, and must have met another face."""
-        is_inside = self._is_inside[rays]
-        return rays[is_inside if self._deeper is None else is_inside | (self._deeper[rays] != 0)]
+    def lost(self, ended: list[Ints]) -> Ints:
+        """The rays that must have met another face, among them those of the ones that have ended
+        without a hit.
+        """
+        ended = np.concatenate([np.empty(0, np.int64), *ended])
+        return np.concatenate([ended[self._is_inside[ended]], *self._doubted])
 
 
 def enter_again(

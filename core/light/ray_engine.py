@@ -191,7 +191,9 @@ class Layer:
         with np.errstate(invalid="ignore", divide="ignore"):
             t = -start[:k] / slope[:k]
             u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
-            is_met = is_within(u, v) & (t > -self.tolerance) & (t <= question.search.within[rays])
+            # a shell that cuts itself would seem to end before it does
+            within = np.where(question.is_inside[rays], np.inf, question.search.within[rays])
+            is_met = is_within(u, v) & (t > -self.tolerance) & (t <= within)
             t[~is_met] = np.inf
 
         # the nearest of each ray, then the next one for those where it is no true one
@@ -247,7 +249,7 @@ class Layer:
         self, question: Question, rays: Ints, start: Floats, hits: Hits
     ) -> Pauses[Ints]:
         """Put the hits that the engine finds; return the rays that must have hit something else."""
-        lost, passed = [], Passed(question.is_inside, self.tolerance)
+        ended, passed = [], Passed(question.is_inside, self.tolerance)
         # far rays begin a little before the box, near ones ahead, beyond the face they come from
         step = np.full(len(rays), 3 * FLOAT32 * self.radius)
         start = np.where(start > 0, start - 2 * self.tolerance, step)
@@ -258,8 +260,7 @@ class Layer:
             lines = question.lines.at(rays)
             found, far = self.shoot(lines, start)
             hit = found.triangle >= 0
-            if not hit.all():
-                lost.append(passed.lost(rays[~hit]))
+            ended.append(rays[~hit])
             again = np.zeros(len(rays), bool)
             if self.curved is not None and question.leaves is not None:
                 only_leaves = self.asked.are_left(found, lines.directions, far / self.radius)
@@ -291,7 +292,7 @@ class Layer:
             yield 0
             if not passed.any_of(rays) and question.search.put_off(rays, start, step):
                 break
-        return question.search.lost(asked_of, np.concatenate([asked_of[:0], *lost]))
+        return question.search.lost(asked_of, passed.lost(ended))
 
     def _rescue(self, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
         yield from rescue(self, question, rays, hits)

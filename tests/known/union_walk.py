@@ -20,13 +20,15 @@ class Walk(NamedTuple):
 
     places, directions : (k, 3)
     n_events : (k,) surfaces of the glass met
-    is_deep : (k,) it was where shells wind around it twice or more, or where they are inside out
+    is_deep, is_inside_out : (k,) it was where shells wind around it twice or more, and less than
+        never
     """
 
     places: Floats
     directions: Floats
     n_events: Ints
     is_deep: Bools
+    is_inside_out: Bools
 
 
 def through_union(o: Floats, d: Floats, mesh: Mesh, n: float, most_events: int) -> Walk:
@@ -36,7 +38,7 @@ def through_union(o: Floats, d: Floats, mesh: Mesh, n: float, most_events: int) 
     normal = unit(np.cross(along, up))
     o, d = o.copy(), d.copy()
     depth, n_events = np.zeros((2, len(o)), np.int64)
-    is_deep = np.zeros(len(o), bool)
+    is_deep, is_inside_out = np.zeros((2, len(o)), bool)
     last = np.full(len(o), -1)
     live = np.arange(len(o))
 
@@ -68,7 +70,8 @@ def through_union(o: Floats, d: Floats, mesh: Mesh, n: float, most_events: int) 
         mirrored = d[live] - 2 * (d[live] * normal[face]).sum(axis=1)[:, None] * normal[face]
         d[live] = np.where(is_tir[:, None], mirrored, np.where(bends[:, None], bent, d[live]))
         depth[live] += np.where(is_tir, 0, np.where(enters, 1, -1))
-        is_deep[live] |= (depth[live] > 1) | (depth[live] < 0)
+        is_deep[live] |= depth[live] > 1
+        is_inside_out[live] |= depth[live] < 0
         n_events[live] += bends
         live = live[n_events[live] < most_events]
-    return Walk(o, d, n_events, is_deep)
+    return Walk(o, d, n_events, is_deep, is_inside_out)
