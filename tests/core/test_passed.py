@@ -1,5 +1,7 @@
 """Shells that cut themselves: what they wind around once or more is glass, and counts once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,10 +9,10 @@ from kiriko.core import kernel
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh
+from kiriko.core.rig import Blocker, Mesh
 from kiriko.core.settings import Settings
 from known.closed_forms import landing
-from known.reference_rigs import glass_rig, icosphere
+from known.reference_rigs import glass_rig, icosphere, rig, split_quads
 from known.union_walk import through_union
 
 INDEX = 1.49
@@ -95,3 +97,47 @@ def test_it_is_as_the_union_of_all_that_it_winds_around(shape, is_compiled):
     both = has_met & found.has_arrived
     assert both.sum() > 30
     np.testing.assert_allclose(found.xy[both], expected[both], rtol=0, atol=1e-5)
+
+
+def card(y: float, side: float, n: int) -> Blocker:
+    """A square across y, of 2 n^2 triangles."""
+    x, z = np.meshgrid(*[side * (np.arange(n + 1) / n - 0.5)] * 2)
+    vertices = np.stack([x.ravel(), np.full(x.size, y), z.ravel()], axis=1)
+    return Blocker("card", Mesh(vertices, split_quads(np.arange(x.size).reshape(n + 1, n + 1))))
+
+
+def test_no_ray_slips_through_glass_and_what_stands_behind():
+    """Rays at the edges of a ball, some of which Embree lets through, and a card in its layer."""
+    a_rig = replace(rig(icosphere(0.02, 2, smooth=False)), blockers=(card(0.06, 0.4, 6),))
+    corners = a_rig.glasses[0].mesh.corners
+    away = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    eye = a_rig.viewer.position
+    front = corners[(away * (corners[:, 0] - eye)).sum(axis=1) < 0]
+    weight = np.random.default_rng(1).random((40, 1, 1, 1))
+    aims = (weight * front + (1 - weight) * np.roll(front, 1, axis=1)).reshape(-1, 3)
+    directions = aims - eye
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    plan = make_plan(a_rig, Settings())
+    with kernel.off():
+        found = trace_all(plan, np.broadcast_to(eye, directions.shape), directions)
+    assert not (found.reason == Reason.MISSED_GLASS).any()
+
+
+@pytest.mark.parametrize("is_compiled", [True, False])
+def test_what_stands_in_few_triangles_hides_no_further_face(is_compiled):
+    """A card within, of another layer, is met after as many
+    faces as if it were one of few triangles.
+    """
+    xy = 256 + 120 * (np.random.default_rng(0).random((4000, 2)) - 0.5)
+    reasons = []
+    for n in (1, 6):
+        a_rig = replace(glass_rig(bow(), ior=INDEX), blockers=(card(0.0045, 0.012, n),))
+        plan = make_plan(a_rig, Settings())
+        origins, directions = a_rig.viewer.rays(xy)
+        origins = np.broadcast_to(origins, directions.shape)
+        if is_compiled:
+            reasons.append(trace_all(plan, origins, directions).reason)
+        else:
+            with kernel.off():
+                reasons.append(trace_all(plan, origins, directions).reason)
+    assert (reasons[0] == reasons[1]).all()
