@@ -262,7 +262,7 @@ static bool ask_hull(Search *search, double enter) {
             is_met = meet_curved(curved, k, u, v, o, d, search->leaves, layer->tolerance, false, &found);
             /* from within into the glass, before the ray leaves it around there: where a shell cuts itself */
             Hit into;
-            if (search->is_inside && search->leaves && dot(d, shot.normal) < 0 &&
+            if (search->is_inside && search->leaves && dot(d, shot.normal) < 0 && !(is_met && found.distance <= at) &&
                 meet_curved(curved, k, u, v, o, d, &from_outside, layer->tolerance, false, &into) && into.enters &&
                 into.distance > fmax(search->passed, 0) + layer->tolerance &&
                 !(is_met && found.distance < into.distance)) {

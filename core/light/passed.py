@@ -92,21 +92,23 @@ def enter_again(
     layer: "Layer",
     question: Question,
     rays: Ints,
-    shot: tuple[Found, Bools],
+    shot: tuple[Found, Bools, Floats],
     hits: tuple[Hits, Bools],
     passed: Passed,
 ) -> None:
     """Put hits where rays (m,) within the glass enter it, beside those where they leave it.
 
-    shot : what the engine has found, and for which of its rays (n,), m of them
+    shot : what the engine has found, for which of its rays (n,), m of them, and how far (n,), m
     hits : where they meet the layer, and whether they do (m,)
     """
     if layer.curved is None or question.leaves is None:
         return
-    found, chosen = shot
+    found, chosen, far = shot
     some, is_met = hits
     enters = dot(question.lines.directions[rays], found.normal[chosen]) < 0
-    asked = np.flatnonzero(enters & question.leaves[rays] & question.is_inside[rays])
+    enters &= question.leaves[rays] & question.is_inside[rays]
+    # what is entered lies behind the hull: not where the ray leaves before
+    asked = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))
     if len(asked):
         which = np.flatnonzero(chosen)[asked]
         from_outside = np.zeros(len(asked), bool)

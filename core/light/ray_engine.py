@@ -271,7 +271,7 @@ class Layer:
             asked = rays[hit]
             lines = lines if hit.all() else lines.at(hit)
             some, is_met = self.refine(found, hit, lines, question.leaves_at(asked))
-            enter_again(self, question, asked, (found, hit), (some, is_met), passed)
+            enter_again(self, question, asked, (found, hit, far), (some, is_met), passed)
             is_true, is_wrong = np.zeros((2, len(asked)), bool)
             is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
             is_true, passes = passed.count(asked, some, is_true, is_wrong)
