@@ -7,7 +7,8 @@ drawn*, as Mitsuba shows it, and by *Automatic*, which follows the curved surfac
 here. `s` are seconds that passed; an error is that of the source image, as in side_by_side.py,
 against a splat of many samples, over all display pixels alike, and *as seen*: weighed by how much
 the viewer sees of each. `apart` is the share of the rays that Mitsuba's loop takes elsewhere: it
-goes astray where a mesh overlaps itself or has two faces in one place, and is no judge there. `--finer` gives Kiriko more viewer pixels, for the same display: it
+goes astray where a mesh overlaps itself or has two faces in one place, and is no judge there.
+`--finer` gives Kiriko more viewer pixels, for the same display: it
 takes longer, and errs less where borders run.
 
 With `--effort 1 4 16`, instead: what *Effort* costs and gains, of the mesh as drawn: processor
