@@ -78,8 +78,7 @@ def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -
 Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
 
 
-# rays are few where an event has so many times as many
-TIMES_FEW = 4
+TIMES_FEW = 4  # rays of an event for each that is put off, at the least
 
 
 class Search:
@@ -98,7 +97,7 @@ class Search:
         # where the engine is asked from next, and how much further
         # after that, m; NaN where it was not asked yet
         self._start, self._step = np.full((2, n), np.nan)
-        self._is_lost = np.zeros(n, bool)  # a hit was found that cannot be
+        self._is_lost = np.zeros(n, bool)  # must have met another face
         self.begin(np.arange(n), np.full(n, np.inf))
 
     def begin(self, live: Ints, within: Floats) -> None:
@@ -121,8 +120,8 @@ class Search:
         return True
 
     def lost(self, rays: Ints, lost: Ints) -> Ints:
-        """Those of some rays with a hit that cannot be, now or
-        before, of which the search is not put off.
+        """Those of some rays that must have met another face, now
+        or before, of which the search is not put off.
         """
         self._is_lost[self.live[lost]] = True
         return rays[self._is_lost[self.live[rays]] & ~self.is_open[rays]]

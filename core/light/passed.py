@@ -1,6 +1,8 @@
-"""Where a ray within a shell that cuts itself leaves it: what the shell winds around once or more
-is glass. So it is where the ray has left as many of its faces as it has entered; faces within count
-for nothing.
+"""Where a ray leaves a shell that cuts itself.
+
+All that the shell winds around, once or more, is glass. A ray within it counts the faces that it
+enters and leaves, and passes by them, until it has left one more than it has entered: there it
+leaves the glass.
 """
 
 from typing import TYPE_CHECKING
@@ -42,12 +44,13 @@ class Passed:
         is_true, is_wrong : (m,) are they true ones, or such that cannot be, of shells that do not
             cut themselves
         """
+        if self._deeper is None and not is_wrong.any():
+            return is_true, None
+
         is_inside = self._is_inside[rays]
         enters = is_wrong & is_inside
         self._doubted.append(rays[is_wrong & ~is_inside])
         if self._deeper is None:
-            if not enters.any():
-                return is_true, None
             self._deeper = np.zeros(len(self._is_inside), np.int64)
             self._distance = np.full(len(self._is_inside), -np.inf)
             self._triangle = np.full(len(self._is_inside), -1)
@@ -72,17 +75,13 @@ class Passed:
         """How far the last face is that each of rays (m,) has passed, m, -inf for none."""
         return np.full(len(rays), -np.inf) if self._distance is None else self._distance[rays]
 
-    def any_of(self, rays: Ints) -> bool:
-        """Has one of rays (m,) passed a face?"""
-        return bool(np.isfinite(self.last(rays)).any())
-
-    def astray(self, rays: Ints) -> Ints:
-        """Those of rays (m,) that meet nothing more, and have passed a face."""
+    def some_of(self, rays: Ints) -> Ints:
+        """Those of rays (m,) that have passed a face."""
         return rays[np.isfinite(self.last(rays))]
 
     def lost(self, ended: list[Ints]) -> Ints:
-        """The rays that must have met another face, among them those of the ones that have ended
-        without a hit.
+        """The rays that must have met another face: outside, those with a hit that cannot be;
+        within, those among the ones that have ended without a hit.
         """
         ended = np.concatenate([np.empty(0, np.int64), *ended])
         return np.concatenate([ended[self._is_inside[ended]], *self._doubted])

@@ -210,7 +210,9 @@ class Layer:
             hits.put(rays[todo[is_true]], found.at(is_true))
             todo = todo[~is_true]
             t[nearest[~is_true], todo] = np.inf
-        if len(lost := passed.astray(rays[hits.triangle[rays] < 0])):
+
+        # where the numbers of faces do not come out even no shell cuts itself
+        if len(lost := passed.some_of(rays[hits.triangle[rays] < 0])):
             self._test_all(question, lost, hits, may_pass=False)
 
     def shoot(self, lines: Lines, start: Floats) -> tuple[Found, Floats]:
@@ -290,7 +292,7 @@ class Layer:
             rays = rays[again]
             step = 2 * step[again]
             yield 0
-            if not passed.any_of(rays) and question.search.put_off(rays, start, step):
+            if not len(passed.some_of(rays)) and question.search.put_off(rays, start, step):
                 break
         return question.search.lost(asked_of, passed.lost(ended))
 

@@ -93,9 +93,9 @@ def sample_reached(
         plan = plan.seen_by(viewer)
         lap("plan")
 
-        planned = of_plan = perf_counter() - started
+        of_plan = perf_counter() - started
         sampling = Sampling(plan, is_coarse)
-        ahead = Ahead(plan, planned)
+        ahead = Ahead(plan, of_plan)
         steps = sampling.sample()
 
         try:
