@@ -9,13 +9,8 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.active_rig import follow, know_by_name, make_active, remember
-from ..core.blender.newcomers import (
-    copies_of,
-    keep_settings,
-    know_plates,
-    part_copies,
-    take_newcomers,
-)
+from ..core.blender.copies import is_doubled, one_set, part_copies
+from ..core.blender.newcomers import keep_settings, know_plates, take_newcomers
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
@@ -108,8 +103,9 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         rig = active_rig(context.scene)
-        has_copies = rig is not None and rig.is_editable and bool(copies_of(context.scene, rig))
-        reasons = [] if has_copies else [Message("There are no copies of the rig's parts")]
+        has_copies = rig is not None and rig.is_editable and is_doubled(context.scene)
+        told = Message("There are no copies of the rig's display and picture")
+        reasons = [] if has_copies else [told]
         if work.is_busy():
             reasons.append(needed.AT_WORK)
         return needed.can_run(cls, reasons)
@@ -117,9 +113,11 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             rig = active_rig(context.scene)
-            new = part_copies(context.scene, rig, copies_of(context.scene, rig))
-            choose_by_name(context, new.name)
-            told = Message("The copies are the rig '{name}' now: solve it.", name=new.name)
+            context.view_layer.update()  # their places tell which belong together
+            pairs = one_set(context.scene, rig, context.selected_objects)
+            name = part_copies(context.scene, rig, pairs)
+            choose_by_name(context, name)
+            told = Message("The copies are the rig '{name}' now: solve it.", name=name)
             telling.report(self, "INFO", told)
             return {"FINISHED"}
         return {"CANCELLED"}

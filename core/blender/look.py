@@ -12,13 +12,13 @@ from ..bench.helps import Help
 from ..errors import ImageError
 from ..messages import Message
 from .bodies import bodiless, shows_instances_alone
+from .copies import is_doubled
 from .cuts import cut_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
 from .material import Bends, bends_light, read_refraction, refracts
 from .mesh import column, used_slots
-from .newcomers import is_doubled
 from .objects import OBJECT_MARK
 from .plane import check_shown, image_of
 from .result_images import images_of, lacks_numbers

@@ -62,57 +62,8 @@ def take_newcomers(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
 
     copies = [group for group in groups if group not in firsts and _has_own(group, firsts)]
     for copy in copies:
-        _part(scene, next(one for one in firsts if one.kiriko.key == copy.kiriko.key), copy)
+        part(scene, next(one for one in firsts if one.kiriko.key == copy.kiriko.key), copy)
     return [*brought, *copies]
-
-
-def copies_of(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
-    """Copies that lie beside the parts of a rig, as Shift D makes them, those of its glass too; of
-    each part the first one.
-
-    Of things that were made or taken in as one, the original is that which has kept the name.
-    """
-    key = rig.kiriko.key
-    alike: dict[str, list[bpy.types.Object]] = {}
-    held = set(held_by(rig))
-    for thing in scene.objects:
-        ours = thing.kiriko
-        if marked_key(thing) == key and thing in held:
-            alike.setdefault(mark_of(thing)[1], []).append(thing)
-        elif ours.taken_as and key in ours.rigs.split():
-            alike.setdefault(ours.taken_as, []).append(thing)
-    copies = []
-    for name, things in alike.items():
-        original = next((one for one in things if one.name == name), things[0])
-        copies += [one for one in things if one != original][:1]
-    return copies
-
-
-def is_doubled(scene: bpy.types.Scene) -> bool:
-    """Was the active rig duplicated part by part, and not by its collection?"""
-    rig = active_rig(scene)
-    roles = set() if rig is None else {one.kiriko.role for one in copies_of(scene, rig)}
-    return {"DISPLAY", "PICTURE"} <= roles
-
-
-def part_copies(
-    scene: bpy.types.Scene, rig: bpy.types.Collection, copies: list[bpy.types.Object]
-) -> bpy.types.Collection:
-    """Move copies of a rig's parts to a collection beside that of the rig, and make it a rig of its
-    own: around their glass, if there is any among them.
-    """
-    new = bpy.data.collections.new(rig.name)
-    new.kiriko.key, new.kiriko.has_plate = rig.kiriko.key, rig.kiriko.has_plate
-    around = [scene.collection, *scene.collection.children_recursive]
-    next(one for one in around if rig.name in one.children).children.link(new)
-    held = {rig, *rig.children_recursive}
-    for thing in copies:
-        for group in held.intersection(thing.users_collection):
-            group.objects.unlink(thing)
-        new.objects.link(thing)
-
-    _part(scene, rig, new, any(thing.kiriko.role == "GLASS" for thing in copies))
-    return new
 
 
 def _has_own(copy: bpy.types.Collection, firsts: list[bpy.types.Collection]) -> bool:
@@ -122,16 +73,16 @@ def _has_own(copy: bpy.types.Collection, firsts: list[bpy.types.Collection]) -> 
     return is_ours and not set(held_by(copy)) <= set(held_by(first))
 
 
-def _part(
+def part(
     scene: bpy.types.Scene,
     first: bpy.types.Collection,
     copy: bpy.types.Collection,
-    has_glass: bool = False,
+    known: dict[bpy.types.Object, bpy.types.Object] | None = None,
 ) -> None:
     """Make a copy of a rig's collection a rig of its own, with the settings of the first and, where
     that stands outside its collection, around the same glass.
 
-    has_glass : is a copy of that glass in it, so that it is around this alone?
+    known : the copy of each thing, where it is known; with one of glass it is around this alone
     """
     active = active_rig(scene)
     make_active(scene, active)  # names it, where a file of before does not
@@ -139,7 +90,7 @@ def _part(
     held = list(held_by(first))
     before = set(held)
     own = [thing for thing in held_by(copy) if thing not in before]
-    twins = _twins(held, own)
+    twins = _twins(held, own) if known is None else known
     around = [thing for thing in scene.objects if key in thing.kiriko.rigs.split()]
     around = [thing for thing in around if thing not in {*before, *own}]
 
@@ -149,6 +100,7 @@ def _part(
     _mark_anew([copy, *own, *_data_of(own)], key, new)
     for thing in own:
         _take_over(thing, key, new)
+    has_glass = any(twin.kiriko.role == "GLASS" for twin in (known or {}).values())
     for thing in () if has_glass else around:
         take_in(thing, copy)
 

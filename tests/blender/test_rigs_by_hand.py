@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from panel_layout import Layout
-from small_rigs import cube, pixels
+from small_rigs import cube, new_object, pixels, primitive
 from test_remove_rig import differences, snapshot
 from test_rigs import SMALL, add, choose, gem, two
 
@@ -275,6 +275,124 @@ def test_parts_that_were_duplicated_become_a_rig(
     assert not any(label in str(b.label) for e in to_do.look_now(bpy.context) for b in e.buttons)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert not bpy.ops.kiriko.part_copies.poll()
+
+
+def moved(things: list[bpy.types.Object], along: float) -> list[bpy.types.Object]:
+    """Objects that are moved as one, as by G after Shift D."""
+    for thing in things:
+        if thing.parent is None:
+            thing.location.x += along
+    bpy.context.view_layer.update()
+    return things
+
+
+@pytest.mark.parametrize("along", [0.0, 0.3])
+def test_copies_of_the_artists_own_things_go_with_those_of_parts(
+    kiriko: ModuleType, scene: bpy.types.Scene, along: float
+) -> None:
+    """A mirror and an empty in the rig's collection, a mirror and a viewer in no rig's; a second
+    mirror of the first rig stays there.
+    """
+    rig = add(cube())
+    mirror, second, shared = (new_object(primitive("cube", size=0.01), "MIRROR") for _ in range(3))
+    mirror.name, second.name, shared.name = "Mirror", "Mirror.001", "Wall"
+    camera = new_object(bpy.data.cameras.new("Own"))
+    camera.name, empty = "Own", new_object(None)
+    for k, thing in enumerate((mirror, second, shared, camera, empty)):
+        thing.location = (1.0 + k, 2.0, 3.0)
+    for thing in (mirror, second, empty):
+        scene.collection.objects.unlink(thing)
+        rig.objects.link(thing)
+    camera.matrix_world = scene.kiriko.viewer.matrix_world.copy()
+    scene.kiriko.viewer = camera
+    bpy.context.view_layer.update()
+    before = set(scene.objects)
+
+    copies = moved(duplicated([one for one in before if one != second]), along)
+    assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
+    look(kiriko)
+    new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
+    assert set(new.objects) == set(copies)
+    assert set(rig.objects) <= before
+    assert scene.kiriko.viewer in copies
+    assert scene.kiriko.viewer.name.startswith("Own")
+    choose(rig)
+    assert scene.kiriko.viewer == camera
+
+
+def test_parts_of_two_sets_are_not_mixed(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """The first set lacks viewer and plate, whose numbers the second one gets: each was moved as
+    one, and becomes a rig as such.
+    """
+    rig = add(cube())
+    scene.view_layers[0].update()
+    things = list(scene.objects)
+    is_lacked = lambda one: one.type == "CAMERA" or one.kiriko.role == "PLATE"  # noqa: E731
+    sets = [
+        moved(duplicated([one for one in things if not is_lacked(one)]), 0.3),
+        moved(duplicated(things), -0.2),
+    ]
+    for copies in sets:
+        choose(rig)
+        assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
+        new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
+        assert set(new.objects) == set(copies)
+    choose(rig)
+    assert set(rig.objects) <= set(things)
+
+
+def test_sets_in_one_place_are_told_by_the_selection(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Where nothing tells which of them belong together, it is said, and nothing is done."""
+    rig = add(cube())
+    things = list(scene.objects)
+    few = duplicated([one for one in things if one.type != "CAMERA"])
+    duplicated(things)
+    bpy.ops.object.select_all(action="DESELECT")
+    held = set(rig.objects)
+    with pytest.raises(RuntimeError, match="select those of one set"):
+        bpy.ops.kiriko.part_copies()
+    assert set(rig.objects) == held
+    assert len(scene.collection.children) == 1
+    for thing in few:
+        thing.select_set(True)
+    assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
+    new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
+    assert set(new.objects) == set(few)
+
+
+def test_copies_stay_in_each_scene_that_has_the_rig(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """The new rig is wherever the first one is, and has its settings there."""
+    rig = add(cube())
+    other = bpy.data.scenes.new("Other")
+    group = bpy.data.collections.new("Bench")
+    other.collection.children.link(group)
+    group.children.link(rig)
+    scene.kiriko.tolerance = 0.3
+    copies = duplicated(list(rig.objects))
+    assert set(copies) <= set(other.objects)
+    assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
+    new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
+    assert set(copies) <= set(other.objects)
+    assert set(group.children) == {rig, new}
+
+    newcomers = importlib.import_module(f"{kiriko.__name__}.core.blender.newcomers")
+    active = importlib.import_module(f"{kiriko.__name__}.core.blender.active_rig")
+    newcomers.take_newcomers(other)
+    assert active.settings_of(other, new).tolerance == pytest.approx(0.3)
+    assert active.settings_of(other, new).viewer in copies
+
+
+def test_a_copy_of_the_glass_alone_makes_no_rig(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+    """The menu's verb is grey until display and picture have copies, too."""
+    rig = add(cube())
+    duplicated([scene.objects["Cube"]])
+    assert not bpy.ops.kiriko.part_copies.poll()
+    duplicated(list(rig.objects))
+    assert bpy.ops.kiriko.part_copies.poll()
 
 
 def duplicated(things: list[bpy.types.Object]) -> list[bpy.types.Object]:
