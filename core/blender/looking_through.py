@@ -120,7 +120,7 @@ def _enter_view(
     pose = [(f"region_3d.{name}", _plain(getattr(view, name)), None) for name in POSE]
     before = [space.use_local_camera, space.camera.name if space.camera else ""]
     space.use_local_camera, space.camera = True, viewer
-    own = local_view.widen(space)  # the viewer sees the display, too
+    own, widened = local_view.widen(space)  # the viewer sees the display, too
 
     zoom, offset = image_framed(frame_of(viewer, scene.render).size, window)
     is_faint = space.shading.use_scene_world_render and is_dark(scene)
@@ -135,7 +135,7 @@ def _enter_view(
             **(FAINT if is_faint else {}),
         },
     )
-    local = [(LOCAL, own, True)] if own else []
+    local = [(LOCAL, own, widened)] if own else []
     return [*pose, ("camera", before, viewer.name), *local, *changes]
 
 
@@ -212,7 +212,7 @@ def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
                 is_local = before[0]
                 owner.camera = bpy.data.objects.get(before[1]) if is_local else scene.camera
             elif path == LOCAL:
-                local_view.narrow(owner, before)
+                local_view.narrow(owner, before, after)
             elif path == "region_3d.view_perspective":
                 _turn_back(owner, before, [one for one in poses if one[0] == place])
             elif after is not None:

@@ -91,3 +91,33 @@ def test_the_viewer_looks_at_all_of_the_rig(scene: bpy.types.Scene, tmp_path: Pa
         assert seen() == set(scene.objects)
         bpy.ops.kiriko.look_through()
         assert seen() == {glass}
+
+
+@pytest.mark.parametrize("is_filtered", [False, True])
+def test_a_local_view_that_was_entered_meanwhile_stays(
+    scene: bpy.types.Scene, is_filtered: bool
+) -> None:
+    """The artist leaves the view of the glass, and enters one of glass and display, while looking
+    through the viewer: that one stays. An object made meanwhile, which no local view shows, and
+    types that a view hides, are no sign of another one.
+    """
+    parts = small_rig()
+    glass, display = parts["GLASS"], parts["DISPLAY"]
+    view = in_local_view(glass)
+    with bpy.context.temp_override(**view):
+        bpy.ops.kiriko.look_through()
+        bpy.ops.view3d.localview(frame_selected=False)
+    in_local_view(glass, display)
+    with bpy.context.temp_override(**view):
+        bpy.ops.kiriko.look_through()
+        assert seen() == {glass, display}
+        bpy.ops.view3d.localview(frame_selected=False)
+
+    view = in_local_view(glass)
+    space().show_object_viewport_camera = not is_filtered
+    with bpy.context.temp_override(**view):
+        bpy.ops.kiriko.look_through()
+        new_object(primitive("cube", size=0.01))
+        bpy.ops.kiriko.look_through()
+    space().show_object_viewport_camera = True
+    assert seen() == {glass}
