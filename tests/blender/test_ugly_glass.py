@@ -4,6 +4,7 @@ kinds of glass in one object, holes. The checklist tells no fault that is none, 
 
 import importlib
 from collections.abc import Callable
+from itertools import pairwise
 from types import ModuleType
 
 import bmesh
@@ -628,6 +629,74 @@ def hang(mesh: bpy.types.Mesh) -> None:
     shape.faces.new((b, out[1], out[0]))
     shape.to_mesh(mesh)
     shape.free()
+
+
+def test_loose_faces_of_a_boolean_go(kiriko: ModuleType, look: Callable[[], list]) -> None:
+    """A cube that an open sheet cuts halfway through keeps the half in it, an eighth of a side:
+    Fill Holes leaves a closed cube of the same volume.
+    """
+    mesh = primitive("cube", size=SIDE)
+    glass, sheet = new_object(mesh, "GLASS"), new_object(primitive("grid", size=0.5 * SIDE))
+    glass.kiriko.use_ior = True
+    sheet.location, sheet.rotation_euler = (0.5 * SIDE, 0.0, 0.2 * SIDE), (0.3, 0.2, 0.0)
+    cut = glass.modifiers.new("Cut", "BOOLEAN")
+    cut.object = sheet
+    cut.solver = "FAST" if bpy.app.version < (5, 0, 0) else "FLOAT"
+    with bpy.context.temp_override(object=glass):
+        bpy.ops.object.modifier_apply(modifier="Cut")
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    assert sum(edge.is_boundary for edge in shape.edges) == 3
+    press(look(), "is not closed", "Fill Holes")
+    assert "is not closed" not in " ".join(told(look()))
+    shape.clear()
+    shape.from_mesh(mesh)
+    assert shape.calc_volume() == pytest.approx(SIDE**3, rel=1e-6)
+    shape.free()
+
+
+def bowl_on_base(angle: float, base: float) -> bpy.types.Mesh:
+    """A bowl of one surface, with its rim at this polar angle, on a solid cylinder whose upper edge
+    is the bowl's lower one.
+
+    base : height of the cylinder, in radii of the bowl
+    """
+    n = 16
+    rings = [
+        [(np.sin(a), -np.cos(a)) for a in np.linspace(0.5, angle, 9)],
+        [(np.sin(0.5), -np.cos(0.5) - base)],
+    ]
+    shape = bmesh.new()
+    made = [
+        [
+            shape.verts.new((SIDE * r * np.cos(t), SIDE * r * np.sin(t), SIDE * z))
+            for t in np.arange(n) * 2 * np.pi / n
+        ]
+        for r, z in [*rings[1], *rings[0]]
+    ]
+    for low, high in pairwise(made):
+        for k in range(n):
+            shape.faces.new((low[k - 1], low[k], high[k], high[k - 1]))
+    shape.faces.new(made[1])
+    shape.faces.new(made[0][::-1])
+    mesh = bpy.data.meshes.new("bowl")
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+@pytest.mark.parametrize("angle", [0.8, 1.57, 2.5])
+@pytest.mark.parametrize("base", [0.2, 3.0])
+def test_a_bowl_on_a_solid_base_is_not_loose(
+    look: Callable[[], list], angle: float, base: float
+) -> None:
+    """Whether it is a tenth of the area or nearly all, Fill Holes closes its mouth."""
+    mesh = bowl_on_base(angle, base)
+    glass = new_object(mesh, "GLASS")
+    glass.kiriko.use_ior = True
+    n = len(mesh.polygons)
+    press(look(), "is not closed", "Fill Holes")
+    assert len(mesh.polygons) == n + 1
 
 
 @pytest.mark.usefixtures("no_remedies")
