@@ -589,6 +589,37 @@ def test_a_tube_gets_caps(look: Callable[[], list]) -> None:
     assert words not in " ".join(told(look()))
 
 
+@pytest.mark.parametrize("fill", ["FULL", "HALF", "FRONT", "BACK"])
+@pytest.mark.parametrize("bevel", ["ROUND", "PROFILE", "closed", "open"])
+def test_caps_are_offered_to_tubes_that_they_close(
+    look: Callable[[], list], bevel: str, fill: str
+) -> None:
+    """No half of a tube, and none along an open outline, which caps would leave open."""
+    curve = bpy.data.curves.new("tube", "CURVE")
+    curve.dimensions, curve.bevel_depth, curve.fill_mode = "3D", 0.012, fill
+    spline = curve.splines.new("POLY")
+    spline.points.add(1)
+    spline.points[1].co.x = 0.05
+    if bevel in {"closed", "open"}:
+        outline = bpy.data.curves.new("outline", "CURVE")
+        path = outline.splines.new("POLY")
+        path.points.add(2)
+        for point, place in zip(path.points, ((0.0, 0.0), (0.01, 0.0), (0.0, 0.01)), strict=True):
+            point.co.xy = place
+        path.use_cyclic_u = bevel == "closed"
+        curve.bevel_mode, curve.bevel_object = "OBJECT", new_object(outline)
+    else:
+        curve.bevel_mode = bevel
+    tube = new_object(curve, "GLASS")
+    tube.kiriko.use_ior = True
+
+    is_offered = "Cap Ends" in labels_of(look(), f"'{tube.name}' is not closed")
+    curve.use_fill_caps = True
+    curve.update_tag()
+    bpy.context.view_layer.update()
+    assert is_offered == (f"'{tube.name}' is not closed" not in " ".join(told(look())))
+
+
 def test_loose_faces_go(kiriko: ModuleType, look: Callable[[], list]) -> None:
     """Two triangles, one on the other, hang on an edge of a closed cube, as after a cut:
     Fill Holes takes them away, and has no hole to fill.
