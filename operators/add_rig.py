@@ -14,11 +14,12 @@ from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.kept import Sentences
 from ..core.blender.look import has_own_faces
-from ..core.blender.new_rig import Bench, glass_among, make_rig, read_bench
+from ..core.blender.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
 from ..core.blender.rig_record import Record
 from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
+from ..core.blender.visibility import Shown
 from ..core.errors import RigError, one_line
 from ..core.light.checks import InsideGlassError
 from ..core.light.landings import REASON_WORDS, Reason
@@ -177,7 +178,9 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
         is_straight = self.kind == "BEHIND_GLASS"
-        glasses = glass_among(context.selected_objects)
+        things, layer = context.selected_objects, context.view_layer
+        glasses = glass_among(things)
+        left_out = on_left_out(things, layer.objects.active, Shown(scene, layer))
         _refuse_second(scene, glasses, is_straight)
         bench = read_bench(context, scene, glasses)
         wishes = _wishes(self, length_of_unit(scene))
@@ -230,7 +233,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
         self.level = "WARNING" if is_short or remarks else "INFO"
 
-        return joined([text, *remarks, *_on_camera(scene)])
+        return joined([text, *remarks, *left_out, *_on_camera(scene)])
 
 
 def _remember(proposal: Proposal, bench: Bench, limit: float, metres: float) -> None:

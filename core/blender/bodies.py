@@ -6,6 +6,12 @@ from ..messages import Message
 
 EMPTY = Message("an empty has no surface")
 OUTLINES = {"BOUNDS", "WIRE"}  # as tools of modifiers are drawn
+# how a Boolean modifier uses its tool, by its operation
+USES = {
+    "DIFFERENCE": Message("it cuts '{name}'"),
+    "UNION": Message("it is joined to '{name}'"),
+    "INTERSECT": Message("it bounds '{name}'"),
+}
 SURFACELESS = {
     "ARMATURE": Message("an armature has no surface"),
     "CAMERA": Message("a camera has no surface"),
@@ -25,12 +31,12 @@ def bodiless(thing: bpy.types.Object) -> str:
     return SURFACELESS.get(thing.type, "")
 
 
-def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.Object]:
+def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:
     """Objects that are no bodies of their own, but cut or complete others among these by a Boolean
-    modifier, and what each one cuts. Wine that is cut out of its glass is a body: it is rendered,
-    and no mere outline in the viewport.
+    modifier, and the modifier of each. Wine that is cut out of its glass is a body: it is rendered,
+    and no mere outline in the viewport. Of bodies that cut each other none is a mere tool.
     """
-    found = {}
+    used = {}
     for whole in things:
         for modifier in whole.modifiers:
             if modifier.type != "BOOLEAN" or not modifier.show_viewport:
@@ -38,12 +44,37 @@ def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types
             is_one = modifier.operand_type == "OBJECT"
             group = modifier.collection
             tools = [modifier.object] if is_one else (group.all_objects if group else [])
-            found.update({tool: whole for tool in tools if tool in things})
+            for tool in tools:
+                is_tool = tool in things and tool.kiriko.role == "NONE"
+                if is_tool and (tool.hide_render or tool.display_type in OUTLINES):
+                    used.setdefault(tool, {})[whole] = modifier
+
+    # one whose every use ends at itself is a body
+    ends = {tool: _served(tool, used) for tool in used}
     return {
-        tool: whole
-        for tool, whole in found.items()
-        if tool.kiriko.role == "NONE" and (tool.hide_render or tool.display_type in OUTLINES)
+        tool: next(iter(wholes.values()))
+        for tool, wholes in used.items()
+        if not (tool in ends[tool] and ends[tool] <= used.keys())
     }
+
+
+def _served(
+    tool: bpy.types.Object,
+    used: dict[bpy.types.Object, dict[bpy.types.Object, bpy.types.BooleanModifier]],
+) -> set[bpy.types.Object]:
+    """All that a tool has a part in, by way of other tools, too."""
+    found: set[bpy.types.Object] = set()
+    todo = [tool]
+    while todo:
+        new = used.get(todo.pop(), {}).keys() - found
+        found |= new
+        todo += new
+    return found
+
+
+def use_of(modifier: bpy.types.BooleanModifier) -> Message:
+    """Why a tool of a Boolean modifier is no glass, as the end of a sentence."""
+    return Message(USES[modifier.operation], name=modifier.id_data.name)
 
 
 def shows_instances_alone(shown: bpy.types.Object) -> bool:

@@ -12,9 +12,9 @@ import numpy as np
 from ..arrays import Floats
 from ..bench.placement import Proposal
 from ..errors import RigError
-from ..messages import Message, quoted
+from ..messages import Message, joined, quoted
 from ..rig import ROLES, ConstantIndex, Glass, Rig
-from .bodies import bodiless, tools_of
+from .bodies import bodiless, tools_of, use_of
 from .elements import DEFAULT_IOR
 from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
@@ -32,6 +32,7 @@ from .visibility import Shown
 
 BALL = Message("Kiriko Ball")
 BALL_RADIUS = 0.025  # m
+MOST_NAMED = 3  # tools that are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +59,8 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
     Raises RigError where there are some, but none that can.
     """
     reasons = {thing: bodiless(thing) for thing in things}
-    for thing, whole in tools_of(things).items():
-        reasons[thing] = Message("it cuts '{name}'", name=whole.name)
+    for thing, modifier in tools_of(things).items():
+        reasons[thing] = use_of(modifier)
     for thing in things:
         if thing.kiriko.role not in {"NONE", "GLASS"}:
             reasons[thing] = Message("it has the role {role}", role=role_label(thing))
@@ -74,6 +75,32 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
         )
 
     return found
+
+
+def on_left_out(
+    things: list[bpy.types.Object], active: bpy.types.Object | None, shown: Shown
+) -> list[Message]:
+    """Sentences on what a new rig around the selected objects leaves out, that may be missed: tools
+    of modifiers and, where nothing is selected, an active object that is hidden.
+    """
+    tools = [
+        Message("'{name}' ({why})", name=tool.name, why=use_of(modifier))
+        for tool, modifier in tools_of(things).items()
+    ]
+    if len(tools) > MOST_NAMED:
+        tools = [*tools[:MOST_NAMED], Message("{n} others", n=len(tools) - MOST_NAMED)]
+    if tools:
+        return [Message("Left out: {tools}.", tools=joined(tools, ", "))]
+
+    may_be = active is not None and active.kiriko.role in {"NONE", "GLASS"} and not bodiless(active)
+    if may_be and not things and (by := shown.hidden_by(active)):
+        text = Message(
+            "'{name}' is hidden{by}, and nothing is selected: the rig is around a ball.",
+            name=active.name,
+            by=by,
+        )
+        return [text]
+    return []
 
 
 def read_bench(

@@ -754,3 +754,58 @@ def test_tools_of_a_boolean_are_no_glass(scene: bpy.types.Scene, way: str) -> No
     small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
     assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
     assert [thing.kiriko.role for thing in (glass, tool, wine)] == ["GLASS", "NONE", "GLASS"]
+
+
+USES = {"DIFFERENCE": "it cuts", "UNION": "it is joined to", "INTERSECT": "it bounds"}
+
+
+@pytest.mark.usefixtures("no_remedies")
+@pytest.mark.parametrize("operation", USES)
+def test_a_tool_that_is_left_out_is_told(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, operation: str
+) -> None:
+    """By Add Rig, with what it does to the glass; selected with a camera alone it is refused so."""
+    glass, tool = (new_object(primitive("cube", size=side)) for side in (0.05, 0.02))
+    glass.name, tool.name = "Block", "Tool"
+    tool.location.z, tool.display_type = 0.02, "WIRE"
+    modifier = glass.modifiers.new("Cut", "BOOLEAN")
+    modifier.object, modifier.operation = tool, operation
+    for thing in (glass, tool):
+        thing.select_set(True)
+    small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
+    assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
+    assert f"Left out: 'Tool' ({USES[operation]} 'Block')." in capfd.readouterr().out
+    assert [thing.kiriko.role for thing in (glass, tool)] == ["GLASS", "NONE"]
+
+
+@pytest.mark.usefixtures("no_remedies")
+def test_bodies_that_cut_each_other_are_glass(scene: bpy.types.Scene) -> None:
+    """Each is the other's tool, and none a mere tool; one that cuts a tool of glass is one."""
+    first, second, third, last = (new_object(primitive("cube", size=0.02)) for _ in range(4))
+    for k, (thing, tool) in enumerate(((first, second), (second, first), (second, third))):
+        thing.modifiers.new("Cut", "BOOLEAN").object = tool
+        thing.location.x = 0.015 * k
+    third.modifiers.new("Cut", "BOOLEAN").object = last
+    for thing in (first, second, third, last):
+        thing.display_type = "WIRE"
+        thing.select_set(True)
+    small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
+    assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
+    roles = [thing.kiriko.role for thing in (first, second, third, last)]
+    assert roles == ["GLASS", "GLASS", "NONE", "NONE"]
+
+
+@pytest.mark.usefixtures("no_remedies")
+@pytest.mark.parametrize("is_hidden", [False, True])
+def test_a_ball_in_place_of_hidden_glass_is_told(
+    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, is_hidden: bool
+) -> None:
+    """H deselects the glass, which stays the active object; one that is only deselected is seen."""
+    glass = new_object(primitive("cube", size=0.05))
+    glass.name = "Block"
+    bpy.context.view_layer.objects.active = glass
+    glass.hide_set(is_hidden)
+    small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
+    assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
+    said = "'Block' is hidden by its eye symbol (H), and nothing is selected: the rig is around a"
+    assert (said in capfd.readouterr().out) == is_hidden
