@@ -6,12 +6,6 @@ from ..messages import Message
 
 EMPTY = Message("an empty has no surface")
 OUTLINES = {"BOUNDS", "WIRE"}  # as tools of modifiers are drawn
-# how a Boolean modifier uses its tool, by its operation
-USES = {
-    "DIFFERENCE": Message("it cuts '{name}'"),
-    "UNION": Message("it is joined to '{name}'"),
-    "INTERSECT": Message("it bounds '{name}'"),
-}
 SURFACELESS = {
     "ARMATURE": Message("an armature has no surface"),
     "CAMERA": Message("a camera has no surface"),
@@ -74,7 +68,13 @@ def _served(
 
 def use_of(modifier: bpy.types.BooleanModifier) -> Message:
     """Why a tool of a Boolean modifier is no glass, as the end of a sentence."""
-    return Message(USES[modifier.operation], name=modifier.id_data.name)
+    name = modifier.id_data.name
+    uses = {
+        "DIFFERENCE": Message("it cuts '{name}'", name=name),
+        "UNION": Message("it is joined to '{name}'", name=name),
+        "INTERSECT": Message("it bounds '{name}'", name=name),
+    }
+    return uses[modifier.operation]
 
 
 def shows_instances_alone(shown: bpy.types.Object) -> bool:

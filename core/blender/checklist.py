@@ -12,11 +12,13 @@ from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
 from ..words import percent
+from .checklist_mesh import on_mesh, select_part, thicken
 from .checklist_parts import (
     naming,
     on_hidden,
     on_in_glass,
     on_missing,
+    on_tiles,
     on_too_many,
     on_viewers,
     shown,
@@ -69,6 +71,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
         *on_too_many(look),
         *on_hidden(look),
         *on_in_glass(look),
+        *on_tiles(look),
         *(entry for thing in shown(look) for entry in _on_thing(thing)),
         *_on_result(look, length_text),
         *_on_size(look, length_text),
@@ -92,7 +95,7 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
             name=name,
             n=thing.n_indices,
         )
-        yield Entry(text, PROBLEM, (_select_part(thing),))
+        yield Entry(text, PROBLEM, (select_part(thing),))
 
     if thing.is_pictureless:
         button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
@@ -106,84 +109,9 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
         yield Entry(text, PROBLEM, (button,))
     elif thing.is_flat and thing.role == "GLASS":
         text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
-        yield Entry(text, PROBLEM, (_thicken(thing),))
+        yield Entry(text, PROBLEM, (thicken(thing),))
     elif thing.faults is not None and not thing.is_flat:
-        yield from _on_mesh(thing, thing.faults, thing.own_faults or Counts())
-
-
-def _on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
-    """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
-    name = thing.named.name
-    n_open, n_flat, is_inside_out, n_cut, n_facets, _ = faults
-    if n_flat and thing.is_mesh:  # nobody can take those at the poles of a surface away
-        text = Message(
-            "'{name}' has {n} triangle{s} without area.",
-            name=name,
-            n=n_flat,
-            s="s" if n_flat > 1 else "",
-        )
-        label = "Remove" if own.n_flat else "Weld"
-        button = Button("kiriko.merge_flat", label, naming(thing.named), "AUTOMERGE_ON")
-        yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
-
-    if n_open and thing.role == "GLASS":
-        n = own.n_open or n_open  # as many as are selected
-        text = Message(
-            "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
-        )
-        select = _select(thing, "OPEN", own.n_open) or (_select_part(thing),)
-        mends = [_thicken(thing)]  # as a bowl of one surface wants
-        if own.n_open or thing.has_ends:
-            label = Message("Cap Ends") if thing.has_ends else Message("Fill Holes")
-            fill = Button("kiriko.fill_holes", label, naming(thing.named), "SNAP_FACE")
-            mends.insert(1 if own.is_vessel else 0, fill)
-        yield Entry(text, PROBLEM, (*select, *mends))
-
-    if n_cut:
-        n = own.n_cut or n_cut
-        values = {"name": name, "n": n, "s": "s" if n > 1 else ""}
-        mends = _select(thing, "CUT", own.n_cut) or (_select_part(thing),)
-        if n_open:
-            text = Message(
-                "'{name}' cuts itself at {n} face{s}, where light may be lost.", **values
-            )
-            yield Entry(text, PROBLEM, mends)
-        else:
-            text = Message(
-                "'{name}' cuts itself at {n} face{s}: Kiriko counts it as one body, Cycles does"
-                " not.",
-                **values,
-            )
-            yield Entry(text, ADVICE, mends)
-
-    if n_open and is_inside_out and thing.role == "GLASS":
-        text = Message("The faces of '{name}' look into the glass.", name=name)
-        button = Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
-        yield Entry(text, PROBLEM, (button,))
-
-    if n_facets and not thing.has_facets:
-        text = Message("'{name}' looks curved, but its {n} faces are flat.", name=name, n=n_facets)
-        button = Button(
-            "kiriko.shade_smooth", Message("Shade Smooth"), naming(thing.named), "SPHERECURVE"
-        )
-        yield Entry(text, ADVICE, (button,))
-
-
-def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
-    if not n:
-        return ()
-    properties = naming(thing.named, kind=kind)
-    return (Button("kiriko.select_faults", Message("Select"), properties, "RESTRICT_SELECT_OFF"),)
-
-
-def _thicken(thing: Thing) -> Button:
-    return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
-
-
-def _select_part(thing: Thing) -> Button:
-    return Button(
-        "kiriko.select_part", Message("Select Part"), naming(thing.named), "RESTRICT_SELECT_OFF"
-    )
+        yield from on_mesh(thing, thing.faults, thing.own_faults or Counts())
 
 
 def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:

@@ -91,7 +91,9 @@ def _use_camera(path: str, name: str) -> Button:
 
 
 def on_viewers(look: Look) -> Iterator[Entry]:
-    """Entries of the list of viewers that are on, and see nothing, for their camera is gone."""
+    """Entries of the list of viewers that are on, and see nothing, for their camera is gone, and
+    viewers where none can be.
+    """
     if look.are_viewers_off:
         values = (("data_path", "scene.kiriko.viewers[0].is_on"), ("value", True))
         turn_on = Button("wm.context_set_boolean", Message("Turn On"), values, "CHECKBOX_HLT")
@@ -108,6 +110,11 @@ def on_viewers(look: Look) -> Iterator[Entry]:
         path = f"scene.kiriko.viewers[{number}].camera" if number else "scene.kiriko.viewer"
         use = [_use_camera(path, camera) for camera in look.free_cameras[:1]]
         yield Entry(text, PROBLEM, (*use, remove))
+    for why, camera in look.refused:
+        select = Button(
+            "kiriko.select_part", Message("Select"), naming(camera), "RESTRICT_SELECT_OFF"
+        )
+        yield Entry(why, PROBLEM, (select,))
 
 
 def _show(thing: Thing) -> Button:
@@ -161,3 +168,11 @@ def on_in_glass(look: Look) -> Iterator[Entry]:
         name = named.name
         text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
         yield Entry(text, ADVICE, (_use_as_glass(named),))
+
+
+def on_tiles(look: Look) -> Iterator[Entry]:
+    """Images of which a tile alone is the picture. Advice, for that may be meant."""
+    for image in look.tiled:
+        text = Message("Only the first tile of the image '{image}' is used.", image=image)
+        button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
+        yield Entry(text, ADVICE, (button,))

@@ -186,7 +186,7 @@ def _number(thing: bpy.types.Object) -> int:
 
 
 def _leads(pairs: Pairs, one: bpy.types.Object, twin: bpy.types.Object) -> bool:
-    """Does the way of a set of copies, which the first of them tells, lead from one to the other?"""
+    """Does the way of a set of copies, by its first one, lead from one thing to another?"""
     if not pairs:
         return True
     start, end = next(iter(pairs.items()))

@@ -7,20 +7,25 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..arrays import Floats
 from ..bench.helps import Help
-from ..errors import ImageError
-from ..messages import Message
 from .bodies import bodiless, shows_instances_alone
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
+from .look_parts import (
+    BOXLESS,
+    box_of,
+    evaluated,
+    named,
+    tiled_images,
+    viewers_refused,
+    why_no_picture,
+)
 from .material import Bends, bends_light, read_refraction, refracts
 from .mesh import column, used_slots
 from .objects import OBJECT_MARK
-from .plane import check_shown, image_of
 from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
 from .to_do import Counts, Look, Named, Thing
@@ -29,7 +34,6 @@ from .viewer import camera_at
 from .visibility import Shown, is_visible
 
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
-BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 
@@ -74,6 +78,8 @@ def look_at(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
+        refused=tuple(viewers_refused(scene, found.get("GLASS", {}), meshes)),
+        tiled=tuple(tiled_images(scene, found.get("PICTURE", {}))),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
@@ -114,7 +120,7 @@ def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
     for thing in sorted(scene.objects, key=lambda thing: thing != active):
         is_free = thing.kiriko.role == "NONE" and OBJECT_MARK not in thing
         if is_free and not bodiless(thing) and is_visible(thing) and min(thing.dimensions) > 0:
-            yield _named(thing)
+            yield named(thing)
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[str]:
@@ -138,7 +144,7 @@ def _thing(
     has_mesh = has_own_faces(scene, thing)
     is_glass = role == "GLASS" and not thing.kiriko.use_ior
     return Thing(
-        named=_named(thing),
+        named=named(thing),
         role=role,
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
@@ -147,7 +153,7 @@ def _thing(
         is_mesh=thing.type == "MESH",
         has_no_scale=min(map(abs, thing.scale)) == 0,
         is_flat=has_mesh and min(sides, default=1.0) == 0,
-        is_pictureless=_why_no_picture(scene, thing) if role == "PICTURE" else "",
+        is_pictureless=why_no_picture(scene, thing) if role == "PICTURE" else "",
         faults=None if looked is None else looked.as_read,
         own_faults=None if looked is None else looked.own,
         has_facets=thing.kiriko.surface == "FACETS",
@@ -169,10 +175,6 @@ def has_open_ends(thing: bpy.types.Object) -> bool:
     else:
         is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
     return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
-
-
-def _named(thing: bpy.types.Object) -> Named:
-    return Named(thing.name, "" if thing.library is None else thing.library.filepath)
 
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
@@ -204,7 +206,7 @@ def _in_glass(
     scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], bends: Bends
 ) -> Iterator[Named]:
     """Objects without a role that refract, and whose box reaches into that of a glass."""
-    boxes = [_box(scene, glass) for glass, by in glasses.items() if not by]
+    boxes = [box_of(scene, glass) for glass, by in glasses.items() if not by]
     if not boxes:
         return
     shown = Shown(scene, bpy.context.view_layer)
@@ -213,42 +215,10 @@ def _in_glass(
             continue
         if not refracts(thing, bends):
             continue
-        low, high = _box(scene, thing)
+        low, high = box_of(scene, thing)
         is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
         if is_in and not shown.hidden_by(thing):
-            yield _named(thing)
-
-
-def _box(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Floats]:
-    """The lowest and the highest corner (3,) of an object's box in the world."""
-    shown = thing if thing.type in BOXLESS else evaluated(scene, thing)
-    matrix = np.array(shown.matrix_world)
-    corners = np.array(shown.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
-    return corners.min(axis=0), corners.max(axis=0)
-
-
-def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Object:
-    """An object as its modifiers make it, by the last evaluation: after undo the object itself has
-    the box of its mesh without them.
-    """
-    is_here = bpy.context.scene == scene
-    layer = bpy.context.view_layer if is_here else scene.view_layers[0]
-    graph = layer.depsgraph
-    return thing if graph is None else thing.evaluated_get(graph)
-
-
-def _why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
-    """Why a plane shows no picture; '' where it does."""
-    if scene.kiriko.picture_source == "IMAGE":
-        return ""
-    image = image_of(picture)
-    if image is None:
-        return Message("'{picture}' shows no image.", picture=picture.name)
-    try:
-        check_shown(picture, image, scene)
-    except ImageError as error:
-        return error.message
-    return ""
+            yield named(thing)
 
 
 def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
@@ -284,11 +254,13 @@ def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Loo
 def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
     """How many there are."""
     faults = faults_of(mesh)
+    is_cut = cut_polygons(mesh) if is_glass else np.zeros(len(mesh.polygons), bool)
     return Counts(
         n_open=int(np.count_nonzero(faults.is_open)),
         n_flat=faults.n_flat,
         is_inside_out=faults.is_inside_out,
-        n_cut=int(np.count_nonzero(cut_polygons(mesh))) if is_glass else 0,
+        n_cut=int(np.count_nonzero(is_cut)),
         n_facets=n_facets(mesh, faults.one),
         is_vessel=faults.is_vessel,
+        is_cut_curved=bool(column(mesh.polygons, "use_smooth", 1, bool)[is_cut].any()),
     )

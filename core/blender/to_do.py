@@ -21,6 +21,7 @@ class Counts(NamedTuple):
     n_cut : polygons that others cut, so that nothing tells the inside
     n_facets : polygons that are shaded flat where a curve seems meant
     is_vessel : is a hole of it as wide as the mouth of a vessel?
+    is_cut_curved : are any of the polygons that others cut shaded smooth?
     """
 
     n_open: int = 0
@@ -29,6 +30,7 @@ class Counts(NamedTuple):
     n_cut: int = 0
     n_facets: int = 0
     is_vessel: bool = False
+    is_cut_curved: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,11 @@ class Look:
     empty_seats : numbers of entries of the list of viewers that are on and whose camera is gone,
         with its name, '' where there was none
     are_viewers_off : all of the list?
+    refused : sentences on viewers where none can be, as within the glass, and their names
     solids : objects without a role that may be glass, the active one first
     in_glass : objects without a role that refract, and stand within the glass
     images : names of images that may be the picture
+    tiled : names of images of several tiles that are the picture
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
@@ -114,9 +118,11 @@ class Look:
     free_cameras: tuple[str, ...] = ()
     empty_seats: tuple[tuple[int, str], ...] = ()
     are_viewers_off: bool = False
+    refused: tuple[tuple[str, Named], ...] = ()
     solids: tuple[Named, ...] = ()
     in_glass: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
+    tiled: tuple[str, ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None

@@ -105,6 +105,12 @@ RIG = Section(
             "「リグ」パネルの一覧で、それぞれを選択できます。",
         ),
         Advice(
+            "The copies are of several sets, and nothing tells which of them belong together:"
+            " select those of one set.",
+            "Copies that were moved as one are told apart by that.",
+            "まとめて動かした複製は、その位置で区別できます。",
+        ),
+        Advice(
             "'{name}' cannot be glass, for {why}: select your glass, or nothing for a ball.",
             "Cameras, lights and empties have no faces. Select a mesh.",
             "カメラ、ライト、エンプティには面がありません。メッシュを選択します。",

@@ -228,6 +228,37 @@ def test_faces_that_cut_each_other_are_selected(look: Callable[[], list]) -> Non
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
+@pytest.mark.parametrize("name", ["Cube", "a \"b\" 'c' \\\\"])
+def test_as_drawn_is_the_remedy_where_a_curved_shell_cuts_itself(
+    look: Callable[[], list], name: str
+) -> None:
+    """One of facets needs none, nor one whose curved faces cut nothing; pressed, it is told no more
+    of the remedy, whatever the glass is called.
+    """
+    glass = glass_of(folded(1.1))
+    glass.name = name
+    words, remedy = "cuts itself at 16 faces", "set its Surface to As Drawn."
+    (text,) = told(look())
+    assert words in text
+    assert remedy not in text
+
+    mesh = glass.data
+    for is_corner in (True, False):
+        for face in mesh.polygons:
+            face.use_smooth = not is_corner or abs(face.center.x) > 0.45 * SIDE
+        mesh.update()
+        glass.update_tag(refresh={"DATA"})
+        mesh.update_tag()
+        entries = look()
+        (text,) = (one for one in told(entries) if words in one)
+        assert text.endswith(remedy) == (not is_corner)
+    (entry,) = (entry for entry in entries if words in entry.text)
+    assert [str(button.label) for button in entry.buttons] == ["Select", "As Drawn"]
+    press(entries, words, 1)
+    assert glass.kiriko.surface == "FACETS"
+    assert remedy not in " ".join(told(look()))
+
+
 def test_faces_that_touch_cut_nothing(look: Callable[[], list]) -> None:
     """A top that lies on the bottom, and closed shells that overlap, of which each is a solid."""
     glass = glass_of(folded(0.9))
@@ -719,6 +750,7 @@ def test_an_entry_of_the_viewers_without_a_camera_is_told(
     assert told(look()) == []
 
     mine = new_object(bpy.data.cameras.new("mine"))
+    mine.location.y = -1.0  # out of the glass
     bpy.ops.kiriko.add_viewer()
     press(look(), "without a camera", n=0)
     assert scene.kiriko.viewers[1].camera == mine
@@ -883,3 +915,73 @@ def test_a_button_that_mends_two_losses_stands_once(kiriko: ModuleType) -> None:
         assert len(found) == 2
         assert len(set(buttons)) == len(buttons)
         assert {"kiriko.fit_plate", "kiriko.fit_display"} <= set(buttons) or helps is not None
+
+
+@pytest.mark.parametrize("projection", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_a_viewer_within_the_glass_is_told_as_by_a_solve(
+    scene: bpy.types.Scene, look: Callable[[], list], projection: str, unit: float
+) -> None:
+    """The same sentence, before Solve is pressed; beside the glass, in its cavity, and where the
+    glass is hidden or open, neither says it.
+    """
+    scene.unit_settings.scale_length = unit
+    glass = cube(SIDE / unit)
+    glass.kiriko.use_ior = True
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    viewer = scene.kiriko.viewer
+    viewer.data.type = projection
+    viewer.data.ortho_scale = 0.5 * SIDE / unit
+    place = viewer.location.copy()
+
+    def refused() -> list[str]:
+        bpy.context.view_layer.update()
+        return [text for text in told(look()) if "move it out" in text]
+
+    assert refused() == []
+    viewer.location = (0.1 * SIDE / unit, 0.0, 0.2 * SIDE / unit)
+    (text,) = refused()
+    with pytest.raises(RuntimeError, match=re.escape(text)):
+        bpy.ops.kiriko.solve()
+    press(look(), text)
+    assert bpy.context.object == viewer
+    glass.hide_set(True)
+    assert refused() == []
+    glass.hide_set(False)
+    assert refused() == [text]
+    viewer.location = place
+    assert refused() == []
+    viewer.data.type = "PANO"
+    (text,) = (one for one in told(look()) if "panoramic" in one)
+    with pytest.raises(RuntimeError, match=re.escape(text)):
+        bpy.ops.kiriko.solve()
+    viewer.data.type = projection
+
+    # a cavity around the viewer, whose faces look into the glass as those outside do
+    viewer.location = (0.0, 0.0, 0.0)
+    shape = bmesh.new()
+    shape.from_mesh(glass.data)
+    bmesh.ops.create_cube(shape, size=0.8 * SIDE / unit)
+    shape.to_mesh(glass.data)
+    shape.free()
+    assert refused() == []
+
+
+def test_of_an_image_in_tiles_the_first_is_told_to_be_used(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """Before a solve, which notes it, too; one of a single tile is whole."""
+    picture = small_rig()["PICTURE"]
+    image = bpy.data.images.new("udim", 8, 8, tiled=True)
+    picture.kiriko.image = image
+    words = "Only the first tile of the image 'udim' is used."
+    assert words not in told(look())
+    image.tiles.new(1002)
+    (entry,) = (entry for entry in look() if entry.text == words)
+    assert entry.icon == "INFO"
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert words in scene.kiriko.result.notes
+    scene.kiriko.picture_source = "IMAGE"
+    assert words not in told(look())
+    scene.kiriko.picture_image = image
+    assert words in told(look())

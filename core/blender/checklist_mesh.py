@@ -1,0 +1,100 @@
+"""What the checklist tells of the mesh of a part: holes, cuts, faces without area, facets."""
+
+import json
+from collections.abc import Iterator
+
+from ..messages import Message, joined
+from .checklist_parts import naming
+from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Thing
+
+
+def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
+    """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
+    name = thing.named.name
+    n_open, n_flat, is_inside_out, n_cut, n_facets, *_ = faults
+    if n_flat and thing.is_mesh:  # nobody can take those at the poles of a surface away
+        text = Message(
+            "'{name}' has {n} triangle{s} without area.",
+            name=name,
+            n=n_flat,
+            s="s" if n_flat > 1 else "",
+        )
+        label = "Remove" if own.n_flat else "Weld"
+        button = Button("kiriko.merge_flat", label, naming(thing.named), "AUTOMERGE_ON")
+        yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
+
+    if n_open and thing.role == "GLASS":
+        n = own.n_open or n_open  # as many as are selected
+        text = Message(
+            "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
+        )
+        select = _select(thing, "OPEN", own.n_open) or (select_part(thing),)
+        mends = [thicken(thing)]  # as a bowl of one surface wants
+        if own.n_open or thing.has_ends:
+            label = Message("Cap Ends") if thing.has_ends else Message("Fill Holes")
+            fill = Button("kiriko.fill_holes", label, naming(thing.named), "SNAP_FACE")
+            mends.insert(1 if own.is_vessel else 0, fill)
+        yield Entry(text, PROBLEM, (*select, *mends))
+
+    if n_cut:
+        yield _on_cuts(thing, faults, own)
+
+    if n_open and is_inside_out and thing.role == "GLASS":
+        text = Message("The faces of '{name}' look into the glass.", name=name)
+        button = Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
+        yield Entry(text, PROBLEM, (button,))
+
+    if n_facets and not thing.has_facets:
+        text = Message("'{name}' looks curved, but its {n} faces are flat.", name=name, n=n_facets)
+        button = Button(
+            "kiriko.shade_smooth", Message("Shade Smooth"), naming(thing.named), "SPHERECURVE"
+        )
+        yield Entry(text, ADVICE, (button,))
+
+
+def _on_cuts(thing: Thing, faults: Counts, own: Counts) -> Entry:
+    """Faces that cut each other, and the remedy where those are curved."""
+    n = own.n_cut or faults.n_cut
+    values = {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
+    mends = _select(thing, "CUT", own.n_cut) or (select_part(thing),)
+    if faults.n_open:
+        text = Message("'{name}' cuts itself at {n} face{s}, where light may be lost.", **values)
+        return Entry(text, PROBLEM, mends)
+
+    told = Message(
+        "'{name}' cuts itself at {n} face{s}: Kiriko counts it as one body, Cycles does not.",
+        **values,
+    )
+    if not faults.is_cut_curved or thing.has_facets:
+        return Entry(told, ADVICE, mends)
+    curved = Message("It is curved, and may lose some light there: set its Surface to As Drawn.")
+    return Entry(joined([told, curved]), ADVICE, (*mends, *_as_drawn(thing)))
+
+
+def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
+    if not n:
+        return ()
+    properties = naming(thing.named, kind=kind)
+    return (Button("kiriko.select_faults", Message("Select"), properties, "RESTRICT_SELECT_OFF"),)
+
+
+def _as_drawn(thing: Thing) -> tuple[Button, ...]:
+    """The button that has its facets followed; linked objects are set in their own file."""
+    if thing.named.library:
+        return ()
+    # a name in quotation marks, as Python and so Blender's operator reads it
+    path = f"blend_data.objects[{json.dumps(thing.named.name)}].kiriko.surface"
+    values = (("data_path", path), ("value", "FACETS"))
+    return (Button("wm.context_set_enum", Message("As Drawn"), values, "MESH_ICOSPHERE"),)
+
+
+def thicken(thing: Thing) -> Button:
+    """The button that gives an object a thickness."""
+    return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
+
+
+def select_part(thing: Thing) -> Button:
+    """The button that selects an object."""
+    return Button(
+        "kiriko.select_part", Message("Select Part"), naming(thing.named), "RESTRICT_SELECT_OFF"
+    )

@@ -1,0 +1,131 @@
+"""What a look at a scene finds of an object beside its mesh: its box, the picture that it shows,
+and whether a viewer stands in it, where none can be.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import bpy
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import ImageError, RigError
+from ..glass.solids import solids_from_mesh
+from ..light.checks import check_viewer_outside
+from ..messages import Message
+from ..parts import Glass
+from ..viewer import Viewer
+from .cuts import SEARCH
+from .mesh import in_world, read_local
+from .parts import is_placed
+from .plane import check_shown, image_of
+from .to_do import Named
+from .units import length_of_unit
+from .viewer import own_images, read_viewer, seats_of
+
+BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
+
+
+def named(thing: bpy.types.Object) -> Named:
+    """An object's name and its file."""
+    return Named(thing.name, "" if thing.library is None else thing.library.filepath)
+
+
+def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Object:
+    """An object as its modifiers make it, by the last evaluation: after undo the object itself has
+    the box of its mesh without them.
+    """
+    graph = _graph(scene)
+    return thing if graph is None else thing.evaluated_get(graph)
+
+
+def _graph(scene: bpy.types.Scene) -> bpy.types.Depsgraph | None:
+    """The last evaluation of a scene, in the view layer that is worked on; None where none was."""
+    is_here = bpy.context.scene == scene
+    layer = bpy.context.view_layer if is_here else scene.view_layers[0]
+    return layer.depsgraph
+
+
+def box_of(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Floats]:
+    """The lowest and the highest corner (3,) of an object's box in the world."""
+    shown = thing if thing.type in BOXLESS else evaluated(scene, thing)
+    matrix = np.array(shown.matrix_world)
+    corners = np.array(shown.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
+    """Why a plane shows no picture; '' where it does."""
+    if scene.kiriko.picture_source == "IMAGE":
+        return ""
+    image = image_of(picture)
+    if image is None:
+        return Message("'{picture}' shows no image.", picture=picture.name)
+    try:
+        check_shown(picture, image, scene)
+    except ImageError as error:
+        return error.message
+    return ""
+
+
+def tiled_images(scene: bpy.types.Scene, pictures: Mapping[bpy.types.Object, str]) -> Iterator[str]:
+    """Names of images of several tiles that are the picture, each of which is read by its first."""
+    images = [image_of(thing) for thing, by in pictures.items() if not by]
+    if scene.kiriko.picture_source == "IMAGE":
+        images = [scene.kiriko.picture_image, *own_images(scene)]
+    for image in dict.fromkeys(images):
+        if image is not None and image.source == "TILED" and len(image.tiles) > 1:
+            yield image.name
+
+
+def viewers_refused(
+    scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], known: Mapping[int, object]
+) -> Iterator[tuple[str, Named]]:
+    """Why viewers cannot be viewers, as a solve says it, and their names: each is inside a glass,
+    or cut by it, or no camera that is followed.
+
+    known : objects whose mesh was looked at, by session uid; of others none is made here
+    """
+    graph = _graph(scene) if known else None
+    cameras = dict.fromkeys(seat.camera for seat in seats_of(scene))
+    for camera in cameras if graph is not None else ():
+        if camera is None or not is_placed(camera, graph):
+            continue  # another entry
+        try:
+            viewer = read_viewer(camera, graph, scene.render, length_of_unit(scene))
+        except RigError as error:
+            yield error.message, named(camera)
+            continue
+        for thing, by in glasses.items():
+            if not by and thing.session_uid in known and (why := _why_not(scene, viewer, thing)):
+                yield why, named(camera)
+
+
+def _why_not(scene: bpy.types.Scene, viewer: Viewer, thing: bpy.types.Object) -> str:
+    """Why a viewer cannot be where it is beside a glass; '' where it can.
+
+    Its box tells it mostly, and a mesh that is too large for a short look is not asked.
+    """
+    metres = length_of_unit(scene)
+    low, high = (metres * corner for corner in box_of(scene, thing))
+    at, ahead = viewer.position, viewer.axes[2]
+    is_near = ((low <= at) & (at <= high)).all()
+    if viewer.projection == "orthographic":  # its whole image is to be outside
+        is_near = abs(ahead @ ((low + high) / 2 - at)) <= np.linalg.norm(high - low) / 2
+    if not is_near:
+        return ""
+
+    shown = evaluated(scene, thing)
+    try:
+        local = read_local(shown.to_mesh())
+    finally:
+        shown.to_mesh_clear()
+    if not 0 < len(local.triangles) <= SEARCH.most_triangles:
+        return ""
+    to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(shown.matrix_world, float)
+    mesh, _ = in_world(local, to_metres, "facets")
+    try:
+        for solid in solids_from_mesh(mesh):
+            check_viewer_outside(viewer, Glass(thing.name, mesh), solid)
+    except RigError as error:
+        return error.message
+    return ""
