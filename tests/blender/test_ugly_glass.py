@@ -500,9 +500,9 @@ def test_only_what_bends_light_is_looked_for_within_glass(kiriko, look, monkeypa
         bpy.context.scene.collection.objects.link(bpy.data.objects.new("Other", mesh))
     asked = []
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.look")
-    own = module._box
+    own = module.box_of
     monkeypatch.setattr(
-        module, "_box", lambda scene, thing: asked.append(thing) or own(scene, thing)
+        module, "box_of", lambda scene, thing: asked.append(thing) or own(scene, thing)
     )
     look()
     assert {thing.kiriko.role for thing in asked} == {"GLASS"}
