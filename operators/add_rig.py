@@ -219,7 +219,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
 
         _remember(proposal, bench, limit, length_of_unit(scene))
         remarks = _on_materials(bench)
-        text = _on_display(scene, proposal, limit, spread, aspect)
+        text = joined([_on_display(scene, proposal, limit, spread, aspect), *left_out])
         if scene.kiriko.looking:
             look_through.leave(scene)
         if compared.is_shown(scene):
@@ -233,7 +233,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
         self.level = "WARNING" if is_short or remarks else "INFO"
 
-        return joined([text, *remarks, *left_out, *_on_camera(scene)])
+        return joined([text, *remarks, *_on_camera(scene)])
 
 
 def _remember(proposal: Proposal, bench: Bench, limit: float, metres: float) -> None:

@@ -143,18 +143,22 @@ def _has_needed(originals: Iterable[bpy.types.Object]) -> bool:
 
 
 def _own(scene: bpy.types.Scene, rig: bpy.types.Collection) -> list[bpy.types.Object]:
-    """The artist's own things that a rig uses, or may use, and that may be copies of such: in its
+    """The artist's own things that a rig uses, and those that may be copies of them: in its
     collection, or in that of no rig, as a mirror that stands there.
     """
     held, keys = set(held_by(rig)), rigs_of(scene)
+    settings = settings_of(scene, rig)
+    viewers = [settings.viewer or scene.camera, *(one.camera for one in settings.viewers)]
+
+    def is_used(thing: bpy.types.Object) -> bool:
+        has_role = thing.kiriko.role != "NONE"
+        return has_role or any(_is_like(one, thing) for one in viewers if one is not None)
+
     found = [
         thing
         for thing in scene.objects
         if not (marked_key(thing) or thing.kiriko.taken_as)
-        and (
-            thing in held
-            or ((thing.kiriko.role != "NONE" or thing.type == "CAMERA") and not keys(thing))
-        )
+        and (thing in held or (is_used(thing) and not keys(thing)))
     ]
     return sorted(found, key=_number)
 

@@ -764,7 +764,7 @@ USES = {"DIFFERENCE": "it cuts", "UNION": "it is joined to", "INTERSECT": "it bo
 def test_a_tool_that_is_left_out_is_told(
     scene: bpy.types.Scene, capfd: pytest.CaptureFixture, operation: str
 ) -> None:
-    """By Add Rig, with what it does to the glass; selected with a camera alone it is refused so."""
+    """By Add Rig, in the panel as well, with what it does to the glass."""
     glass, tool = (new_object(primitive("cube", size=side)) for side in (0.05, 0.02))
     glass.name, tool.name = "Block", "Tool"
     tool.location.z, tool.display_type = 0.02, "WIRE"
@@ -774,7 +774,9 @@ def test_a_tool_that_is_left_out_is_told(
         thing.select_set(True)
     small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
     assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
-    assert f"Left out: 'Tool' ({USES[operation]} 'Block')." in capfd.readouterr().out
+    told = f"Left out: 'Tool' ({USES[operation]} 'Block')."
+    assert told in capfd.readouterr().out
+    assert told in scene.kiriko.result.summary
     assert [thing.kiriko.role for thing in (glass, tool)] == ["GLASS", "NONE"]
 
 
@@ -809,3 +811,4 @@ def test_a_ball_in_place_of_hidden_glass_is_told(
     assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
     said = "'Block' is hidden by its eye symbol (H), and nothing is selected: the rig is around a"
     assert (said in capfd.readouterr().out) == is_hidden
+    assert (said in scene.kiriko.result.summary) == is_hidden
