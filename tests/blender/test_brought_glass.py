@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from fuzz.shapes import BROUGHT, fitting
+from fuzz.shapes import BROUGHT, fitting, shown_points
 
 CLOSED = ["text", "bevelled text", "rod", "splines", "metaballs", "unwelded", "engraved", "array"]
 
@@ -32,6 +32,12 @@ def read(scene):
 
     bpy.context.view_layer.update()
     return blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
+
+
+def test_each_glass_of_metaballs_is_one_of_its_own(brought):
+    """A second one has as many points beside the first, which is a twentieth as large, as alone."""
+    alone = len(shown_points(brought("metaballs")))
+    assert len(shown_points(BROUGHT["metaballs"](np.random.default_rng(2)))) == alone > 100
 
 
 @pytest.mark.parametrize("name", CLOSED)
