@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kiriko.core import kernel
-from kiriko.core.arrays import Floats
+from kiriko.core.arrays import Bools, Floats, Ints
+from kiriko.core.light.hits import is_within
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.trace import Step, tracing
 from kiriko.core.steps import finish
@@ -21,7 +22,10 @@ class Parted(NamedTuple):
     """Of rays whose ways were the same up to an event: how many
     parted there, and how many of those by a wrong turn.
 
-    A turn is wrong where the kernel goes further than numpy's way does: it has passed by a face.
+    A turn is wrong where the kernel goes further than numpy's way does, which has met a face: the
+    kernel has passed by it. Numpy's way takes the word of an engine in float32 for the triangle,
+    which in a mesh of kilometres is right to tenths of a millimetre. So whether the ray meets the
+    face is asked in float64.
     """
 
     n_rays: int
@@ -63,10 +67,30 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
             is_near = np.abs(way[0] - way[1]) <= BESIDE * size
         parts = is_alike & (met[0] != met[1]) & ~is_near
         n_parted += int(parts.sum())
-        n_wrong += int((way[1, parts] > way[0, parts]).sum())
+        by = np.flatnonzero(parts & (way[1] > way[0]))
+        n_wrong += int(are_on_faces(plan, met[0, by], place[0, by]).sum())
         is_alike &= (met >= 0).all(axis=0)
         with np.errstate(invalid="ignore"):
             is_alike &= np.abs(place[0] - place[1]).max(axis=1) <= SAME * size
         here = place
 
     return Parted(n, n_parted, n_wrong)
+
+
+def are_on_faces(plan: Plan, triangles: Ints, places: Floats) -> Bools:
+    """Do places (n, 3) in the planes of triangles (n,) of a plan lie on them? On curved faces,
+    within which hits are found, they do.
+    """
+    are_on = np.zeros(len(triangles), bool)
+    for held in plan.layers:
+        layer = held.layer
+        k = held.places(len(plan.triangles))[triangles]
+        some = np.flatnonzero(k >= 0)
+        k, at = k[some], places[some]
+        if layer.motion is not None:
+            at, _ = layer.motion.back(at, at)
+        is_on = is_within(*layer.frames.barycentric(k, at))
+        if layer.curved is not None:
+            is_on |= layer.curved.row[k] >= 0
+        are_on[some] = is_on
+    return are_on
