@@ -10,6 +10,9 @@ from . import interpolation
 from .points import Points
 
 UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # its corners
+# Light between the nodes of a cell is taken to be so many times as faint as at the faintest, or as
+# bright as at the brightest, and no more: smooth light is far from it.
+SWING = 2.0
 
 
 class Piece(NamedTuple):
@@ -65,6 +68,10 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     # landings and throughput on a grid of each cell
     values = np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
     *xy, throughput = np.moveaxis(interpolation.on_grid(values, m), 3, 0)
+
+    # where light falls steeply, quartics swing beyond their nodes, and might swing below nothing
+    faintest, brightest = (of(values[..., 2], axis=1)[:, None, None] for of in (np.min, np.max))
+    throughput = np.clip(throughput, faintest / SWING, brightest * SWING)
 
     side = np.arange(m + 1) / m
     x, y = np.meshgrid(side, side)

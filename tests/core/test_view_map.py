@@ -10,7 +10,9 @@ import pytest
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.map.points import is_seen
+from kiriko.core.map import interpolation
+from kiriko.core.map.pieces import SWING, quads_of
+from kiriko.core.map.points import Points, is_seen
 from kiriko.core.map.sampling import sample
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
 from kiriko.core.settings import Settings
@@ -142,6 +144,34 @@ def test_pieces_and_misses_make_up_the_image():
     covered = coverage(found)
     assert covered[~corners.any(axis=0)].max() == 0
     assert covered[(found.reason == Reason.ARRIVED)[:-1, :-1] & corners.all(axis=0)].min() > 0.9
+
+
+def throughput_of_quads(by_node, m):
+    """Throughput (m, m) of the quads of one cell with a throughput (5, 5) at its nodes."""
+    y, x = np.mgrid[:5, :5] / 4.0
+    at = np.stack([x.ravel(), y.ravel()], axis=1)
+    alike = np.ones(25, np.uint64), np.zeros(25, np.uint8)
+    points = Points(at, at, *alike, by_node.ravel())
+    nodes = np.arange(25)[None]
+    return quads_of(points, np.zeros((1, 2)), np.ones(1), nodes, m).throughput.reshape(m, m)
+
+
+@pytest.mark.parametrize("m", [4, 8, 32])
+def test_light_that_falls_steeply_within_a_cell_swings_below_nothing_nowhere(m):
+    """Light of three nodes of a thousandth and two without: quartics would have it below nothing
+    next to them. It stays near the range of the nodes, and where it is smooth it is the quartic's.
+    """
+    steep = np.broadcast_to([0.8, 0.8, 1e-3, 1e-3, 1e-3], (5, 5))
+    for by_node in (steep, steep.T, steep * steep.T):
+        found = throughput_of_quads(by_node, m)
+        assert found.min() >= by_node.min() / SWING
+        assert found.max() <= by_node.max() * SWING
+
+    y, x = np.mgrid[:5, :5] / 4.0
+    smooth = np.exp(-3 * x) * np.cos(y)
+    grid = interpolation.on_grid(smooth.reshape(1, 25, 1), m)[0, ..., 0]
+    corners = grid[:-1, :-1] + grid[:-1, 1:] + grid[1:, 1:] + grid[1:, :-1]
+    np.testing.assert_allclose(throughput_of_quads(smooth, m), corners / 4, rtol=1e-12)
 
 
 def test_a_saddle_pixel_is_not_covered_twice():
