@@ -46,8 +46,7 @@ class LightBeside:
 
     def seen_of(self, shown: NDArray[np.float32]) -> Glare:
         """The glare of the display's light (H, W, 3), linear."""
-        # a picture may hold pixels that are not finite, which no throughput makes dark
-        colours = np.nan_to_num(shown.reshape(-1, 3)[self.pixel]).astype(float)
+        colours = shown.reshape(-1, 3)[self.pixel].astype(float)
         light = dot(colours, LUMINANCE) * self.throughput
         beside = light * self.is_beside
         total = light.sum()

@@ -24,6 +24,15 @@ from .reads import READS, Reads
 
 Strokes = Taps | kernel.FlatStrokes
 
+# Viewer px^2, times throughput^2: display pixels that are seen by less count as not covered. Taps
+# are float32, which below its least normal number holds no digits. It is no part of the largest
+# weight: light that is faint all over is shown as truly as any.
+LEAST_WEIGHT = float(np.finfo(np.float32).tiny)
+# Light that a display pixel is asked for at the most: float32 holds sums and multiples of it. With
+# that least weight only a picture of 1e7 and more comes near (Cauchy and Schwarz): light is at most
+# the picture's brightest times sqrt(area / weight).
+MOST_LIGHT = 1e30
+
 
 class Painting:
     """A source image in the making: the x that minimises the
@@ -50,7 +59,7 @@ class Painting:
     def finished(
         self, weight: Floats, margin: int = 0, beside: Floats | None = None
     ) -> NDArray[np.float32]:
-        """Source image (H, W, 3), linear; nothing can be added any more.
+        """Source image (H, W, 3), linear, finite; nothing can be added any more.
 
         Parameters
         ----------
@@ -58,7 +67,7 @@ class Painting:
         margin : px by which the covered area is grown outward
         beside : (H, W), the same sum over light that shall be dark, which comes beside the glass
         """
-        covered, is_free = weight > 0, True
+        covered, is_free = weight >= LEAST_WEIGHT, True
         if beside is not None:
             weight = weight + beside
             is_free = beside == 0
@@ -69,7 +78,7 @@ class Painting:
             image = np.empty((*weight.shape, 3), np.float32)
             for channel, total in enumerate(self._total):
                 np.divide(total, weight, out=total, where=covered)
-                image[..., channel] = total
+                image[..., channel] = np.where(covered, total.clip(-MOST_LIGHT, MOST_LIGHT), 0)
 
         return grow(image, covered, margin, is_free)
 
@@ -167,5 +176,6 @@ def splat(
                 )
             yield (k * len(lots) + number + 1) / (spp * len(lots))
 
-    image = np.where(norm > 0, total / np.where(norm > 0, norm, 1), 0).T
+    is_seen = norm >= LEAST_WEIGHT
+    image = np.where(is_seen, total / np.where(is_seen, norm, 1), 0).T.clip(-MOST_LIGHT, MOST_LIGHT)
     return display.source_for(image.reshape(*shape, 3).astype(np.float32))

@@ -6,6 +6,8 @@
 
 #include "kiriko.h"
 
+#define MOST_LIGHT 1e30 /* of a display pixel, as in core/image/source_image.py */
+
 /* Half the size of a picture of even sides by means: pairs of rows, then of columns, as in pyramid.py. */
 KIRIKO_API void kiriko_halve(const Level *from, float *to) {
     for (int64_t y = 0; y < from->height / 2; y++) {
@@ -67,7 +69,8 @@ static void finish_pixels(void *context, int64_t first, int64_t last) {
     for (int64_t i = first; i < last; i++)
         for (int channel = 0; channel < 3; channel++) {
             double sum = f->total[channel * f->n_pixels + i];
-            f->image[3 * i + channel] = (float)(f->is_covered[i] ? sum / f->weight[i] : sum);
+            double light = f->is_covered[i] ? clip(sum / f->weight[i], -MOST_LIGHT, MOST_LIGHT) : 0;
+            f->image[3 * i + channel] = (float)light;
         }
 }
 

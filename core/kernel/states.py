@@ -49,7 +49,9 @@ def state_of(rays: "Rays", ways: Ways | None = None, is_reached: np.ndarray | No
     """State of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():
-        if made.point(name, getattr(rays, name), dtype) is not getattr(rays, name):
+        given = getattr(rays, name)
+        # not by `is`: an array that was pickled has a type of its own, though an equal one
+        if made.point(name, given, dtype).ctypes.data != given.ctypes.data:
             raise TypeError(f"{name} is no array of {np.dtype(dtype)} in one piece")
 
     if rays.course is not None:

@@ -223,22 +223,6 @@ def test_where_the_glare_is(place, where):
     assert light.seen_of(np.zeros((1, 1, 3), np.float32)) == (0.0, "")
 
 
-@pytest.mark.parametrize("value", [np.inf, np.nan])
-def test_the_share_is_a_number_where_pixels_are_none(value):
-    """One ray of two comes beside the glass, and a third, of a
-    pixel that is not finite, brings no light along.
-    """
-    shown = np.ones((1, 2, 3), np.float32)
-    shown[0, 1] = value
-    light = LightBeside(
-        view=np.array([[1.0, 1.0], [3.0, 1.0], [2.0, 1.0]]),
-        pixel=np.array([0, 0, 1]),
-        throughput=np.array([1.0, 1.0, 0.0]),
-        is_beside=np.array([True, False, True]),
-    )
-    assert light.seen_of(shown).share == 0.5
-
-
 def test_rays_of_the_sample_are_spread_over_the_image():
     """One in each of 64 x 64 parts of the viewer's image, of those that come from the display."""
     a_rig = two_balls()

@@ -1,6 +1,7 @@
 """The compiled kernel gives the results of numpy's way, one by one, and breaks on nothing."""
 
 import ctypes
+import pickle
 import re
 import subprocess
 import sys
@@ -23,7 +24,7 @@ from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import RIDGE, Fields
 from kiriko.core.glass.vertices import Vertices
-from kiriko.core.image import outline, picture, reads
+from kiriko.core.image import outline, picture, reads, source_image
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
@@ -36,7 +37,7 @@ from kiriko.core.light.landings import Landings, Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays, ReachedError
 from kiriko.core.light.thin_parts import ThinParts
-from kiriko.core.light.trace import recording, trace_all, tracing
+from kiriko.core.light.trace import Step, recording, trace_all, tracing
 from kiriko.core.map import bisection, share_batches
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import dividing as map_dividing
@@ -48,6 +49,7 @@ from kiriko.core.map.shares import Shares
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
+from known import both_ways as both_ways_module
 from known.both_ways import find_parted
 from known.closed_forms import unit
 from known.rasterised import rasterise, to_display
@@ -414,6 +416,49 @@ def test_where_ways_part_the_kernel_has_met_the_nearer_face():
     found = find_parted(make_plan(a_rig, Settings()), *rays_of(a_rig, 20_000))
     assert 0 < found.n_parted < 1e-3 * found.n_rays
     assert found.n_wrong == 0
+
+
+def test_a_rig_that_was_pickled_is_followed():
+    """As one that came from another process: its arrays have types of their own."""
+    a_rig = ball_rig(2)
+    rays = rays_of(a_rig, 500)
+    again = pickle.loads(pickle.dumps((a_rig, rays)))
+    expected = trace_all(make_plan(a_rig, Settings()), *rays)
+    found = trace_all(make_plan(again[0], Settings()), *again[1])
+    assert np.array_equal(expected.xy, found.xy, equal_nan=True)
+
+
+def far_spike(metres):
+    """A ball with flat faces, one vertex of which lies many metres aside."""
+    mesh = icosphere(0.025, 2, smooth=False)
+    vertices = mesh.vertices.copy()
+    vertices[np.argmax(vertices[:, 0])] = [metres, 0.15 * metres, -0.76 * metres]
+    return replace(mesh, vertices=vertices, corner_normals=None)
+
+
+def test_a_face_that_only_numpys_engine_meets_is_none_that_the_kernel_passes():
+    """In a mesh of kilometres an engine in float32 takes a ray to meet a face that it passes by
+    tenths of a millimetre. There the kernel goes on, and is right to.
+    """
+    a_rig = rig(far_spike(5520.0))
+    found = find_parted(make_plan(a_rig, Settings()), *rays_of(a_rig, 20_000))
+    assert found.n_parted > 0
+    assert found.n_wrong == 0
+
+
+def test_a_face_that_is_passed_by_is_found(monkeypatch):
+    """Each ray that meets a cube is led past it where the kernel is given one that stands aside."""
+    there, aside = (rig(box([0.03, 0.03, 0.03], centre=(x, 0, 0))) for x in (0.0, 10.0))
+    plans = [make_plan(a_rig, Settings()) for a_rig in (there, aside)]
+    each = iter(plans)
+    monkeypatch.setattr(
+        both_ways_module, "tracing", lambda _, *rays, **more: tracing(next(each), *rays, **more)
+    )
+    rays = rays_of(there, 1000)
+    steps: list[Step] = []
+    finish(tracing(plans[0], *rays, steps=steps))
+    is_on_cube = steps[0].triangle < len(there.glasses[0].mesh.triangles)
+    assert find_parted(plans[0], *rays).n_wrong == is_on_cube.sum() > 100
 
 
 def behind_hull(plan):
@@ -1371,7 +1416,7 @@ def test_the_environment_switches_it_off():
 SHARING = (
     *(asked, curved, curved_roots, fitting, loading, picture, plate, ray_engine, reads, rescue),
     *(quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
-    vertex_fields,
+    *(vertex_fields, source_image),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

@@ -2,17 +2,22 @@
 hand, and the limit of the brute-force splat.
 """
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kiriko.core.image.source_image import grow, splat
+from kiriko.core import kernel
+from kiriko.core.image.pyramid import Pyramid
+from kiriko.core.image.source_image import MOST_LIGHT, Painting, find_strokes, grow, splat
 from kiriko.core.light.planning import make_plan
-from kiriko.core.rig import MirrorArray
+from kiriko.core.map.shares import Coverage
+from kiriko.core.rig import MirrorArray, PicturePlace
 from kiriko.core.settings import Settings
 from known.exact_source import exact_source
 from known.marks import STATISTICS
+from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, box, cube_rig, rig
 from known.work import drain, solve
 
@@ -186,6 +191,57 @@ def test_brightness_weighs_by_throughput_and_brightens_what_the_glass_dims():
     assert ratio.max() < 1.01 / (1 - reflected) ** 2
     inner = (slice(24, 40), slice(24, 40))
     np.testing.assert_allclose(bright.seen()[inner], bright.ideal()[inner], atol=2e-2)
+
+
+def painted(throughput, light, margin=0):
+    """A display (h, w) whose every pixel is seen by one viewer pixel, by a throughput (h, w) of
+    its own, painted with light of one colour.
+    """
+    height, width = throughput.shape
+    x, y = np.meshgrid(np.arange(float(width)), np.arange(float(height)))
+    corners = np.stack([x.ravel(), y.ravel()], axis=1)[:, None] + [[0, 0], [1, 0], [1, 1], [0, 1]]
+    shares = rasterise((width, height), (width, height), corners, corners, throughput.ravel())
+    coverage = Coverage((width, height), (width, height))
+    coverage.add(shares)
+
+    viewer = replace(rig(box([0.3, 0.02, 0.3])).viewer, width=width, height=height)
+    image = np.full((height, width, 4), light, np.float32)
+    painting = Painting((width, height))
+    strokes = find_strokes(PicturePlace("Picture", width, height), viewer, shares)
+    painting.add(Pyramid(image), strokes)
+    return painting.finished(coverage.weight, margin)
+
+
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_a_display_pixel_seen_by_less_than_rounding_carries_is_dark(has_kernel):
+    """By light T a display pixel shows picture / T, to float32's digits, as far as T^2 is a number
+    with digits there, 2^-126 and more; fainter ones are dark, as those that nobody sees.
+    """
+    powers = np.arange(160)
+    with nullcontext() if has_kernel else kernel.off():
+        source = painted(np.exp2(-powers.astype(float)).reshape(8, 20), 0.75)
+    expected = np.where(powers <= 63, 0.75 * np.exp2(powers.astype(float)), 0.0)
+    np.testing.assert_allclose(source.reshape(-1, 3), expected[:, None].repeat(3, 1), rtol=1e-6)
+
+
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_the_source_image_of_a_picture_of_any_brightness_is_finite(has_kernel):
+    """Each pixel is asked for as much light as the picture's by its throughput, or the most that is
+    asked for; grown margins and black that is light leave it finite.
+    """
+    throughput = np.zeros((8, 20))
+    throughput[2:6, 4:12] = np.exp2(-np.arange(32.0)).reshape(4, 8)
+    light = float(np.float32(1e25))
+    with nullcontext() if has_kernel else kernel.off():
+        source = painted(throughput, light, margin=2)
+        brightest = painted(throughput, 1e35, margin=2)
+    shown = throughput > 0
+    expected = np.minimum(light / throughput[shown], MOST_LIGHT)
+    np.testing.assert_allclose(source[shown], expected[:, None].repeat(3, 1), rtol=1e-6)
+
+    display = replace(rig(box([0.3, 0.02, 0.3])).display, black_level=0.999)
+    assert np.isfinite(display.source_for(brightest)).all()
+    assert (brightest[shown] == np.float32(MOST_LIGHT)).all()
 
 
 def test_margin_grows_the_covered_area_by_its_neighbours():
