@@ -1,8 +1,9 @@
 """Copies of a rig's parts that lie beside them in its collection, as Shift D makes them: which of
 them were made as one, and a rig of their own for these.
 
-No copy says with which others it was made. Where each part has one, all of them count as one set.
-Where a part has several, the way from original to copy tells the sets apart: copies that were moved
+No copy says with which others it was made. Where each part has one, all of them count as one set,
+but for glass that went a way of its own: a copy of it alone may be meant for something else. Where
+a part has several, the way from original to copy tells the sets apart: copies that were moved
 as one have gone the same way. Sets that lie in one place are told by the numbers in their names, as
 long as each has all parts. The names alone do not tell: a part that one set lacks leaves its number
 to the next. Where nothing tells it, the selection does.
@@ -99,6 +100,9 @@ def _first_set(copies: Copies, own: list[bpy.types.Object]) -> Pairs | None:
     """The first of the sets that copies are of; None where places and names do not tell it."""
     if all(len(things) == 1 for things in copies.values()):
         pairs = {one: things[0] for one, things in copies.items()}
+        others = {one: twin for one, twin in pairs.items() if one.kiriko.role != "GLASS"}
+        if not all(_goes_with(others, one, pairs[one]) for one in pairs.keys() - others.keys()):
+            return None
         return pairs | {one: things[0] for one, things in _own_copies(pairs, own).items()}
 
     ways: list[list[Pairs]] = []  # sets by the way that they have gone, the first one first
@@ -171,10 +175,18 @@ def _own_copies(pairs: Pairs, own: list[bpy.types.Object]) -> Copies:
 
 
 def _is_copy(pairs: Pairs, one: bpy.types.Object, twin: bpy.types.Object) -> bool:
-    if one == twin or not _is_like(one, twin) or not _leads(pairs, one, twin):
+    """Is a thing the copy of another, which has gone the same way as a part?"""
+    if one == twin or not _is_like(one, twin) or not _goes_with(pairs, one, twin):
         return False
     # a way that leads back as well, as none at all does, does not tell which was first
-    return _number(one) < _number(twin) or not _leads(pairs, twin, one)
+    return _number(one) < _number(twin) or not _goes_with(pairs, twin, one)
+
+
+def _goes_with(pairs: Pairs, one: bpy.types.Object, twin: bpy.types.Object) -> bool:
+    """Does the way of any part of a set lead from one thing to another? Some may have been moved
+    since, by themselves.
+    """
+    return any(_leads({start: end}, one, twin) for start, end in pairs.items())
 
 
 def _is_like(one: bpy.types.Object, other: bpy.types.Object) -> bool:

@@ -312,6 +312,9 @@ def test_copies_of_the_artists_own_things_go_with_those_of_parts(
 
     copies = moved(duplicated([one for one in before if one != second]), along)
     copies = [one for one in copies if not one.name.startswith("Other")]
+    for thing in copies:  # a little more by themselves
+        if along and thing.kiriko.role in {"DISPLAY", "PLATE"}:
+            thing.location.z -= 0.001 * len(thing.kiriko.role)
     assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
     look(kiriko)
     new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
@@ -363,6 +366,27 @@ def test_sets_in_one_place_are_told_by_the_selection(
     assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
     new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
     assert set(new.objects) == set(few)
+
+
+def test_a_copy_of_glass_for_something_else_is_not_taken(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """It was copied alone, and stands elsewhere: nothing tells that it is the new rig's glass, and
+    the selection says that it is not. It is glass of both rigs then, as that around which they are.
+    """
+    rig = add(cube())
+    moved(duplicated([scene.objects["Cube"]]), 0.7)
+    copies = moved(duplicated(list(rig.objects)), 0.02)
+    bpy.ops.object.select_all(action="DESELECT")
+    with pytest.raises(RuntimeError, match="select those of one set"):
+        bpy.ops.kiriko.part_copies()
+    for thing in copies:
+        thing.select_set(True)
+    assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
+    look(kiriko)
+    assert roles(kiriko)["glasses"] == ["Cube", "Cube.001"]
+    new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
+    assert set(new.objects) == set(copies)
 
 
 def test_copies_stay_in_each_scene_that_has_the_rig(
