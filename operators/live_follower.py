@@ -228,10 +228,12 @@ class Live:
             raise
         if self._key is None:
             self._show_problem("")  # that of a scene that could not be read
-        optics = frozenset(keys_of(reading.rig, settings))
+        optics = keys_of(reading.rig, settings)
         key = (
             # in their order: numbers are those of the first
-            fingerprint(replace(reading.rig, pictures=())),
+            optics,
+            tuple(viewer.weight for viewer in reading.rig.viewers),
+            tuple(display.black_level for display in reading.rig.displays),
             settings,
             fingerprint(reading.rig.picture_place),
             *map(self.kept.fingerprint_of, reading.rig.picture.images),
@@ -261,7 +263,7 @@ class Live:
         )
 
     def _update(
-        self, scene_uid: int, settings: Settings, optics: frozenset[str]
+        self, scene_uid: int, settings: Settings, optics: tuple[str, ...]
     ) -> Generator[Step, None, None]:
         """Solve and write, coarse and then finer; yields each single step before it is done."""
         started = perf_counter()
@@ -282,7 +284,8 @@ class Live:
             is_last = n == len(rungs) - 1
             began, n_before = perf_counter(), self.n_pictures
             try:
-                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
+                keys = optics if is_last else ()
+                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last, keys)
             except KirikoError:
                 if is_last:
                     raise
@@ -313,17 +316,24 @@ class Live:
         redraw()
 
     def _solve(
-        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool
+        self,
+        rig: Rig,
+        settings: Settings,
+        is_built: bool,
+        is_last: bool,
+        keys: tuple[str, ...],
     ) -> Generator[Step, None, Any]:
         """The solution, or a coarse source image alone. Names each
         step before it, and the time that it may take.
+
+        keys : of its view maps, where it is the last
         """
         sizes = (*_sizes(rig), is_built)
         session = work.session()
         n = 0
         painted: list[NDArray[np.float32]] = []  # the final picture, whose numbers follow
         steps = (
-            session.solve(rig, settings, painted.append)
+            session.solve(rig, settings, painted.append, keys)
             if is_last
             else session.glance(rig, settings)
         )

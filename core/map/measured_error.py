@@ -8,6 +8,7 @@ import numpy as np
 from ..arrays import Bools, Floats, Ints
 from ..light.landings import Reason
 from ..light.plan import Plan
+from ..steps import Pauses
 from .points import is_in_image, is_seen, trace_points
 from .squares import Squares
 from .view_map import MapError, ViewMap
@@ -93,6 +94,13 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
         n_checked=len(places.at),
         most_samples=int(np.rint(1 / view_map.sample_area.min(initial=np.inf))),
     )
+
+
+def checked(plan: Plan, view_map: ViewMap) -> Pauses[ViewMap]:
+    """A map with its errors, which are measured unless they are known."""
+    if view_map.unchecked is None:
+        return view_map
+    return view_map.with_error((yield from measure(plan, view_map, view_map.unchecked)))
 
 
 def _places(view_map: ViewMap, pixels: Ints) -> _Places:

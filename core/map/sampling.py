@@ -19,14 +19,14 @@ from . import interpolation
 from .borders import cut
 from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
-from .measured_error import CHECK, measure
+from .measured_error import CHECK, checked
 from .points import Paths, Points, is_seen, trace_points
 from .ray_guess import RAYS, Rays, RaysAhead, begun, rays_of_finest, rays_of_samples
 from .samples import sample_cells
 from .share_guess import smooth_ahead
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
-from .view_map import NO_ERROR, ViewMap
+from .view_map import ViewMap
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,11 @@ class Sampling:
     ahead : the rays so far, and a guess of those to come
     begun : progress by the size of squares alone, until then
     is_coarse : for a first picture no pixel is quartered, and no error of the map is measured
+    is_checked : is its error measured at once?
     """
 
-    def __init__(self, plan: Plan, is_coarse: bool = False) -> None:
-        self.plan, self.is_coarse = plan, is_coarse
+    def __init__(self, plan: Plan, is_coarse: bool = False, is_checked: bool = True) -> None:
+        self.plan, self.is_coarse, self.is_checked = plan, is_coarse, is_checked and not is_coarse
         self.quarterings = 0 if is_coarse else CUT.quarterings
         viewer, display = plan.viewer, plan.rig.display
         self.view_size = (viewer.width, viewer.height)
@@ -85,7 +86,8 @@ class Sampling:
         )
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
         is_finer = display.width * display.height > viewer.width * viewer.height
-        self.ahead, self.begun = RaysAhead(2 * CHECK.n_places, waits_for_shares=is_finer), 0.0
+        n_last = 2 * CHECK.n_places * self.is_checked
+        self.ahead, self.begun = RaysAhead(n_last, waits_for_shares=is_finer), 0.0
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
@@ -275,8 +277,8 @@ class Sampling:
         allowance = None if self.is_coarse else pieces.allowance
         sampling = sample_cells(self.plan, view_map, chaotic, allowance, self.ahead)
         view_map = view_map.with_samples(*(yield from self.ahead.searching(sampling)))
-        error = NO_ERROR if self.is_coarse else (yield from measure(self.plan, view_map, cells))
-        return replace(view_map, error=error)
+        view_map = replace(view_map, unchecked=None if self.is_coarse else cells)
+        return (yield from checked(self.plan, view_map)) if self.is_checked else view_map
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's

@@ -12,8 +12,8 @@ from .dividing import OnDisplay
 from .shares import Shares
 from .thinning import Thinning, in_pixels
 
-FEW_SHARES = 1 << 15
-LOTS_AT_ONCE = 4  # of cells, divided side by side: a step of the work
+FEW_SHARES = 1 << 14
+LOTS_AT_ONCE = 8  # of cells, divided side by side: a step of the work
 # shares, up to 64 bytes each: more of them are made again each time they are asked for. A ball
 # fills a display of 3840 x 2160 with 11 million.
 MOST_KEPT = 1 << 24

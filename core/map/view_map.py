@@ -1,6 +1,7 @@
 """The view map, viewer pixels to display pixels, as cells, by which the source image is painted."""
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,7 +19,7 @@ from .squares import Squares
 from .subdivision import n_parts
 from .thinning import THINNING, Thinning
 
-QUADS_AT_ONCE = 1 << 15
+QUADS_AT_ONCE = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class ViewMap:
         viewer px^2, that each stands for; and the side of its stratum, viewer px
     reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
     tolerance : display px
+    unchecked : (p, 4) corners of the finest pixels, in order, until `error` is measured; None then
     n_rays : rays traced
     """
 
@@ -89,6 +91,7 @@ class ViewMap:
     sample_area: Floats = field(default_factory=lambda: np.empty(0))
     sample_reach: Floats = field(default_factory=lambda: np.empty(0))
     error: MapError = NO_ERROR
+    unchecked: Ints | None = None
     n_rays: int = 0
 
     def with_samples(self, samples: Points, area: Floats, reach: Floats) -> "ViewMap":
@@ -96,6 +99,13 @@ class ViewMap:
         number = len(self.points) + np.arange(len(samples))
         points = self.points.and_more(samples)
         return replace(self, points=points, samples=number, sample_area=area, sample_reach=reach)
+
+    def with_error(self, error: MapError) -> "ViewMap":
+        """The same map, with all that is known of it, and its errors."""
+        found = copy(self)
+        n_rays = self.n_rays + error.n_checked
+        vars(found).update(error=error, unchecked=None, n_rays=n_rays)
+        return found
 
     @cached_property
     def _n_parts(self) -> Ints:

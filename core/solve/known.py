@@ -1,14 +1,19 @@
 """What a session knows of one solve for the next: view maps and shares of each viewer, by a key."""
 
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from ..fingerprint import fingerprint
+from ..map.measured_error import checked
+from ..map.view_map import ViewMap
 from ..rig import Rig
 from ..settings import Settings
+from ..steps import at, within
 from .channel import Traced
 from .disagreement import Settled, is_comparable, is_sharp
-from .painting import Placed, place
+from .measured import measuring
+from .painting import Clock, Placed, place
 
 
 class Optics(NamedTuple):
@@ -77,3 +82,25 @@ def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | Non
     for placed in channels:
         placed.shares.share_memory(len(channels))
     return Place(keys, tuple(channels), together)
+
+
+def uncovered(optics: Optics, place: Place) -> list[tuple[Placed, ViewMap]]:
+    """The channels of which it is not known how much of the picture is seen, with their maps."""
+    both = zip(optics.channels, place.channels, strict=True)
+    return [(one, traced.view_map) for traced, one in both if one.covered is None]
+
+
+def measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, int]:
+    """Measure what was traced; yields progress 0..1, and returns the number of rays that view maps
+    were checked with.
+    """
+    n_rays = 0
+    for n, traced in enumerate(unmeasured):
+        start, stop = (k / len(unmeasured) for k in (n, n + 1))
+        before = traced.view_map
+        traced.view_map = yield from at(start, checked(traced.plan, before))
+        n_rays += traced.view_map.n_rays - before.n_rays
+        clock.lap("tracing")
+        steps = measuring(traced.plan, traced.view_map, clock.lap)
+        traced.measured = yield from within(steps, start, stop)
+    return n_rays

@@ -101,17 +101,17 @@ class Pace:
 
 
 PACE = Pace(
-    flat=GlassPace(1.2, 0.4e-3, 0.006),
-    curved=GlassPace(1.5, 0.36e-3, 0.02),
-    bent=GlassPace(1.5, 0.24e-3, 0.09),
+    flat=GlassPace(1.2, 0.4e-3, 0.013),
+    curved=GlassPace(1.5, 0.36e-3, 0.03),
+    bent=GlassPace(1.5, 0.24e-3, 0.1),
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.04e-6, 0.165e-6),
     painted_share=Seconds(0.075e-6, 0.035e-6),
 )
 NUMPY_PACE = Pace(
-    flat=GlassPace(1.0, 1.2e-3, 0.02),
-    curved=GlassPace(1.5, 4e-3, 0.06),
-    bent=GlassPace(2.0, 6e-3, 0.2),
+    flat=GlassPace(1.0, 1.2e-3, 0.045),
+    curved=GlassPace(1.5, 4e-3, 0.09),
+    bent=GlassPace(2.0, 6e-3, 0.23),
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.3e-6),
     painted_share=Seconds(0.7e-6),

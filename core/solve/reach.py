@@ -94,7 +94,8 @@ def sample_reached(
         lap("plan")
 
         of_plan = perf_counter() - started
-        sampling = Sampling(plan, is_coarse)
+        # rays that check a map tell, too, whether light comes near to what stands aside
+        sampling = Sampling(plan, is_coarse, is_checked=bool(plan.aside.glasses))
         ahead = Ahead(plan, of_plan)
         steps = sampling.sample()
 

@@ -5,7 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -26,12 +26,11 @@ from .accuracy import leaks
 from .channel import Channel, Traced
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
-from .known import Optics, Place, keys_of, placed_for
-from .measured import measuring
+from .known import Optics, Place, keys_of, measure, placed_for, uncovered
 from .memory import check_memory, check_traced
 from .pace import seconds_to_cover, seconds_to_measure
 from .painting import Clock, Placed, finished, paint, place, weight_beside
-from .picture_coverage import of_the_picture
+from .picture_coverage import check_seen
 from .progress import STAGES, Bar
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
@@ -53,11 +52,13 @@ class Session:
         rig: Rig,
         settings: Settings | None = None,
         show: Callable[[NDArray[np.float32]], None] | None = None,
+        keys: tuple[str, ...] = (),
     ) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
 
         show : gets the source image as soon as it is painted, where
-            light has to be measured after that
+            anything has to be measured after that
+        keys : by `keys_of`, where these are known already
 
         Raises
         ------
@@ -68,7 +69,7 @@ class Session:
         clock, bar = Clock(), Bar()
         rig.check()
         settings.check()
-        keys = keys_of(rig, settings)
+        keys = keys or keys_of(rig, settings)
         clock.lap("fingerprint")
 
         optics, n_rays = self._optics, 0
@@ -82,11 +83,8 @@ class Session:
         placed = placed_for(rig, settings, optics, self._placed)
         unmeasured = [traced for traced in optics.channels if traced.measured is None]
         to_measure = sum(seconds_to_measure(of.plan, of.seconds_of_plan) for of in unmeasured)
-        to_cover = sum(
-            seconds_to_cover(traced.view_map)
-            for traced, one in zip(optics.channels, placed.channels, strict=True)
-            if one.covered is None
-        )
+        to_be_covered = uncovered(optics, placed)
+        to_cover = sum(seconds_to_cover(view_map) for _, view_map in to_be_covered)
         to_paint = sum(one.seconds_to_paint for one in placed.channels)
         if _is_to_be_settled(placed, rig):
             to_paint /= 1 - STAGES.settled
@@ -99,16 +97,19 @@ class Session:
         source = rig.display.source_for(light)
         clock.lap("painting")
 
-        yield bar.at(to_cover + to_measure)
-        for traced, one in zip(optics.channels, placed.channels, strict=True):
-            one.cover(traced.view_map)
+        for one, _ in to_be_covered:
+            check_seen(one.picture, one.viewer)
         self._placed = placed
-        clock.lap("coverage")
-
-        if show is not None and unmeasured:
+        if show is not None and (to_be_covered or unmeasured):
             show(source)
+
+        # all that is not seen
+        yield bar.at(to_cover + to_measure)
+        for one, view_map in to_be_covered:
+            one.cover(view_map)
+        clock.lap("coverage")
         yield bar.at(to_measure)
-        yield from bar.during(_measure(unmeasured, clock), to_measure, 0.0)
+        n_rays += yield from bar.during(measure(unmeasured, clock), to_measure, 0.0)
         channels = _channels(rig, settings, optics, placed, light)
         clock.lap("coverage")
 
@@ -155,10 +156,7 @@ class Session:
 
         beside = []
         for view_map, placed in found:
-            # refuses a picture out of sight
-            of_the_picture(
-                placed.picture, placed.viewer, view_map, placed.view_coverage_in(view_map)
-            )
+            check_seen(placed.picture, placed.viewer)
             beside.append((yield from at(1.0, weight_beside(view_map, settings))))
 
         return rig.display.source_for(finished(painting, channels, beside, settings))
@@ -254,13 +252,6 @@ class Session:
 def _is_to_be_settled(place: Place, rig: Rig) -> bool:
     """Is it still to be looked at what the viewers of a rig disagree about?"""
     return place.settled is None and is_comparable(rig)
-
-
-def _measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, None]:
-    """Measure what was traced; yields progress 0..1."""
-    for n, traced in enumerate(unmeasured):
-        steps = measuring(traced.plan, traced.view_map, clock.lap)
-        traced.measured = yield from within(steps, n / len(unmeasured), (n + 1) / len(unmeasured))
 
 
 def _channels(

@@ -528,9 +528,9 @@ def test_a_picture_may_stay_without_numbers(
         until(written, live)
         live.stop()
     else:
-        errors, session = (
+        errors, known = (
             importlib.import_module(f"{EXTENSION}.core.{name}")
-            for name in ("errors", "solve.session")
+            for name in ("errors", "solve.known")
         )
 
         def fail(*_: object) -> Iterator[float]:
@@ -538,7 +538,7 @@ def test_a_picture_may_stay_without_numbers(
             raise errors.RigError("Too many cats.")
 
         with monkeypatch.context() as patch:
-            patch.setattr(session, "measuring", fail)
+            patch.setattr(known, "measuring", fail)
             settle(live)
         assert live.status() == ("Too many cats.", True)
         live.stop()
