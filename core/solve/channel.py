@@ -37,14 +37,14 @@ class Traced:
     plan : the rig as it is traced for this viewer, at this wavelength
     weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over the shares of
         light beside the glass, where it counts
-    seconds_of_plan : that making it took
+    seconds_to_measure : its errors, about
     measured : None until a picture was painted of it
     """
 
     plan: Plan
     view_map: ViewMap
     weight_beside: Floats | None
-    seconds_of_plan: float
+    seconds_to_measure: float
     measured: Measured | None = None
 
 

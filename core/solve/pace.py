@@ -44,11 +44,14 @@ class GlassPace(NamedTuple):
     search : what each of a map's searches takes besides, s, however few its rays are, for
         each pause that the first squares took: in small batches all events take their time
     measured : to measure errors, s, by numpy for the most part
+    measured_rays : and by so many rays, each of which takes as long as one of the map: where
+        flat triangles have bent normals, light is followed through other surfaces in their place
     """
 
     searched: float
     search: float
     measured: float
+    measured_rays: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -94,16 +97,17 @@ class Pace:
         """Seconds to find how much of the picture a viewer of so many pixels is shown."""
         return times_slower() * (self.covered_pixel * n_pixels + self.covered_point * n_points)
 
-    def to_measure(self, plan: Plan, of_plan: float) -> float:
-        """Seconds to measure the errors of a plan that was made in so many."""
+    def to_measure(self, plan: Plan, of_plan: float, of_ray: float) -> float:
+        """Seconds to measure the errors of a plan that was made in so many, each ray in so many."""
         again = self.planned_again * of_plan if coarsest(plan.counts) >= 0 else 0.0
-        return times_slower() * self.through(plan).measured + again
+        through = self.through(plan)
+        return times_slower() * through.measured + through.measured_rays * of_ray + again
 
 
 PACE = Pace(
     flat=GlassPace(1.2, 0.4e-3, 0.013),
     curved=GlassPace(1.5, 0.36e-3, 0.03),
-    bent=GlassPace(1.5, 0.24e-3, 0.1),
+    bent=GlassPace(1.5, 0.24e-3, 0.015, 15e3),
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.04e-6, 0.165e-6),
     painted_share=Seconds(0.075e-6, 0.035e-6),
@@ -138,9 +142,11 @@ def _times_slower(_: int) -> float:
     return min(passes) / PROBE_SECONDS
 
 
-def seconds_to_measure(plan: Plan, of_plan: float) -> float:
-    """About how long it takes to measure the errors of a plan that was made in so many seconds."""
-    return pace().to_measure(plan, of_plan)
+def seconds_to_measure(plan: Plan, of_plan: float, of_ray: float) -> float:
+    """About how long it takes to measure the errors of a plan that was made in so many seconds, and
+    through which a ray took so many.
+    """
+    return pace().to_measure(plan, of_plan, of_ray)
 
 
 def seconds_to_paint(view_map: ViewMap) -> float:

@@ -138,10 +138,9 @@ class Ahead:
 
     def __init__(self, plan: Plan, of_plan: float) -> None:
         """For a plan that was made in so many seconds."""
-        self._plan = plan
+        self._plan, self._of_plan = plan, of_plan
         self._of = pace()
         self._through = self._of.through(plan)
-        self._measuring = self._of.to_measure(plan, of_plan)
         self._searches = Searches()
 
     def seconds(self, rays: RaysAhead, so_far: float) -> float:
@@ -153,7 +152,7 @@ class Ahead:
             to_trace
             + self._of.to_paint(display.width * display.height, made)
             + self._of.to_cover(viewer.width * viewer.height, rays.expected)
-            + self._measuring
+            + self._of.to_measure(self._plan, self._of_plan, so_far / max(rays.done.every, 1.0))
         )
 
     def _to_trace(self, rays: RaysAhead, so_far: float) -> float:

@@ -5,6 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import replace
 
@@ -82,7 +83,7 @@ class Session:
         # what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
         unmeasured = [traced for traced in optics.channels if traced.measured is None]
-        to_measure = sum(seconds_to_measure(of.plan, of.seconds_of_plan) for of in unmeasured)
+        to_measure = sum(traced.seconds_to_measure for traced in unmeasured)
         to_be_covered = uncovered(optics, placed)
         to_cover = sum(seconds_to_cover(view_map) for _, view_map in to_be_covered)
         to_paint = sum(one.seconds_to_paint for one in placed.channels)
@@ -233,7 +234,7 @@ class Session:
         """Trace the view map of one viewer; yields progress of the
         whole solve as if there were no other.
         """
-        before = clock.seconds.get("plan", 0.0)
+        before = Counter(clock.seconds)
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
@@ -246,7 +247,9 @@ class Session:
         clock.lap("shares")
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
-        return Traced(plan, view_map, weight, clock.seconds["plan"] - before)
+        of_plan, of_rays = (clock.seconds[part] - before[part] for part in ("plan", "tracing"))
+        to_measure = seconds_to_measure(plan, of_plan, of_rays / max(view_map.n_rays, 1))
+        return Traced(plan, view_map, weight, to_measure)
 
 
 def _is_to_be_settled(place: Place, rig: Rig) -> bool:
