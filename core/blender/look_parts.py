@@ -119,12 +119,13 @@ def _why_not(scene: bpy.types.Scene, viewer: Viewer, thing: bpy.types.Object) ->
         local = read_local(shown.to_mesh())
     finally:
         shown.to_mesh_clear()
-    if not 0 < len(local.triangles) <= SEARCH.most_triangles:
+    is_sound = bool(np.isfinite(local.vertices).all())
+    if not is_sound or len(local.triangles) > SEARCH.most_triangles:
         return ""
     to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(shown.matrix_world, float)
     mesh, _ = in_world(local, to_metres, "facets")
     try:
-        for solid in solids_from_mesh(mesh):
+        for solid in solids_from_mesh(mesh) if len(mesh.triangles) else ():
             check_viewer_outside(viewer, Glass(thing.name, mesh), solid)
     except RigError as error:
         return error.message

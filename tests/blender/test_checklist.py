@@ -957,8 +957,14 @@ def test_a_viewer_within_the_glass_is_told_as_by_a_solve(
         bpy.ops.kiriko.solve()
     viewer.data.type = projection
 
-    # a cavity around the viewer, whose faces look into the glass as those outside do
+    # glass without a thickness has no inside
     viewer.location = (0.0, 0.0, 0.0)
+    for scale in ((1.0, 1.0, 0.0), (1.0, 0.0, 0.0)):
+        glass.scale = scale
+        assert refused() == []
+    glass.scale = (1.0, 1.0, 1.0)
+
+    # a cavity around the viewer, whose faces look into the glass as those outside do
     shape = bmesh.new()
     shape.from_mesh(glass.data)
     bmesh.ops.create_cube(shape, size=0.8 * SIDE / unit)
