@@ -217,6 +217,12 @@ class CurvedFaces:
         row = self.row[k]
         return np.where(row >= 0, self.jump[row], 0.0)
 
+    def given_normals(self, facing: Floats, k: Ints, u: Floats, v: Floats) -> Floats | None:
+        """Normals (n, 3), not unit, by which triangles k refract at u, v (n,), where their own are
+        `facing` (n, 3), None where all refract by their own.
+        """
+        return self.refracting(facing, k, u, v) if self.has_given_normals else None
+
     def refracting(self, normal: Floats, k: Ints, u: Floats, v: Floats) -> Floats:
         """Normals (n, 3), changed where a face refracts by others than its own.
 

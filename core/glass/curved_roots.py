@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from .curved import FACES_AT_ONCE, CurvedFaces
 from .quartics import cross, product, value_and_slopes
 
@@ -64,7 +64,9 @@ class Lines(NamedTuple):
 
     def at(self, i: Ints | Bools | slice) -> "Lines":
         """Some of the rays."""
-        return Lines(self.origins[i], self.directions[i])
+        if isinstance(i, slice):
+            return Lines(self.origins[i], self.directions[i])
+        return Lines(taken(self.origins, i), taken(self.directions, i))
 
 
 class Spots(NamedTuple):
@@ -83,8 +85,7 @@ class Roots(NamedTuple):
     """Where n rays meet curved faces.
 
     triangle (n,), u (n,), v (n,); distance (n,) m; enters (n,) the ray comes from the front;
-    facing (n, 3), normal to the face, and normal (n, 3), by which it refracts: neither is unit, and
-    they may be one array; is_met (n,): whether there is a root at all
+    facing (n, 3), normal to the face, not unit; is_met (n,): whether there is a root at all
     """
 
     triangle: Ints
@@ -93,7 +94,6 @@ class Roots(NamedTuple):
     distance: Floats
     enters: Bools
     facing: Floats
-    normal: Floats
     is_met: Bools
 
     @property
@@ -208,7 +208,6 @@ class _Way:
             distance=product(self.d, at),
             enters=product(self.d, facing) < 0,
             facing=facing.T,
-            normal=self.faces.refracting(facing.T, self.k, self.u, self.v),
             is_met=is_within & (self.size < ROOTS.converged),
         )
 

@@ -56,7 +56,13 @@ def use_threads(number: int) -> None:
 
 def n_threads() -> int:
     """How many threads the kernel may have."""
-    return _threads or os.cpu_count() or 1
+    return _threads or _n_processors()
+
+
+@cache
+def _n_processors() -> int:
+    # Linux looks it up in a file, and the progress asks thousands of times
+    return os.cpu_count() or 1
 
 
 def find_library() -> Path | None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..glass.curved_roots import Spots
 from ..glass.meshes import interpolate
 from ..glass.quartics import product
@@ -64,7 +64,7 @@ class Asked:
         u, v = (column[chosen].astype(float) for column in (found.u, found.v))
         in_parts = np.flatnonzero(prim >= self.n_whole)
         if len(in_parts):
-            part = self.places[prim[in_parts] - self.n_whole].astype(float)
+            part = taken(self.places, prim[in_parts] - self.n_whole).astype(float)
             u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts]).T
         return Spots(self.owner[prim], u, v)
 

@@ -5,7 +5,7 @@ A ray ends on the display, on the plane of a flat display beyond the plate, or i
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..glass.curved import EDGE
 from ..products import turn
 from ..vectors import dot
@@ -19,10 +19,11 @@ def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
     (n, 2), distance (n,) m, and do they meet its front?
     """
     plane = plan.display.plane
-    slope = dot(rays.directions[i], plane.normal)
+    origins, directions = taken(rays.positions, i), taken(rays.directions, i)
+    slope = dot(directions, plane.normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = dot(plane.corner - rays.positions[i], plane.normal) / slope
-        at = rays.positions[i] + t[:, None] * rays.directions[i] - plane.corner
+        t = dot(plane.corner - origins, plane.normal) / slope
+        at = origins + t[:, None] * directions - plane.corner
         xy = turn(plane.pixels, at) + plane.origin
     return xy, t, (slope < 0) & (t > 0)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..steps import Pauses
 from .contact import NEAR, in_order
 from .hits import Accept, Hits, Search, slab
@@ -75,14 +75,14 @@ class _Sides:
 def find_first_hits(
     plan: Plan, rays: Rays, searches: list[Search]
 ) -> Pauses[tuple[Hits, list[Hits], Bools]]:
-    """First hits of the live rays (n,), those of each layer that are no further, and the rays (n,)
-    of which the search is put off. Triangles are the plan's.
+    """First hits of the live rays (n,), those of each layer that are no further, without normals,
+    and the rays (n,) of which the search is put off. Triangles are the plan's.
 
     searches : how far each layer was searched for all rays
     """
     live = rays.live
-    origins = rays.positions[live]
-    directions = rays.directions[live]
+    origins = taken(rays.positions, live)
+    directions = taken(rays.directions, live)
     sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
     nearest = np.full(len(live), np.inf)
@@ -130,7 +130,7 @@ def find_first_hits(
 
     came_in = sides.gap_distance < first.distance
     rays.leak[live[came_in]] = sides.gap[came_in]
-    return first, by_layer, is_open
+    return first, [hits.without_normals() for hits in by_layer], is_open
 
 
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:

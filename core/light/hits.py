@@ -1,11 +1,11 @@
 """Where rays meet surfaces."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..glass.curved import EDGE, CurvedFaces
 from ..glass.curved_roots import Lines
 
@@ -49,9 +49,15 @@ class Hits:
             if mine is not None:
                 mine[rays] = 0.0 if theirs is None else theirs
 
-    def at(self, rays: Ints | Bools | slice) -> "Hits":
+    def at(self, rays: Ints | Bools) -> "Hits":
         """The hits of some rays."""
-        return Hits(*(None if column is None else column[rays] for column in self._columns()))
+        return Hits(
+            *(None if column is None else taken(column, rays) for column in self._columns())
+        )
+
+    def without_normals(self) -> "Hits":
+        """The same hits without the normals of curved faces."""
+        return replace(self, facing=None, normal=None)
 
     def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
         """These hits, and others where chosen (n,)."""

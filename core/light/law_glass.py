@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Ints
+from ..arrays import Ints, taken
 from ..vectors import dot, normalise
 from .hits import Hits
 from .meetings import Law, shading_normals
@@ -33,7 +33,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     if not len(i):
         return
 
-    directions = rays.directions[i]
+    directions = taken(rays.directions, i)
     geometric, shading, is_own = shading_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1, n2)
 
@@ -87,4 +87,4 @@ def _cross_faces(
     return before, after, patch
 
 
-LAW = Law(meet, None)
+LAW = Law(meet, None, crosses=True)

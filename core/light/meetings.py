@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..fingerprint import fingerprint
 from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface
@@ -25,11 +25,14 @@ class Law(NamedTuple):
     surface : the surface of a part, and its key; takes the part, and surfaces kept from before.
         None for solids, whose surfaces are found together
     ends : does no ray go on from it?
+    crosses : are faces of other layers at the same place met together with it? Else it is handed no
+        hits of layers
     """
 
     meet: Callable[[Plan, Rays, Ints, Hits, list[Hits]], None]
     surface: Callable[[Any, Kept], tuple[Surface, str]] | None
     ends: bool = False
+    crosses: bool = False
 
 
 def key_of_facets(mesh: Mesh) -> str:
@@ -42,17 +45,17 @@ def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats,
     own normal is kept, because the bent one looks away.
     """
     # those of curved faces
-    geometric = plan.triangles.normals[hits.triangle]
+    geometric = taken(plan.triangles.normals, hits.triangle)
     shading = geometric
 
     if hits.facing is not None:
         curved = np.flatnonzero(_is_set(hits.facing))
-        geometric[curved] = normalise(hits.facing[curved])
+        geometric[curved] = normalise(taken(hits.facing, curved))
 
     if hits.normal is not None:
         curved = np.flatnonzero(_is_set(hits.normal))
         shading = geometric.copy()
-        shading[curved] = normalise(hits.normal[curved])
+        shading[curved] = normalise(taken(hits.normal, curved))
 
     if plan.triangles.corner_normals is not None:
         bent = np.flatnonzero(plan.triangles.is_bent[hits.triangle])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, taken
 from ..vectors import dot
 from .engines import Found
 from .hits import Hits, Question
@@ -77,7 +77,7 @@ class Passed:
 
     def some_of(self, rays: Ints) -> Ints:
         """Those of rays (m,) that have passed a face."""
-        return rays[np.isfinite(self.last(rays))]
+        return rays[:0] if self._distance is None else rays[np.isfinite(self._distance[rays])]
 
     def lost(self, ended: list[Ints]) -> Ints:
         """The rays that must have met another face: outside, those with a hit that cannot be;
@@ -104,7 +104,7 @@ def enter_again(
         return
     found, chosen, far = shot
     some, is_met = hits
-    enters = dot(question.lines.directions[rays], found.normal[chosen]) < 0
+    enters = dot(taken(question.lines.directions, rays), taken(found.normal, chosen)) < 0
     enters &= question.leaves[rays] & question.is_inside[rays]
     # what is entered lies behind the hull: not where the ray leaves before
     asked = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))

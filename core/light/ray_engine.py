@@ -166,7 +166,7 @@ class Layer:
             v=found.v,
             enters=found.enters,
             facing=found.facing,
-            normal=found.normal if self.curved.has_given_normals else None,
+            normal=self.curved.given_normals(found.facing, *found.spots),
         )
         return hits, found.is_met
 
@@ -279,7 +279,7 @@ class Layer:
             is_true, passes = passed.count(asked, some, is_true, is_wrong)
             if passes is not None:
                 step[hit] = np.where(passes, 3 * FLOAT32 * self.radius, step[hit])
-            good = slice(None) if is_true.all() else is_true
+            good = np.flatnonzero(is_true)
             hits.put(asked[good], some.at(good))
 
             # the others go on; the true hit may lie a little further than the engine has it

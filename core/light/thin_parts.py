@@ -126,8 +126,11 @@ class ThinParts:
             return (yield from self._of_kernel.touch(places, met, widest))
 
         is_met = np.zeros((len(places), self.n_units), bool)
-        is_met[np.nonzero(met >= 0)[0], self._unit_of_patch[met[met >= 0]]] = True
+        is_there = met >= 0
+        is_met[np.nonzero(is_there)[0], self._unit_of_patch[met[is_there]]] = True
+        yield 0
         bundles, touched = _bundles(places, met, widest)
+        yield 0
         at_once = max(1, THIN.pairs_at_once // self.n_units)
         for first in range(0, len(bundles.owner), at_once):
             i, node = np.nonzero(~is_met[bundles.owner[first : first + at_once]])

@@ -184,7 +184,7 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
             by_layer = [other.at(hit) for other in by_layer]
 
         # the others go to what they meet
-        rays.positions[rays.live] += hits.distance[:, None] * rays.directions[rays.live]
+        rays.positions[rays.live] += hits.distance[:, None] * taken(rays.directions, rays.live)
         rays.n_events[rays.live] += 1
         _leave_gaps(plan, rays, rays.live, hits)
         if steps is not None:
@@ -201,7 +201,7 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         for of_kind, law in LAWS.items():
             some = np.flatnonzero(kind == of_kind)
             if len(some):
-                others = [other.at(some) for other in by_layer]
+                others = [other.at(some) for other in by_layer] if law.crosses else []
                 law.meet(plan, rays, rays.live[some], hits.at(some), others)
 
         if plan.display.is_by_glass:

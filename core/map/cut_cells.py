@@ -73,7 +73,7 @@ def cut_cells(
     strips = np.where(strips > 0, strips + len(points) + len(new), 0)
     known = known.and_more(Borders(new, number, strips))
     yield 0
-    points = points.and_more(border.and_more(of_strips))
+    points = Points.joined([points, border, of_strips])
     yield 0
 
     some = np.flatnonzero(~lacks)

@@ -30,7 +30,6 @@ def find_strips(
     Returns the ends (b, 2 MOST_STRIPS) of strips, from near to far, the first and the last point of
     each, 1 + its index, 0 for none; these points; and where (b,) there was no allowance to go on.
     """
-    n = len(points)
     a = points.view[near]
     start = a + ends[:, None] * (points.view[far] - a)
     middle = (a + points.view[far]) / 2
@@ -57,13 +56,15 @@ def find_strips(
             break
         first = first.at(~lacks)
 
-        # to where it ends, on the same way
-        edges = Edges(n + np.arange(len(asked)), far[asked], course[~lacks], np.ones(len(asked)))
-        end, last, _ = yield from last_on_branch(plan, points.and_more(first), edges)
-        number = 1 + len(found) + np.arange(len(asked))
+        # to where it ends, on the same way; among the points of these edges alone, for all are many
+        some = np.arange(len(asked))
+        of_edges = first.and_more(points.at(far[asked]))
+        edges = Edges(some, len(asked) + some, course[~lacks], np.ones(len(asked)))
+        end, last, _ = yield from last_on_branch(plan, of_edges, edges)
+        number = 1 + len(found) + some
         found_ends[asked, 2 * k] = number
         found_ends[asked, 2 * k + 1] = number + len(asked)
-        found = found.and_more(first).and_more(last)
+        found = Points.joined([found, first, last])
 
         start[asked] = first.view + end[:, None] * (points.view[far[asked]] - first.view)
         of_strip = np.zeros(len(near), np.uint64)
