@@ -5,7 +5,7 @@ import bpy
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.given_glass import give
 from ..core.blender.look import has_own_faces
-from ..core.blender.material import refracts
+from ..core.blender.look_parts import refracts_as_shown
 from ..core.blender.viewport_look import be_seen_as_glass
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
@@ -22,7 +22,8 @@ def can_be_given(thing: bpy.types.Object) -> bool:
         bool(thing.material_slots) or thing.data.is_editable
     )
     is_glass = thing.kiriko.role == "GLASS" and thing.is_editable and has_slots
-    return is_glass and not refracts(thing) and has_own_faces(bpy.context.scene, thing)
+    scene = bpy.context.scene
+    return is_glass and not refracts_as_shown(scene, thing) and has_own_faces(scene, thing)
 
 
 def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -292,6 +292,15 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
     bl_idname = "kiriko.turn_out"
     bl_label = "Turn Out"
 
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        turning = [one for one in thing.modifiers if one.type == "SCREW" and one.show_viewport]
+        is_profile = thing.type == "MESH" and thing.data.edges and not thing.data.polygons
+        if not is_profile or len(turning) != 1:
+            return super().mend(context, thing)
+        (screw,) = turning  # all the faces are its own
+        screw.use_normal_flip = not screw.use_normal_flip
+        return Message("The faces of '{mesh}' look out now.", mesh=thing.name)
+
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         mesh.flip_normals()
         mesh.update()

@@ -15,6 +15,7 @@ from ..messages import Message
 from ..parts import Glass
 from ..viewer import Viewer
 from .cuts import SEARCH
+from .material import Bends, bends_light, refracts
 from .mesh import in_world, read_local
 from .parts import is_placed
 from .plane import check_shown, image_of
@@ -36,6 +37,19 @@ def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Obje
     """
     graph = _graph(scene)
     return thing if graph is None else thing.evaluated_get(graph)
+
+
+def refracts_as_shown(
+    scene: bpy.types.Scene, thing: bpy.types.Object, bends: Bends = bends_light
+) -> bool:
+    """Does any material of an object bend light, or one that its modifiers give its faces?
+
+    Geometry nodes set materials that are in none of its slots.
+    """
+    if refracts(thing, bends):
+        return True
+    made = getattr(evaluated(scene, thing).data, "materials", ()) if thing.modifiers else ()
+    return any(bends(own and own.original) for own in made)
 
 
 def _graph(scene: bpy.types.Scene) -> bpy.types.Depsgraph | None:

@@ -9,6 +9,7 @@ from ..light.landings import Reason
 from ..messages import Message
 from ..words import percent
 from .channel import Traced
+from .picture_coverage import check_seen
 
 MOST_LEAKED = 0.5  # share of the light: where more goes through gaps these are why all is dark
 
@@ -35,7 +36,8 @@ STRAIGHT = {
 
 
 def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
-    """The reason why no ray of a viewer arrives: nobody means a black source image.
+    """The reason why no ray of a viewer arrives: nobody means a black source image. RigError where
+    a viewer that looks at the glass does not see the picture: then no part keeps light away.
 
     leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
     """
@@ -53,6 +55,10 @@ def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
     counts[Reason.ARRIVED] = 0
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
+
+    if beyond_glass:
+        rig, viewer = traced.plan.rig, traced.plan.viewer
+        check_seen(rig.place_of(viewer), viewer)
 
     remedies = REMEDIES if traced.plan.needs_plate else REMEDIES | STRAIGHT
 

@@ -567,6 +567,48 @@ def test_a_turned_profile_is_shaded_smooth(scene):
     assert glass.modifiers[0].use_smooth_shade
 
 
+def test_a_turned_profile_is_turned_out(look: Callable[[], list]) -> None:
+    """It has no faces of its own: the modifier turns them round."""
+    profile = bpy.data.meshes.new("profile")
+    across, up = np.array([0.0, 0.03, 0.03, 0.01]), np.array([0.0, 0.0, 0.05, 0.05])
+    points = np.stack([across, np.zeros(4), up], axis=1)
+    profile.from_pydata(points.tolist(), list(pairwise(range(4))), [])
+    glass = new_object(profile, "GLASS")
+    glass.kiriko.use_ior = True
+    screw = glass.modifiers.new("Screw", "SCREW")
+    screw.use_merge_vertices, screw.merge_threshold = True, 1e-5
+
+    words = "The faces of 'thing' look into the glass"
+    press(look(), words, "Turn Out")
+    bpy.context.view_layer.update()
+    assert words not in " ".join(told(look()))
+    assert "'thing' is not closed" in " ".join(told(look()))
+
+
+def test_glass_whose_modifiers_give_it_its_material_is_glass(look: Callable[[], list]) -> None:
+    """Light follows a material that geometry nodes set: another in a slot would change nothing."""
+    small_rig()
+    (glass,) = (one for one in bpy.context.scene.objects if one.kiriko.role == "GLASS")
+    glass.kiriko.use_ior = False
+    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    setter = tree.nodes.new("GeometryNodeSetMaterial")
+    setter.inputs["Material"].default_value = glass_material("set", 1.6)
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], setter.inputs["Geometry"])
+    tree.links.new(setter.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    assert any("is no glass" in text for text in told(look()))
+    glass.modifiers.new("nodes", "NODES").node_group = tree
+    bpy.context.view_layer.update()
+    assert told(look()) == []
+    with pytest.raises(RuntimeError, match="Select glass whose material does not refract"):
+        bpy.ops.kiriko.make_glass(part=glass.name)
+
+    inputs = setter.inputs["Material"].default_value.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Transmission Weight"].default_value = 0.0
+    assert any("is no glass" in text for text in told(look()))
+
+
 def test_a_tube_gets_caps(look: Callable[[], list]) -> None:
     """A bevelled curve that is open at its ends is closed by its own caps, and stays solid."""
     curve = bpy.data.curves.new("tube", "CURVE")

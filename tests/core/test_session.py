@@ -362,6 +362,13 @@ BAD = {
     "display turned": (turned_display, RigError, "front of the display"),
     "plate bent": (bent_plate, RigError, "not flat"),
     "picture out of view": (picture_behind, RigError, "does not see the picture"),
+    "picture out of view, and no light arrives": (
+        lambda: replace(
+            moved_away("displays"), viewers=viewing(position=np.array([0.04, -1, 0])).viewers
+        ),
+        RigError,
+        "does not see the picture",
+    ),
     "blocked": (
         lambda: replace(
             small(), blockers=(Blocker("b", rectangle([0, 0.05, 0], [1, 0, 0], [0, 0, 1], 1, 1)),)
