@@ -12,6 +12,7 @@ from mathutils import Vector
 from ..core.arrays import Ints
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.eyes import keep_eyes_apart
+from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps
 from ..core.blender.look import has_open_ends, sides_of
@@ -337,7 +338,25 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
         if n_joined:
             text = Message("{n} vertices that lay in the same places are one each.", n=n_joined)
             told = joined([told, text])
+        n_left = _shown_facets(context, thing)
+        if n_left:
+            text = Message(
+                "{n} faces that modifiers make are still flat: shade them smooth where they are"
+                " made, or apply the modifiers first.",
+                n=n_left,
+            )
+            told = joined([told, text])
         return _and_others(told, thing)
+
+
+def _shown_facets(context: bpy.types.Context, thing: bpy.types.Object) -> int:
+    """How many faces of an object look flat where a curve seems meant, as its modifiers make it."""
+    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
+    mesh = shown.to_mesh()
+    try:
+        return n_facets(mesh, faults_of(mesh).one) if len(mesh.polygons) else 0
+    finally:
+        shown.to_mesh_clear()
 
 
 def _join(mesh: bpy.types.Mesh) -> int:

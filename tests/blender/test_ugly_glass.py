@@ -567,6 +567,23 @@ def test_a_turned_profile_is_shaded_smooth(scene):
     assert glass.modifiers[0].use_smooth_shade
 
 
+@pytest.mark.parametrize("is_made", [False, True])
+def test_faces_that_modifiers_make_flat_are_told(scene, capfd, is_made: bool) -> None:
+    """Shade Smooth changes the object's own alone."""
+    mesh = primitive("uvsphere", u_segments=32, v_segments=16, radius=0.03)
+    glass = new_object(mesh, "GLASS")
+    if is_made:
+        tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        ball = tree.nodes.new("GeometryNodeMeshUVSphere")
+        tree.links.new(ball.outputs["Mesh"], tree.nodes.new("NodeGroupOutput").inputs[0])
+        glass.modifiers.new("nodes", "NODES").node_group = tree
+    assert bpy.ops.kiriko.shade_smooth(part=glass.name) == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert "is shaded smooth now" in said
+    assert ("512 faces that modifiers make are still flat" in said) == is_made
+
+
 def test_a_turned_profile_is_turned_out(look: Callable[[], list]) -> None:
     """It has no faces of its own: the modifier turns them round."""
     profile = bpy.data.meshes.new("profile")
