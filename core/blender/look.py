@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..bench.helps import Help
-from .bodies import bodiless, shows_instances_alone
+from .bodies import bodiless, shows_instances_alone, tools_of
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .facets import n_facets
@@ -206,11 +206,14 @@ def _n_indices(thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
 def _in_glass(
     scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], bends: Bends
 ) -> Iterator[Named]:
-    """Objects without a role that refract, and whose box reaches into that of a glass."""
+    """Objects without a role that refract, and whose box reaches into that of a glass. Not so tools
+    that cut it, or complete it.
+    """
     boxes = [box_of(scene, glass) for glass, by in glasses.items() if not by]
     if not boxes:
         return
     shown = Shown(scene, bpy.context.view_layer)
+    found = []
     for thing in scene.objects:
         if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
             continue
@@ -219,7 +222,9 @@ def _in_glass(
         low, high = box_of(scene, thing)
         is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
         if is_in and not shown.hidden_by(thing):
-            yield named(thing)
+            found.append(thing)
+    tools = tools_of([*glasses, *found]) if found else ()
+    yield from (named(thing) for thing in found if thing not in tools)
 
 
 def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:

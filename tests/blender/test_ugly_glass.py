@@ -492,6 +492,20 @@ def test_a_mesh_of_another_file_is_mended_there(look, linked):
     assert len(glass.data.polygons) == n_faces
 
 
+@pytest.mark.parametrize("drawn_as", ["WIRE", "BOUNDS", "TEXTURED"])
+def test_a_tool_that_cuts_glass_is_no_part_of_it(look: Callable[[], list], drawn_as: str) -> None:
+    """As glass it would fill the hole that it makes. Wine that is cut out of its glass is one."""
+    glass = small_rig()["GLASS"]
+    tool = new_object(primitive("cube", size=0.02))
+    tool.data.materials.append(glass_material("copied", 1.5))
+    tool.display_type = drawn_as
+    assert any("refracts within the glass" in text for text in told(look()))
+    cut = glass.modifiers.new("cut", "BOOLEAN")
+    cut.object, cut.operation = tool, "DIFFERENCE"
+    found = any("refracts within the glass" in text for text in told(look()))
+    assert found == (drawn_as == "TEXTURED")
+
+
 def test_only_what_bends_light_is_looked_for_within_glass(kiriko, look, monkeypatch):
     """The boxes of thousands of other objects take seconds."""
     small_rig()
