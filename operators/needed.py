@@ -4,6 +4,7 @@ from time import monotonic
 
 import bpy
 
+from ..core.blender.look import CHECKED
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
@@ -177,6 +178,12 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
         lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
     return list(lacks.values())
+
+
+def edited(context: bpy.types.Context) -> bool:
+    """Is light's way edited, of whose shape nobody knows before that is over?"""
+    thing = context.active_object
+    return thing is not None and thing.mode == "EDIT" and thing.kiriko.role in CHECKED
 
 
 def sculpting(context: bpy.types.Context) -> list[str]:

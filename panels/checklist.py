@@ -19,6 +19,7 @@ FIRST = Message(
 
 READY = Message("Ready.")
 SOLVE = Message("Ready: press Solve.")
+EDITED = Message("What is to mend in the shape is told as you leave edit mode.")
 
 
 class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
@@ -52,7 +53,9 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
         found = look_over.found(context)
         for entry in found:
             draw_entry(layout, context, entry)
-        if not found:
+        if needed.edited(context):
+            sentence(layout, context, EDITED, icon="INFO")
+        elif not found:
             scene = context.scene
             is_next = scene.kiriko.result.source is None and not watch.is_followed(scene)
             sentence(layout, context, SOLVE if is_next else READY, icon="CHECKMARK")

@@ -46,6 +46,23 @@ def holed() -> bpy.types.Mesh:
     return mesh
 
 
+@pytest.mark.parametrize("role", ["GLASS", "PICTURE"])
+def test_a_shape_that_is_edited_is_not_called_ready(
+    look: Callable[[], list], drawn: Callable[..., Layout], role: str
+) -> None:
+    """It is looked at as edit mode ends: open edges that are selected there are no less open."""
+    thing = small_rig()[role]
+    look()
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.object.mode_set(mode="EDIT")
+    texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist", thing).texts
+    assert ("as you leave edit mode" in " ".join(texts)) == (role == "GLASS")
+    assert ("Ready: press Solve." in texts) == (role == "PICTURE")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist", thing).texts
+    assert texts == ["Ready: press Solve."]
+
+
 def test_a_rig_with_nothing_to_do_is_ready(
     look: Callable[[], list], drawn: Callable[..., Layout]
 ) -> None:
