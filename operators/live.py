@@ -16,6 +16,8 @@ from .windows import redraw
 
 _lives: list[live_follower.Live] = []
 _last_words: list[str] = []  # why it stopped by itself
+# session uids of what was followed as a file began to be loaded, and is its image unpacked?
+_left: dict[int, bool] = {}
 
 
 def followed() -> live_follower.Live | None:
@@ -171,20 +173,33 @@ def on_load(*_: object) -> None:
 
     Reports on the file before are of no use in the next.
     """
+    _left.clear()
     for live in _lives:
+        _left[live.uid] = live.is_unpacked
         live.is_unpacked = False
     stop(Message("Live stopped: another file was loaded.") if _lives else "")
+
+
+@persistent
+def on_load_failed(*_: object) -> None:
+    """There is no such file, or none that Blender reads: all is as before, and Live goes on."""
+    for scene in bpy.data.scenes:
+        if scene.session_uid in _left:
+            start(scene).is_unpacked = _left[scene.session_uid]
+    _left.clear()
 
 
 def register() -> None:
     """From now on forget with each file the reports on the one before."""
     bpy.app.handlers.load_pre.append(on_load)
+    bpy.app.handlers.load_post_fail.append(on_load_failed)
 
 
 def unregister() -> None:
     """Stop, and hear of no file any more."""
     stop()
     bpy.app.handlers.load_pre.remove(on_load)
+    bpy.app.handlers.load_post_fail.remove(on_load_failed)
 
 
 # @persistent, so that it is `stop` that removes them, and not the file that is loaded

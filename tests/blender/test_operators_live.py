@@ -2,6 +2,7 @@ import importlib
 import time
 from collections.abc import Callable, Iterator
 from math import inf
+from pathlib import Path
 from types import ModuleType
 
 import bpy
@@ -779,6 +780,31 @@ def test_file_load_stops_it(live: ModuleType, n_turns: int) -> None:
     assert live.tick() is None
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert live.status() == ("", False)
+
+
+@pytest.mark.parametrize("n_turns", [0, 1, 3, None])
+def test_a_file_that_is_not_there_stops_nothing(
+    live: ModuleType, tmp_path: Path, n_turns: int | None
+) -> None:
+    """Blender tells that another file is about to be loaded, and then that it is not. The image is
+    saved within the file as ever.
+    """
+    rig = follow(live)
+    turn(rig["GLASS"])
+    if n_turns is None:
+        settle(live)
+    for _ in range(n_turns or 0):
+        live.tick()
+    with pytest.raises(RuntimeError, match="Cannot read file"):
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "moved away.blend"))
+    assert live.is_on()
+    settle(live)
+    assert live.status()[0].startswith("Live: up to date")
+    expected = plain(live)
+    assert is_rounding(shown() - expected)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
+    assert is_rounding(shown() - expected)
 
 
 def test_what_was_said_goes_when_it_starts_again(live: ModuleType) -> None:
