@@ -22,6 +22,9 @@ LEAK_SAMPLES = 96
 ODD_SAMPLES = 48  # the same for light at normals that contradict faces: known to half a hundredth
 CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
 FURTHER = 4  # times as far
+# surfaces: a ray that meets more, and twice as many as others do, is compared with none
+MANY_EVENTS = 64
+OTHERS = 95  # per cent of the light that arrives
 
 
 @dataclass(frozen=True)
@@ -48,13 +51,31 @@ def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accur
     """Accuracy of a plan; yields progress 0..1. is_cut_off: may
     some of its light be cut off by Max Events?
     """
-    found = yield from within(tessellation(plan), 0.0, STAGES.mesh_measured)
+    bounded = yield from at(0.0, _bounded(plan))
+    found = yield from within(tessellation(bounded), 0.0, STAGES.mesh_measured)
     open_light = yield from at(STAGES.mesh_measured, leaks(plan))
-    odd_light = yield from at(STAGES.leaks_measured, contradicted(plan))
+    odd_light = yield from at(STAGES.leaks_measured, contradicted(bounded))
     caught_light = 0.0
     if is_cut_off:
         caught_light = yield from at(STAGES.leaks_measured, caught(plan))
     return Accuracy(found, rounding_error(plan), open_light, caught_light, odd_light)
+
+
+def _bounded(plan: Plan) -> Pauses[Plan]:
+    """A plan whose Max Events is no more than its light has use for.
+
+    Where its way is written down a ray takes its time at each surface, and one that is held within
+    a thin shell meets as many as it may. On another surface it would go another way.
+    """
+    settings = plan.settings
+    if settings.max_events <= MANY_EVENTS:
+        return plan
+
+    landings = yield from tracing(plan, *_picture_rays(plan, ODD_SAMPLES)[0])
+    n_met = landings.n_events[landings.has_arrived]
+    others = int(np.percentile(n_met, OTHERS)) if len(n_met) else 0
+    most = min(settings.max_events, max(MANY_EVENTS, 2 * others))
+    return replace(plan, settings=replace(settings, max_events=most))
 
 
 def rounding_error(plan: Plan) -> float:

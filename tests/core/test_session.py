@@ -21,7 +21,7 @@ from kiriko.core.mesh import FURTHEST
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import painting, progress, reach
-from kiriko.core.solve.accuracy import rounding_error
+from kiriko.core.solve.accuracy import MANY_EVENTS, measure, rounding_error
 from kiriko.core.solve.pace import Seconds, pace
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
@@ -486,6 +486,42 @@ def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, su
         assert true / 4 < told < 4 * true
     else:
         assert true < told < (0.3, 0.03, 0.003)[levels - 2]
+
+
+def test_light_that_goes_round_and_round_is_measured_no_longer():
+    """Facets of a torus hold some light for thousands of surfaces. What is told is as without it,
+    and light that meets many surfaces on its way to the display is still compared.
+    """
+    ring = replace(mean_normals(torus(0.018, 0.007, 24, 12)), surface="facets")
+
+    def planned(glass, max_events):
+        return make_plan(rig(glass), Settings(max_events=max_events))
+
+    def told(glass, max_events):
+        steps = measure(planned(glass, max_events))
+        pauses = 0
+        while True:
+            try:
+                next(steps)
+            except StopIteration as end:
+                return end.value.tessellation, end.value.contradicted, pauses
+            pauses += 1
+
+    few, many = told(ring, 32), told(ring, 4000)
+    assert many[:2] == few[:2]
+    assert few[0].drawn > 1
+    assert many[2] < few[2] + 4 * MANY_EVENTS
+
+    # as many sheets stand before it as light may meet surfaces
+    sheets = [
+        Glass(f"sheet {k}", box((0.1, 1e-4, 0.1), (0, -0.1 - 1e-3 * k, 0)), ConstantIndex(1.0))
+        for k in range(MANY_EVENTS)
+    ]
+    behind = (*sheets, Glass("ring", ring, ConstantIndex(1.49)))
+    whole = drain(tessellation(planned(behind, 1000)))
+    assert whole.drawn > 1
+    assert told(behind, 1000)[0].drawn == pytest.approx(whole.drawn, rel=1e-9)
+    assert drain(tessellation(planned(behind, MANY_EVENTS))).drawn == 0
 
 
 @pytest.mark.parametrize("levels", [(2, 4), (3, 4), (3, 2)])
