@@ -12,7 +12,7 @@ import pytest
 
 from kiriko.core import kernel
 from kiriko.core.light.planning import make_plan
-from kiriko.core.map import sampling
+from kiriko.core.map import measured_error, sampling
 from kiriko.core.map.allowance import ALLOWANCE, Allowance, most_rays
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.settings import Settings
@@ -49,7 +49,7 @@ def unmeasured(*_):
 def rays_of_pixels(a_rig, settings):
     """Rays of each pixel for its map alone."""
     plan = make_plan(a_rig, settings)
-    with counted_rays(plan.viewer) as counts, patch.object(sampling, "measure", unmeasured):
+    with counted_rays(plan.viewer) as counts, patch.object(measured_error, "measure", unmeasured):
         found = finish(sampling.sample(plan))
     assert counts.sum() == found.n_rays
     return counts
