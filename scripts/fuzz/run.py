@@ -609,6 +609,13 @@ def ended_after(seconds: float) -> Iterator[None]:
     faulthandler.cancel_dump_traceback_later()
 
 
+def how_ended(code: int | None, seconds: float) -> str:
+    """In words how a process has ended that left a rig undone, by its code."""
+    if hasattr(signal, "SIGPROF") and code == -signal.SIGPROF:
+        return f"Timeout, after {seconds:g} s of the processor"
+    return f"ended with code {code}"
+
+
 def in_processes(
     seed: int, rigs: list[int], n_judged: int, seconds: float, variables: dict[str, str]
 ) -> list[Outcome]:
@@ -651,11 +658,8 @@ def in_processes(
             if len(new) < len(some):
                 if not lines:
                     raise SystemExit(f"Blender did not start:\n{said}")
-                new.append(
-                    Outcome(
-                        lines[-1]["began"], "failed", f"ended with code {code}:\n{last_of(said)}"
-                    )
-                )
+                text = f"{how_ended(code, seconds)}:\n{last_of(said)}"
+                new.append(Outcome(lines[-1]["began"], "failed", text))
             for outcome in new:
                 if outcome.verdict == "failed":
                     tell(seed, outcome)
