@@ -12,8 +12,9 @@ from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
 from ..words import percent
-from .checklist_mesh import on_mesh, select_part, thicken
+from .checklist_mesh import on_mesh, thicken
 from .checklist_parts import (
+    choose_image,
     naming,
     on_hidden,
     on_in_glass,
@@ -21,6 +22,7 @@ from .checklist_parts import (
     on_tiles,
     on_too_many,
     on_viewers,
+    select_part,
     shown,
 )
 from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Thing
@@ -95,11 +97,10 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
             name=name,
             n=thing.n_indices,
         )
-        yield Entry(text, PROBLEM, (select_part(thing),))
+        yield Entry(text, PROBLEM, (select_part(thing.named),))
 
     if thing.is_pictureless:
-        button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
-        yield Entry(thing.is_pictureless, PROBLEM, (button,))
+        yield Entry(thing.is_pictureless, PROBLEM, (choose_image(),))
 
     if thing.has_no_scale:
         text = Message("'{name}' is scaled to nothing.", name=name)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 
 from ..messages import Message, joined
-from .checklist_parts import naming
+from .checklist_parts import naming, select_part
 from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Thing
 
 
@@ -28,7 +28,7 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         text = Message(
             "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
         )
-        select = _select(thing, "OPEN", own.n_open) or (select_part(thing),)
+        select = _select(thing, "OPEN", own.n_open) or (select_part(thing.named),)
         mends = [thicken(thing)]  # as a bowl of one surface wants
         if own.n_open or thing.has_ends:
             label = Message("Cap Ends") if thing.has_ends else Message("Fill Holes")
@@ -56,7 +56,7 @@ def _on_cuts(thing: Thing, faults: Counts, own: Counts) -> Entry:
     """Faces that cut each other, and the remedy where those are curved."""
     n = own.n_cut or faults.n_cut
     values = {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
-    mends = _select(thing, "CUT", own.n_cut) or (select_part(thing),)
+    mends = _select(thing, "CUT", own.n_cut) or (select_part(thing.named),)
     if faults.n_open:
         text = Message("'{name}' cuts itself at {n} face{s}, where light may be lost.", **values)
         return Entry(text, PROBLEM, mends)
@@ -91,10 +91,3 @@ def _as_drawn(thing: Thing) -> tuple[Button, ...]:
 def thicken(thing: Thing) -> Button:
     """The button that gives an object a thickness."""
     return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
-
-
-def select_part(thing: Thing) -> Button:
-    """The button that selects an object."""
-    return Button(
-        "kiriko.select_part", Message("Select Part"), naming(thing.named), "RESTRICT_SELECT_OFF"
-    )

@@ -90,6 +90,17 @@ def _use_camera(path: str, name: str) -> Button:
     return Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA")
 
 
+def choose_image() -> Button:
+    """The button that opens an image as the picture."""
+    return Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
+
+
+def select_part(named: Named, label: Message | None = None) -> Button:
+    """The button that selects an object."""
+    label = label or Message("Select Part")
+    return Button("kiriko.select_part", label, naming(named), "RESTRICT_SELECT_OFF")
+
+
 def on_viewers(look: Look) -> Iterator[Entry]:
     """Entries of the list of viewers that are on, and see nothing, for their camera is gone, and
     viewers where none can be.
@@ -111,10 +122,7 @@ def on_viewers(look: Look) -> Iterator[Entry]:
         use = [_use_camera(path, camera) for camera in look.free_cameras[:1]]
         yield Entry(text, PROBLEM, (*use, remove))
     for why, camera in look.refused:
-        select = Button(
-            "kiriko.select_part", Message("Select"), naming(camera), "RESTRICT_SELECT_OFF"
-        )
-        yield Entry(why, PROBLEM, (select,))
+        yield Entry(why, PROBLEM, (select_part(camera, Message("Select")),))
 
 
 def _show(thing: Thing) -> Button:
@@ -174,5 +182,4 @@ def on_tiles(look: Look) -> Iterator[Entry]:
     """Images of which a tile alone is the picture. Advice, for that may be meant."""
     for image in look.tiled:
         text = Message("Only the first tile of the image '{image}' is used.", image=image)
-        button = Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
-        yield Entry(text, ADVICE, (button,))
+        yield Entry(text, ADVICE, (choose_image(),))

@@ -102,7 +102,7 @@ class ViewMap:
 
     def with_error(self, error: MapError) -> "ViewMap":
         """The same map, with all that is known of it, and its errors."""
-        found = copy(self)
+        found = copy(self)  # `replace` would find its quads anew
         n_rays = self.n_rays + error.n_checked
         vars(found).update(error=error, unchecked=None, n_rays=n_rays)
         return found

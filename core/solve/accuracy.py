@@ -62,10 +62,10 @@ def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accur
 
 
 def _bounded(plan: Plan) -> Pauses[Plan]:
-    """A plan whose Max Events is no more than its light has use for.
+    """A plan in which rays are given up that meet far more surfaces than others.
 
-    Where its way is written down a ray takes its time at each surface, and one that is held within
-    a thin shell meets as many as it may. On another surface it would go another way.
+    Light held within a thin shell meets as many as Max Events allows, and by numpy each takes its
+    time. Its landings would be compared with none: on another surface it goes another way.
     """
     settings = plan.settings
     if settings.max_events <= MANY_EVENTS:

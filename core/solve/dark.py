@@ -36,8 +36,10 @@ STRAIGHT = {
 
 
 def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
-    """The reason why no ray of a viewer arrives: nobody means a black source image. RigError where
-    a viewer that looks at the glass does not see the picture: then no part keeps light away.
+    """The reason why no ray of a viewer arrives: nobody means a black source image.
+
+    Raises RigError where a viewer that looks at the glass does not see the picture: then no part
+    keeps light away.
 
     leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
     """
