@@ -62,7 +62,7 @@ def main() -> None:
         help="cases and groups with this in a name",
     )
     parser.add_argument("--quick", action="store_true", help="as small as in the tests")
-    parser.add_argument("--markdown", action="store_true", help="as the tables in docs/limits.md")
+    parser.add_argument("--markdown", action="store_true", help="as the tables in docs/measured.md")
     arguments = parser.parse_args()
     chosen = [c for c in CASES if any(word in f"{c.group}: {c.name}" for word in arguments.only)]
     if not chosen:
