@@ -9,7 +9,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.active_rig import follow, know_by_name, make_active, remember
-from ..core.blender.copies import is_doubled, one_set, part_copies
+from ..core.blender.copies import is_doubled, meant_copies, part_copies
 from ..core.blender.newcomers import keep_settings, know_plates, take_newcomers
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
@@ -114,8 +114,8 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
         with telling.told(self):
             rig = active_rig(context.scene)
             context.view_layer.update()  # their places tell which belong together
-            pairs = one_set(context.scene, rig, context.selected_objects)
-            name = part_copies(context.scene, rig, pairs)
+            things = meant_copies(context.scene, rig, context.selected_objects)
+            name = part_copies(context.scene, rig, things)
             choose_by_name(context, name)
             told = Message("The copies are the rig '{name}' now: solve it.", name=name)
             telling.report(self, "INFO", told)

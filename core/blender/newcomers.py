@@ -77,20 +77,20 @@ def part(
     scene: bpy.types.Scene,
     first: bpy.types.Collection,
     copy: bpy.types.Collection,
-    known: dict[bpy.types.Object, bpy.types.Object] | None = None,
+    is_around: bool = True,
 ) -> None:
-    """Make a copy of a rig's collection a rig of its own, with the settings of the first and, where
-    that stands outside its collection, around the same glass.
+    """Make a copy of a rig's collection a rig of its own, with the settings of the first.
 
-    known : the copy of each thing, where it is known; with one of glass it is around this alone
+    is_around : is glass that stands outside the collection of the first its glass, too?
     """
     active = active_rig(scene)
     make_active(scene, active)  # names it, where a file of before does not
-    key, new = first.kiriko.key, token_hex(8)
+    key, new, settings = first.kiriko.key, token_hex(8), settings_of(scene, first)
     held = list(held_by(first))
     before = set(held)
     own = [thing for thing in held_by(copy) if thing not in before]
-    twins = _twins(held, own) if known is None else known
+    viewers = [settings.viewer, *(one.camera for one in settings.viewers)]
+    twins = _twins([*held, *(one for one in viewers if one and one not in before)], own)
     around = [thing for thing in scene.objects if key in thing.kiriko.rigs.split()]
     around = [thing for thing in around if thing not in {*before, *own}]
 
@@ -100,8 +100,7 @@ def part(
     _mark_anew([copy, *own, *_data_of(own)], key, new)
     for thing in own:
         _take_over(thing, key, new)
-    has_glass = any(twin.kiriko.role == "GLASS" for twin in (known or {}).values())
-    for thing in () if has_glass else around:
+    for thing in around if is_around else ():
         take_in(thing, copy)
 
     kept = scene.kiriko_others.add()

@@ -105,10 +105,10 @@ RIG = Section(
             "「リグ」パネルの一覧で、それぞれを選択できます。",
         ),
         Advice(
-            "The copies are of several sets, and nothing tells which of them belong together:"
-            " select those of one set.",
-            "Copies that were moved as one are told apart by that.",
-            "まとめて動かした複製は、その位置で区別できます。",
+            "Select the copies of {names} that belong together, and nothing else, then make them a"
+            " rig.",
+            "After Shift D they are selected already. So press the button at once.",
+            "Shift D の直後は、複製が選択されています。すぐにボタンを押します。",
         ),
         Advice(
             "'{name}' cannot be glass, for {why}: select your glass, or nothing for a ball.",

@@ -239,8 +239,8 @@ def press(entries: list, label: str) -> None:
 def test_parts_that_were_duplicated_become_a_rig(
     kiriko: ModuleType, scene: bpy.types.Scene, is_own_glass: bool
 ) -> None:
-    """Shift D of all parts puts copies into the same rig, twice: each time the checklist's button
-    makes the first ones a rig, with its own glass, and both are solved as the first was.
+    """Shift D of all parts puts copies into the same rig, twice: the checklist's button makes those
+    that are selected a rig, and then the others, with glass of their own; all solve as the first.
     """
     to_do = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
     if is_own_glass:
@@ -256,7 +256,7 @@ def test_parts_that_were_duplicated_become_a_rig(
     sets = [duplicated(originals), duplicated(originals)]
 
     label = "Make the Copies a Rig"
-    for copies in sets:
+    for copies in reversed(sets):
         choose(first)
         with pytest.raises(RuntimeError, match=r"\d displays"):
             bpy.ops.kiriko.solve()
@@ -327,8 +327,8 @@ def test_copies_of_the_artists_own_things_go_with_those_of_parts(
 
 
 def test_parts_of_two_sets_are_not_mixed(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
-    """The first set lacks viewer and plate, whose numbers the second one gets: each was moved as
-    one, and becomes a rig as such.
+    """The first set lacks viewer and plate, whose numbers the second one gets: that is selected,
+    and becomes a rig as such; then the first one does.
     """
     rig = add(cube())
     scene.view_layers[0].update()
@@ -338,7 +338,7 @@ def test_parts_of_two_sets_are_not_mixed(kiriko: ModuleType, scene: bpy.types.Sc
         moved(duplicated([one for one in things if not is_lacked(one)]), 0.3),
         moved(duplicated(things), -0.2),
     ]
-    for copies in sets:
+    for copies in reversed(sets):
         choose(rig)
         assert bpy.ops.kiriko.part_copies() == {"FINISHED"}
         new = next(one for one in scene.collection.children if one.kiriko.key == scene.kiriko.rig)
@@ -357,7 +357,7 @@ def test_sets_in_one_place_are_told_by_the_selection(
     duplicated(things)
     bpy.ops.object.select_all(action="DESELECT")
     held = set(rig.objects)
-    with pytest.raises(RuntimeError, match="select those of one set"):
+    with pytest.raises(RuntimeError, match="Select the copies of 'Cube', 'Kiriko Display'"):
         bpy.ops.kiriko.part_copies()
     assert set(rig.objects) == held
     assert len(scene.collection.children) == 1
@@ -378,7 +378,7 @@ def test_a_copy_of_glass_for_something_else_is_not_taken(
     moved(duplicated([scene.objects["Cube"]]), 0.7)
     copies = moved(duplicated(list(rig.objects)), 0.02)
     bpy.ops.object.select_all(action="DESELECT")
-    with pytest.raises(RuntimeError, match="select those of one set"):
+    with pytest.raises(RuntimeError, match="Select the copies of 'Cube', 'Kiriko Display'"):
         bpy.ops.kiriko.part_copies()
     for thing in copies:
         thing.select_set(True)
