@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 from .arrays import Bools, Floats, Ints
 from .catalogue import PLATES
 from .errors import RigError
+from .fingerprint import fingerprint
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
@@ -145,6 +147,16 @@ class Rig:
         for role in ROLES:
             for part in self.of(role):
                 yield role, part
+
+    @cached_property
+    def light_keys(self) -> tuple[str, ...]:
+        """A key of all that light from each viewer meets, whatever the others are, however much
+        that viewer counts, and wherever the picture is; found once.
+        """
+        # light lands where it does, however dark the display's black is
+        displays = tuple(replace(display, black_level=0.0) for display in self.displays)
+        of_all = fingerprint(replace(self, viewers=(), pictures=(), displays=displays))
+        return tuple(fingerprint(of_all, replace(one, weight=1.0)) for one in self.viewers)
 
     def curved_parts(self) -> tuple[Any, ...]:
         """The parts that may be curved: all glasses, then all mirrors."""

@@ -56,6 +56,9 @@ def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
         return live.problem, True
     if needed.sculpting(bpy.context):
         return Message("Live: goes on as you leave sculpt mode."), False
+    if live.progress is not None:
+        percent = 100 * live.progress
+        return Message("Live: updating, {percent:.0f} %.", percent=percent), False
     if live.is_working or not live.has_read:
         return Message("Live: updating."), False
     if live.seconds is None:  # what was there is that of the scene

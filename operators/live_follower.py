@@ -33,7 +33,6 @@ from ..core.messages import Message
 from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.solve.coarse import enlarged, ladder
-from ..core.solve.known import keys_of
 from ..core.solve.memory import check_memory
 from . import compared, work
 from .chosen import chosen_settings, uid
@@ -84,6 +83,7 @@ class Live:
         self.longest: dict[str, float] = {}  # s by phrase of the step
         self.kept = Kept()
         self.ours: set[int] = set()  # session uids of the datablocks that we write to
+        self.progress: float | None = None  # 0..1, of a picture that takes a while
         self._text = ""
         self._told: set[int] = set()  # session uids of the workspaces that have the text
         self._lasted: dict[Step, float] = {}
@@ -175,7 +175,7 @@ class Live:
         # a generator is closed when nothing holds it
         self._work: Generator[Step, None, None] | None = None
         self._pending: Step | None = None
-        self._has_picture = False
+        self._has_picture, self.progress = False, None
 
     def _upcoming(self) -> Step | None:
         """The next single step. A first picture is not given up for
@@ -228,10 +228,9 @@ class Live:
             raise
         if self._key is None:
             self._show_problem("")  # that of a scene that could not be read
-        optics = keys_of(reading.rig, settings)
         key = (
             # in their order: numbers are those of the first
-            optics,
+            reading.rig.light_keys,
             tuple(viewer.weight for viewer in reading.rig.viewers),
             tuple(display.black_level for display in reading.rig.displays),
             settings,
@@ -249,7 +248,7 @@ class Live:
             self._note_ours(context.scene)
             self._show_problem("")
             return
-        self._work = self._update(context.scene.session_uid, settings, optics)
+        self._work = self._update(context.scene.session_uid, settings)
         self._pending = next(self._work)
 
     def _is_shown(self, scene: bpy.types.Scene) -> bool:
@@ -262,9 +261,7 @@ class Live:
             and not compared.is_shown(scene)
         )
 
-    def _update(
-        self, scene_uid: int, settings: Settings, optics: tuple[str, ...]
-    ) -> Generator[Step, None, None]:
+    def _update(self, scene_uid: int, settings: Settings) -> Generator[Step, None, None]:
         """Solve and write, coarse and then finer; yields each single step before it is done."""
         started = perf_counter()
         self._shown_at = []
@@ -273,10 +270,11 @@ class Live:
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
         # where the light is traced, a picture costs one product: nothing coarse is faster
-        is_traced = work.session().knows(optics)
+        is_traced = work.session().knows(rig, settings)
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
+        self._is_slow = not is_quick
         if not is_traced:
             # of the last of them: nothing is shown of a rig that cannot be solved
             check_memory(rig, settings, is_told_again=True)
@@ -284,8 +282,7 @@ class Live:
             is_last = n == len(rungs) - 1
             began, n_before = perf_counter(), self.n_pictures
             try:
-                keys = optics if is_last else ()
-                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last, keys)
+                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
             except KirikoError:
                 if is_last:
                     raise
@@ -316,24 +313,17 @@ class Live:
         redraw()
 
     def _solve(
-        self,
-        rig: Rig,
-        settings: Settings,
-        is_built: bool,
-        is_last: bool,
-        keys: tuple[str, ...],
+        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool
     ) -> Generator[Step, None, Any]:
         """The solution, or a coarse source image alone. Names each
         step before it, and the time that it may take.
-
-        keys : of its view maps, where it is the last
         """
         sizes = (*_sizes(rig), is_built)
         session = work.session()
         n = 0
         painted: list[NDArray[np.float32]] = []  # the final picture, whose numbers follow
         steps = (
-            session.solve(rig, settings, painted.append, keys)
+            session.solve(rig, settings, painted.append)
             if is_last
             else session.glance(rig, settings)
         )
@@ -344,12 +334,21 @@ class Live:
         while True:
             yield Step(phrase, (*sizes, n), guess)
             try:
-                next(steps)
+                self._progressed(next(steps), is_last)
             except StopIteration as end:
+                self.progress = None
                 return end.value
             n += 1
             if painted:
                 yield from self._show(painted.pop(), update_final)
+
+    def _progressed(self, progress: float, is_last: bool) -> None:
+        """Tell how far the final picture is; not where it was there in no time before."""
+        if not (is_last and self._is_slow):
+            return
+        before, self.progress = self.progress, progress
+        if before is None or int(100 * before) != int(100 * progress):
+            redraw()
 
     def _show(
         self, pixels: NDArray[np.float32], update: Callable[..., Reading]

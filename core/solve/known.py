@@ -42,12 +42,8 @@ class Place(NamedTuple):
 
 
 def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
-    """The key of each viewer's view map, whatever the others are, and however much it counts."""
-    # light lands where it does, however dark the display's black is
-    displays = tuple(replace(display, black_level=0.0) for display in rig.displays)
-    bench = replace(rig, viewers=(), pictures=(), displays=displays)
-    of_all = fingerprint(bench, settings.of_optics)
-    return tuple(fingerprint(of_all, replace(viewer, weight=1.0)) for viewer in rig.viewers)
+    """The key of each viewer's view map."""
+    return tuple(fingerprint(key, settings.of_optics) for key in rig.light_keys)
 
 
 def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | None) -> Place:

@@ -6,7 +6,7 @@ may be more of them than memory holds.
 """
 
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 import numpy as np
@@ -53,13 +53,11 @@ class Session:
         rig: Rig,
         settings: Settings | None = None,
         show: Callable[[NDArray[np.float32]], None] | None = None,
-        keys: tuple[str, ...] = (),
     ) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
 
         show : gets the source image as soon as it is painted, where
             anything has to be measured after that
-        keys : by `keys_of`, where these are known already
 
         Raises
         ------
@@ -70,11 +68,11 @@ class Session:
         clock, bar = Clock(), Bar()
         rig.check()
         settings.check()
-        keys = keys or keys_of(rig, settings)
+        keys = keys_of(rig, settings)
         clock.lap("fingerprint")
 
         optics, n_rays = self._optics, 0
-        is_new = not self.knows(keys)
+        is_new = not self.knows(rig, settings)
         if is_new or optics.keys != keys:
             optics, n_rays = yield from self._look(rig, settings, keys, clock, bar)
 
@@ -168,9 +166,9 @@ class Session:
         settings.check()
         return finish(planning(rig, settings, self._kept))
 
-    def knows(self, keys: Iterable[str]) -> bool:
-        """Are view maps of these keys known, so that a solve traces none?"""
-        return self._optics is not None and set(keys) <= set(self._optics.keys)
+    def knows(self, rig: Rig, settings: Settings) -> bool:
+        """Are the view maps of a rig known, so that a solve traces none?"""
+        return self._optics is not None and set(keys_of(rig, settings)) <= set(self._optics.keys)
 
     def lend(self, kept: Kept) -> None:
         """Let other plans use the glass that is made ready; the session stays as it is."""

@@ -708,6 +708,26 @@ def test_an_error_is_not_told_of_the_scene_that_undo_brings_back(live: ModuleTyp
     assert len(text) < 34
 
 
+def test_the_panel_tells_how_far_a_picture_is(
+    live: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that takes a while: the numbers rise to 100, each is drawn, and none of them stays. One
+    that is there in no time has none, or the panel would flicker in a drag.
+    """
+    rig = follow(live)
+    drawn = []
+    monkeypatch.setattr(live.live_follower, "redraw", lambda: drawn.append(live.status()[0]))
+    for quick in (0.0, inf):
+        monkeypatch.setattr(live.live_follower, "QUICK", quick)
+        drawn.clear()
+        turn(rig["GLASS"])
+        settle(live)
+        shares = [int(text.split()[2]) for text in drawn if "updating, " in text]
+        assert shares == sorted(shares)
+        assert (len(set(shares)) > 2) == (quick == 0.0)
+        assert live.status()[0].startswith("Live: up to date")
+
+
 def test_undo_to_before_the_first_picture_is_followed(live: ModuleType) -> None:
     """Undo that takes the image away, while the rig stays as it is, leads to the same
     image again.

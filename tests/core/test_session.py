@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from kiriko.core import kernel
+from kiriko.core import rig as rig_module
 from kiriko.core.errors import MeshError, RigError
+from kiriko.core.fingerprint import fingerprint
 from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light import ray_engine
@@ -43,6 +45,22 @@ from known.reference_rigs import (
     wavy_slab,
 )
 from known.work import drain, solve
+
+
+def test_content_is_hashed_once_a_rig(monkeypatch):
+    """Whoever asks for its keys, and however often, its meshes are read once; other settings that
+    light depends on have other keys.
+    """
+    read = []
+    monkeypatch.setattr(rig_module, "fingerprint", lambda *x: read.append(x) or fingerprint(*x))
+    a_rig, session = small(), Session()
+    drain(session.solve(a_rig))
+    n = len(read)
+    assert n == 1 + len(a_rig.viewers)
+    drain(session.solve(a_rig))
+    assert session.knows(a_rig, Settings())
+    assert not session.knows(a_rig, Settings(max_events=9))
+    assert len(read) == n
 
 
 def small(**options):
