@@ -1,6 +1,6 @@
 """Places of the viewer's image that have been traced, and the paths of their rays."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, fields
 from functools import reduce
 
@@ -10,7 +10,9 @@ from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
 from ..light.trace import TRACED_AT_ONCE, Step, recording, tracing
+from ..steps import Pauses
 from ..vectors import cross_2d
+from ..viewer import Viewer
 
 RAYS_AT_ONCE = 1 << 14  # traced together where their paths or courses are asked for
 TRIANGLE_SLACK = 1e-9  # of a triangle: slack, so that its corners are in it
@@ -144,6 +146,33 @@ def trace_points(
         yield 0
 
     return points
+
+
+# traces places (n, 2) of the viewer's image, given the rows (n,) of a table that they stand in
+Tracer = Callable[[Ints, Floats], Pauses[Points]]
+
+
+def tracer(plan: Plan) -> Tracer:
+    """Traces places of the image of a plan's viewer."""
+    return lambda _, view: trace_points(plan, view)
+
+
+def tracer_of(plan: Plan, viewers: Sequence[Viewer], n: int) -> Tracer:
+    """Traces places of the images of several viewers together, through what is in a plan: a batch
+    of few rays takes nearly as long as one of many. Each viewer has n rows, one after the other.
+    """
+
+    def trace(rows: Ints, view: Floats) -> Pauses[Points]:
+        whose = rows // n
+        origins, directions = np.empty((2, len(view), 3))
+        for k in np.unique(whose):
+            some = whose == k
+            origins[some], directions[some] = viewers[k].rays(view[some])
+        found = yield from tracing(plan, origins, directions)
+        landings = main_landings(found, len(view))
+        return Points(view, landings.xy, landings.branch, landings.reason, landings.throughput)
+
+    return trace
 
 
 def areas(points: Floats, triangles: Ints) -> Floats:

@@ -17,6 +17,8 @@ from .allowance import Allowance
 from .points import Points, trace_points
 
 T = TypeVar("T")
+Asked = TypeVar("Asked")
+Told = TypeVar("Told")
 
 
 class Ask(NamedTuple):
@@ -57,14 +59,16 @@ def ask(view: Floats, course: Words | None = None, takes: bool = True) -> Search
     return answer
 
 
-def side_by_side(searches: list[Search[T]]) -> Search[list[T]]:
+def side_by_side(
+    searches: list[Generator[list[Asked], list[Told], T]],
+) -> Generator[list[Asked], list[Told], list[T]]:
     """What searches find that go on together, step by step, until the last has ended."""
     found: list[T | None] = [None] * len(searches)
-    answers: list[list[Answer | kernel.Ends] | None] = [None] * len(searches)
+    answers: list[list[Told] | None] = [None] * len(searches)
     under_way = list(range(len(searches)))
 
     while True:
-        asks: list[list[Ask | Halve]] = [[] for _ in searches]
+        asks: list[list[Asked]] = [[] for _ in searches]
         for k in under_way:
             try:
                 asks[k] = searches[k].send(answers[k])

@@ -7,7 +7,8 @@ first step, tells about how far it may go. How far it may is then settled by tra
 the head, nearer and nearer to where the limit is passed.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +17,15 @@ from ..arrays import Floats
 from ..atlas.heads import Offset, check_viewer, viewer_at
 from ..bench.picture_room import plane_of
 from ..errors import RigError
-from ..image.flat_picture import view_of_picture
 from ..light.kept import Kept
 from ..light.plan import Plan
 from ..light.planning import planning
+from ..map.searches import side_by_side
 from ..rig import Rig, Viewer
 from ..settings import Settings
-from ..steps import Pauses, at
-from .places_seen import Look, grid_on, place_of_shown, places_shown
-from .viewers import arcmin_between
+from ..steps import Pauses, at, within
+from .head_box import angles_of
+from .places_seen import Look, grid_on, places_of_shown, places_shown
 
 LIMIT = 5.0  # arcmin
 LEAST = 0.98  # of the points
@@ -39,6 +40,7 @@ FIRST_STEP = 1e-3  # of the picture's distance
 OVER = 1.25  # times the guess: there the limit should be passed
 N_BETWEEN = 8  # places on the way at which nothing may be passed before
 SETTLED = 2e-3  # of the way
+ABOUT_ROUNDS = 10  # of all ways side by side
 
 
 @dataclass(frozen=True)
@@ -128,13 +130,8 @@ class Walk:
         """Find how far the head may go each way; yields progress 0..1."""
         if not self.seen:
             yield from at(0.05, self.begin())
-        found = []
-        for k, (axis, sign, most) in enumerate(WAYS):
-            told = 0.1 + 0.15 * k
-            way = np.zeros(3)
-            way[axis] = sign
-            steps = self.farthest(way, self.distance, most * self.distance)
-            found.append((yield from at(told, steps)))
+        ways = [(sign * np.eye(3)[axis], most * self.distance) for axis, sign, most in WAYS]
+        found = yield from within(self.farthest(ways), 0.1, 1.0)
         yield 1.0
         ends, are_open = zip(*found, strict=True)
         return EyeBox(*ends, limit=self.limit, least=self.least, is_open=are_open)
@@ -144,56 +141,85 @@ class Walk:
         seen.
         """
         head = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
-        return arcmin_between(head, *(yield from self.seen_by(head)))
+        return (yield from self.off_by([head]))[0]
 
-    def seen_by(self, head: Viewer) -> Pauses[tuple[Floats, Floats]]:
-        """Where a viewer sees the points, and where it would see them straight: (n, 2) px of its
-        image each, NaN where it does not see one.
+    def off_by(self, heads: Sequence[Viewer]) -> Pauses[Floats]:
+        """The same (k, n) for several heads."""
+        seen = yield from self.seen_by(heads)
+        return angles_of(self.plan.rig.picture_place, heads, self.uv, seen)
+
+    def seen_by(self, heads: Sequence[Viewer]) -> Pauses[Floats]:
+        """Where viewers see the points, (k, n, 2) px of their images, NaN where one does not see
+        one.
         """
         if self._shown is None:
             self._shown = yield from places_shown(self.solved, self.uv)
-        view = yield from place_of_shown(self.plan.seen_by(head), self.uv, self._shown)
-        return view, view_of_picture(self.plan.rig.picture_place, head, self.uv)
+        return (yield from places_of_shown(self.plan, heads, self.uv, self._shown))
+
+    def parts(self, offsets: Sequence[Offset]) -> Pauses[list[float]]:
+        """The largest of the angles by which points are off from each of some places of the head,
+        as part of the limit; inf where too few are seen, or the head is at the picture.
+        """
+        heads: dict[int, Viewer] = {}
+        for k, offset in enumerate(offsets):
+            with suppress(RigError):
+                heads[k] = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
+
+        parts = [np.inf] * len(offsets)
+        for k, off in zip(heads, (yield from self.off_by(list(heads.values()))), strict=True):
+            is_seen = np.isfinite(off)
+            if self.seen and self.weights[is_seen].sum() >= self.least * self.seen:
+                parts[k] = float(off[is_seen].max()) / self.limit
+        return parts
 
     def part(self, offset: Offset) -> Pauses[float]:
-        """The largest of the angles by which points are off, as part of the limit; inf where too
-        few are seen, or the head is at the picture.
-        """
-        try:
-            off = yield from self.off(offset)
-        except RigError:
-            return np.inf
-        is_seen = np.isfinite(off)
-        if not self.seen or self.weights[is_seen].sum() < self.least * self.seen:
-            return np.inf
-        return float(off[is_seen].max()) / self.limit
+        """The same from one place."""
+        return (yield from self.parts([offset]))[0]
 
-    def farthest(self, way: Floats, distance: float, most: float) -> Pauses[tuple[float, bool]]:
-        """How far, m, the head may go along a way, and is that as far as it was followed?"""
-        first = FIRST_STEP * distance
+    def farthest(
+        self, ways: Sequence[tuple[Floats, float]]
+    ) -> Generator[float, None, list[tuple[float, bool]]]:
+        """How far, m, the head may go along each of some ways, up to so many m, and is that as far
+        as it was followed? Yields progress 0..1.
+
+        They are walked side by side: the heads of a round are looked from together.
+        """
+        walked = side_by_side([self._walked(way, most) for way, most in ways])
+        parts, n = None, 0
+        while True:
+            try:
+                offsets = walked.send(parts)
+            except StopIteration as end:
+                return end.value
+            parts = yield from at(min(1.0, n / ABOUT_ROUNDS), self.parts(offsets))
+            n += 1
+
+    def _walked(
+        self, way: Floats, most: float
+    ) -> Generator[list[Floats], list[float], tuple[float, bool]]:
+        """The same of one way, which asks for places of the head and is sent their parts."""
+        first = FIRST_STEP * self.distance
         if self.begun > 1:
             return 0.0, False
-        slope = ((yield from self.part(first * way)) - self.begun) / first
+        (part,) = yield [first * way]
+        slope = (part - self.begun) / first
         guess = OVER * (1 - self.begun) / slope if 0 < slope < np.inf else first
 
         # on from the guess until it is passed
         outer = min(guess, most)
-        while outer < most and (yield from self.part(outer * way)) <= 1:
+        while outer < most and (yield [outer * way])[0] <= 1:
             outer = min(2 * outer, most)
 
         # it may be passed before, for a while
-        inner = 0.0
-        for s in np.linspace(0.0, outer, N_BETWEEN + 1)[1:]:
-            if (yield from self.part(s * way)) > 1:
-                outer = s
-                break
-            inner = s
-        if inner == outer:
+        places = np.linspace(0.0, outer, N_BETWEEN + 1)
+        passed = np.flatnonzero(np.array((yield [s * way for s in places[1:]])) > 1)
+        if not len(passed):
             return float(most), True
+        inner, outer = places[passed[0]], places[passed[0] + 1]
 
         while outer - inner > SETTLED * outer:
             middle = (inner + outer) / 2
-            if (yield from self.part(middle * way)) <= 1:
+            if (yield [middle * way])[0] <= 1:
                 inner = middle
             else:
                 outer = middle

@@ -5,6 +5,7 @@ the way in its own image by which points of the picture are off, and the share o
 """
 
 from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,8 +14,10 @@ import numpy as np
 from ..arrays import Floats
 from ..atlas.heads import viewer_at
 from ..errors import RigError
+from ..image.flat_picture import view_of_picture
 from ..numbers import number
 from ..steps import Pauses, at
+from ..viewer import Viewer
 from .diagram import Curve, linear, points_mm, sheet
 from .eye_box import WAYS, EyeBox, Walk
 from .viewers import arcmin_between
@@ -24,6 +27,7 @@ FILE = "eye_box.svg"
 BEYOND = 1.2  # times as far as the head may go
 AT_NONE = 0.05  # of the picture's distance: so far where it may go nowhere
 N_STEPS = 6  # of which one ends where the head may not go on
+NOTHING_SEEN = (None, None, None, None, 0.0)
 DISTANCE = "distance of the head from its own place (mm)"
 
 
@@ -52,41 +56,43 @@ def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve,
 
     An open way is followed as far as the picture is away.
     """
-    found = []
-    own = yield from at(0.0, _at(walk, np.zeros(3)))  # where all ways begin
-    for k, ((axis, sign, most), name) in enumerate(zip(WAYS, NAMES, strict=True)):
+    distances, offsets = [], [np.zeros(3)]  # where all ways begin
+    for k, (axis, sign, most) in enumerate(WAYS):
         reach = box.ends[k]
         reach = min(reach, walk.distance) if box.is_open[k] else BEYOND * reach
         reach = min(reach or AT_NONE * walk.distance, most * walk.distance)
-        way = np.zeros(3)
-        way[axis] = sign
-        steps = _along(walk, name, way, np.linspace(0.0, reach, N_STEPS + 1), own)
-        found.append((yield from at(k / len(WAYS), steps)))
+        distances.append(np.linspace(0.0, reach, N_STEPS + 1))
+        offsets += [distance * sign * np.eye(3)[axis] for distance in distances[-1][1:]]
+
+    own, *others = yield from at(0.0, _at(walk, offsets))
     yield 1.0
+    found = []
+    for k, name in enumerate(NAMES):
+        columns = [own, *others[k * N_STEPS : (k + 1) * N_STEPS]]
+        found.append(WayCurve(name, tuple(distances[k].tolist()), *zip(*columns, strict=True)))
     return tuple(found)
 
 
-def _along(
-    walk: Walk, name: str, way: Floats, distances: Floats, own: tuple[float | None, ...]
-) -> Pauses[WayCurve]:
-    """The curve along one way (3,), from the head's own place, whose numbers are known, on."""
-    columns = [own]
-    for distance in distances[1:].tolist():
-        columns.append((yield from _at(walk, distance * way)))
-    return WayCurve(name, tuple(distances.tolist()), *zip(*columns, strict=True))
+def _at(walk: Walk, offsets: list[Floats]) -> Pauses[list[tuple[float | None, ...]]]:
+    """The numbers of a curve, in their order, at each of some places of the head."""
+    heads: dict[int, Viewer] = {}
+    for k, offset in enumerate(offsets):
+        with suppress(RigError):  # at the picture
+            heads[k] = viewer_at(walk.plan.viewer, walk.plan.rig.picture_place, tuple(offset))
+    seen = yield from walk.seen_by(list(heads.values()))
+    of_head = dict(zip(heads, seen, strict=True))
+    return [
+        _numbers(walk, heads[k], of_head[k]) if k in heads else NOTHING_SEEN
+        for k in range(len(offsets))
+    ]
 
 
-def _at(walk: Walk, offset: Floats) -> Pauses[tuple[float | None, ...]]:
-    """The numbers of a curve, in their order, at one place of the head."""
-    place = walk.plan.rig.picture_place
-    try:
-        head = viewer_at(walk.plan.viewer, place, tuple(offset))
-    except RigError:  # at the picture
-        return None, None, None, None, 0.0
-    seen, straight = yield from walk.seen_by(head)
+def _numbers(walk: Walk, head: Viewer, seen: Floats) -> tuple[float | None, ...]:
+    """The same from a head that sees the points at (n, 2) px of its image."""
+    straight = view_of_picture(walk.plan.rig.picture_place, head, walk.uv)
     is_seen = np.isfinite(seen).all(axis=1)
     if not is_seen.any():
-        return None, None, None, None, 0.0
+        return NOTHING_SEEN
     seen, straight = seen[is_seen], straight[is_seen]
     told = []
     for off in (arcmin_between(head, seen, straight), np.linalg.norm(seen - straight, axis=1)):

@@ -51,10 +51,8 @@ def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, Surface]:
 
     coarse, faces = octahedron()
     offsets = _swelled(coarse, ends)
-    part = np.empty(len(offsets))
-    for k, offset in enumerate(offsets):
-        part[k] = yield from at(k / len(offsets), walk.part(offset))
-    off = box.limit * np.minimum(part, MOST)
+    parts = yield from at(0.0, walk.parts(list(offsets)))
+    off = box.limit * np.minimum(parts, MOST)
 
     # finer, so that it looks round
     weights, parts = grid(N_BETWEEN)

@@ -21,11 +21,11 @@ from ..errors import RigError
 from ..image.flat_picture import view_of_picture
 from ..light.plan import Plan
 from ..numbers import number
-from ..rig import Rig
+from ..rig import PicturePlace, Rig
 from ..steps import Pauses, at
 from ..viewer import Viewer
 from .diagram import Curve, draw, from_zero, points_mm, sheet
-from .places_seen import Look, grid_on, place_of_shown, places_shown
+from .places_seen import Look, grid_on, places_of_shown, places_shown
 from .viewers import arcmin_between
 
 FILE = "head_box.svg"
@@ -134,24 +134,30 @@ def head_box(plan: Plan) -> Generator[float, None, BoxServed]:
         [Look(plan.seen_by(viewer), viewer.weight) for viewer in rig.viewers],
         [Look(plan.seen_by(centre), 1.0)],
     ):
-        off: list[Floats] = []
-        shown = yield from at(len(found) / 2, places_shown(looks, uv))
-        for head in heads:
-            told = (len(found) + len(off) / len(heads)) / 2
-            off.append((yield from at(told, off_by(plan, head, uv, shown))))
-        found.append(_served(np.array(off), len(grid), box.axes, size))
+        told = len(found) / 2
+        shown = yield from at(told, places_shown(looks, uv))
+        off = yield from at(told + 0.25, off_by(plan, heads, uv, shown))
+        found.append(_served(off, len(grid), box.axes, size))
     yield 1.0
     return BoxServed(tuple(size.tolist()), len(rig.viewers), len(grid), *found)
 
 
-def off_by(plan: Plan, head: Viewer, uv: Floats, shown: Floats) -> Pauses[Floats]:
-    """The angles (n,), arcmin, by which a head sees places uv (n, 2) of the picture off; NaN where
-    it sees none.
+def off_by(plan: Plan, heads: Sequence[Viewer], uv: Floats, shown: Floats) -> Pauses[Floats]:
+    """The angles (k, n), arcmin, by which heads see places uv (n, 2) of the picture off; NaN where
+    one sees none.
 
     shown : (n, 2) display px, where they are shown
     """
-    view = yield from place_of_shown(plan.seen_by(head), uv, shown)
-    return arcmin_between(head, view, view_of_picture(plan.rig.picture_place, head, uv))
+    seen = yield from places_of_shown(plan, heads, uv, shown)
+    return angles_of(plan.rig.picture_place, heads, uv, seen)
+
+
+def angles_of(place: PicturePlace, heads: Sequence[Viewer], uv: Floats, seen: Floats) -> Floats:
+    """The same of heads that see places uv (n, 2) of a picture at (k, n, 2) px of their images."""
+    found = np.empty(seen.shape[:2])
+    for k, head in enumerate(heads):
+        found[k] = arcmin_between(head, seen[k], view_of_picture(place, head, uv))
+    return found
 
 
 def _spanned(rig: Rig) -> tuple[Viewer, HeadBox]:

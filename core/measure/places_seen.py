@@ -28,9 +28,10 @@ from ..image.asked import Way, mapped, way_of
 from ..image.flat_picture import view_of_picture
 from ..light.landings import Reason
 from ..light.plan import Plan
-from ..map.points import trace_points
+from ..map.points import Tracer, tracer, tracer_of
 from ..rig import PicturePlace
 from ..steps import Pauses
+from ..viewer import Viewer
 from ..warp.settling import derivative, inverse_of
 
 MOST_ROUNDS = 24
@@ -132,10 +133,24 @@ def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Pauses[Floats]:
 
     shown : (n, 2) display px, where they are shown, as `places_shown` tells
     """
-    view = view_of_picture(plan.rig.picture_place, plan.viewer, uv)
-    one = yield from _begun(plan, view)
-    yield from _settled([plan], [one], np.ones((1, len(uv))), lambda left: shown[left])
-    return np.where(_is_known(one)[:, None], one.view, np.nan)
+    return (yield from places_of_shown(plan, [plan.viewer], uv, shown))[0]
+
+
+def places_of_shown(
+    plan: Plan, viewers: Sequence[Viewer], uv: Floats, shown: Floats
+) -> Pauses[Floats]:
+    """The same for k viewers of what is in a plan, (k, n, 2) viewer px. Their rays are traced
+    together: of one alone the last few points would take a batch each time they go on.
+    """
+    place, k = plan.rig.picture_place, len(viewers)
+    if not k:
+        return np.empty((0, len(uv), 2))
+    view = np.concatenate([view_of_picture(place, viewer, uv) for viewer in viewers])
+    trace = tracer_of(plan, viewers, len(uv))
+    of_all = np.tile(shown, (k, 1))
+    one = yield from _begun(trace, view)
+    yield from _settled([trace], [one], np.ones((1, len(view))), lambda left: of_all[left])
+    return np.where(_is_known(one)[:, None], one.view, np.nan).reshape(k, len(uv), 2)
 
 
 def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floats]]]:
@@ -149,8 +164,9 @@ def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floa
     wanted = mapped(ways[0].there, straight[0])[0].T
 
     found = []
-    for plan, view in zip(plans, straight, strict=True):
-        found.append((yield from _begun(plan, view)))
+    traces = [tracer(plan) for plan in plans]
+    for trace, view in zip(traces, straight, strict=True):
+        found.append((yield from _begun(trace, view)))
     weights = np.stack([
         look.weight * (one.branch != 0) for look, one in zip(solved, found, strict=True)
     ])  # fmt: skip
@@ -162,7 +178,7 @@ def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floa
         )
         return display[left]
 
-    yield from _settled(plans, found, weights, meant)
+    yield from _settled(traces, found, weights, meant)
     known = np.stack([_is_known(one) for one in found])
     is_shown = ((weights == 0) | known).all(axis=0) & (weights > 0).any(axis=0)
     display[~is_shown] = np.nan
@@ -173,7 +189,7 @@ def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floa
 
 
 def _settled(
-    plans: Sequence[Plan],
+    traces: Sequence[Tracer],
     found: Sequence[_Found],
     weights: Floats,
     meant: Callable[[Ints], Floats],
@@ -190,14 +206,14 @@ def _settled(
     for _ in range(MOST_ROUNDS):
         if not len(left):
             break
-        for plan, one in zip(plans, found, strict=True):
+        for trace, one in zip(traces, found, strict=True):
             by_view = yield from derivative(
-                plan, one.view[left], one.display[left], one.branch[left]
+                _of_some(trace, left), one.view[left], one.display[left], one.branch[left]
             )
             one.inverse[left] = inverse_of(by_view)
         shown = meant(left)
-        for plan, one in zip(plans, found, strict=True):
-            yield from _go_on(plan, one, left, shown)
+        for trace, one in zip(traces, found, strict=True):
+            yield from _go_on(trace, one, left, shown)
 
         largest = np.max([np.abs(one.step[left]).max(axis=1) for one in found], axis=0)
         is_whole = np.all([one.reach[left] == 1 for one in found], axis=0)
@@ -210,10 +226,15 @@ def _settled(
         left = left[~(is_lost | (is_whole & (is_near | (largest <= SETTLED_PX))))]
 
 
-def _begun(plan: Plan, view: Floats) -> Pauses[_Found]:
+def _of_some(trace: Tracer, left: Ints) -> Tracer:
+    """The same, for a table of some of the rows."""
+    return lambda rows, view: trace(left[rows], view)
+
+
+def _begun(trace: Tracer, view: Floats) -> Pauses[_Found]:
     """Where points (n, 2) viewer px are seen straight, to begin with."""
-    traced = yield from trace_points(plan, view)
     n = len(view)
+    traced = yield from trace(np.arange(n), view)
     return _Found(
         view=view.copy(),
         display=traced.xy.copy(),
@@ -253,13 +274,13 @@ def _by_view(way: Way, view: Floats) -> Floats:
     return np.stack(columns, axis=2)
 
 
-def _go_on(plan: Plan, one: _Found, left: Ints, shown: Floats) -> Pauses[None]:
+def _go_on(trace: Tracer, one: _Found, left: Ints, shown: Floats) -> Pauses[None]:
     """Move some places of a viewer's image to where it sees points (m, 2) display px."""
     here = one.at(left)
     step = here.reach[:, None] * np.einsum("nij,nj->ni", here.inverse, shown - here.display)
     can_move = np.isfinite(step).all(axis=1) & here.inverse.any(axis=(1, 2)) & (here.branch != 0)
     tried = np.where(can_move[:, None], here.view + step, here.view)
-    traced = yield from trace_points(plan, tried)
+    traced = yield from trace(left, tried)
 
     is_on_branch = can_move & (traced.branch == here.branch)
     some = left[is_on_branch]

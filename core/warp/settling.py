@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..light.plan import Plan
-from ..map.points import trace_points
+from ..map.points import Tracer, trace_points
 from ..steps import Pauses
 
 
@@ -104,26 +104,28 @@ def settle(
 
 
 def derivative(
-    plan: Plan, view: Floats, display: Floats, branch: NDArray[np.uint64]
+    trace: Tracer, view: Floats, display: Floats, branch: NDArray[np.uint64]
 ) -> Pauses[Floats]:
     """Display px per viewer px (n, 2, 2), columns x and y of the viewer, by rays beside places.
 
     0 where the rays beside them take other branches.
 
+    trace : traces places, by their rows in the tables
     view, display, branch : (n, 2) viewer px, (n, 2) display px and (n,) of the places
     """
     found = np.zeros((len(view), 2, 2))
-    for axis in range(2):
-        for side in (1, -1):
-            lacks = np.flatnonzero(~found[:, :, axis].any(axis=1))
-            if not len(lacks):
-                continue
-            beside = view[lacks]
-            beside[:, axis] += side * SETTLING.nearby
-            traced = yield from trace_points(plan, beside)
-            known = traced.branch == branch[lacks]
-            some = lacks[known]
-            found[some, :, axis] = side * (traced.xy[known] - display[some]) / SETTLING.nearby
+    for side in (1, -1):
+        # both axes together
+        lacks, axis = np.nonzero(~found.any(axis=1))
+        if not len(lacks):
+            break
+        beside = view[lacks]
+        beside[np.arange(len(lacks)), axis] += side * SETTLING.nearby
+        traced = yield from trace(lacks, beside)
+        known = traced.branch == branch[lacks]
+        some = lacks[known]
+        by_side = (traced.xy[known] - display[some]) / SETTLING.nearby
+        found[some, :, axis[known]] = side * by_side
     return found
 
 

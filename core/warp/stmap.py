@@ -14,7 +14,7 @@ from ..arrays import Bools, Floats
 from ..image.flat_picture import flat_way
 from ..image.picture import picture_from_view
 from ..light.landings import Reason
-from ..map.points import is_in_image, trace_points
+from ..map.points import is_in_image, trace_points, tracer
 from ..rig import PicturePlace
 from ..solve.channel import Channel
 from ..steps import Pauses, Result
@@ -124,7 +124,7 @@ def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
     some = np.flatnonzero(is_there)
     by_view = np.zeros((len(view), 2, 2))
     by_view[some] = yield from _told(
-        derivative(channel.plan, view[some], traced.xy[some], traced.branch[some]),
+        derivative(tracer(channel.plan), view[some], traced.xy[some], traced.branch[some]),
         3 * len(view),
         1 / 3,
     )

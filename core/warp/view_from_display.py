@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats, Ints
 from ..image.ghosts import NO_PATH, strongest_paths
 from ..light.plan import Plan
-from ..map.points import is_in_image, trace_points
+from ..map.points import is_in_image, trace_points, tracer
 from ..map.share_batches import ShareBatches
 from ..map.view_map import ViewMap
 from ..solve.channel import shares_of
@@ -206,7 +206,7 @@ def _fill(
     shares.
     """
     traced = yield from trace_points(plan, start)
-    by_view = yield from derivative(plan, start, traced.xy, traced.branch)
+    by_view = yield from derivative(tracer(plan), start, traced.xy, traced.branch)
     inverse = inverse_of(by_view)
     places = yield from settle(plan, points, start, inverse, traced.branch)
     is_there = (places.off <= view_map.tolerance) & (traced.branch != 0)

@@ -297,7 +297,7 @@ def print_off(name: str, ways: dict[str, list[Look]], head: Viewer) -> list[floa
     for solved in ways.values():
         plan = ways["for the middle"][0].plan
         shown = finish(places_shown(solved, grid_of(7)))
-        off = finish(off_by(plan, head, grid_of(7), shown))
+        (off,) = finish(off_by(plan, [head], grid_of(7), shown))
         off = off[np.isfinite(off)]
         mean, largest = (off.mean(), off.max()) if len(off) else (np.nan, np.nan)
         means.append(float(mean))

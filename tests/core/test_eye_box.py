@@ -10,6 +10,7 @@ import pytest
 from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.errors import RigError
 from kiriko.core.light.planning import make_plan
+from kiriko.core.map import points
 from kiriko.core.measure import eye_box as eye_box_module
 from kiriko.core.measure.eye_box import EDGE, N_POINTS, WAYS, EyeBox, Walk, eye_box
 from kiriko.core.measure.eye_box_curves import BEYOND, as_data, as_svg, curves_of
@@ -202,7 +203,7 @@ def test_more_may_be_off_so_it_goes_farther():
     plan = make_plan(ball_rig(4, display=0.075, **SMALL), Settings())
     for axis, sign, most in WAYS[:3]:
         narrow, wide = (
-            finish(begun(plan, limit).farthest(sign * np.eye(3)[axis], 1.0, most))[0]
+            finish(begun(plan, limit).farthest([(sign * np.eye(3)[axis], most)]))[0][0]
             for limit in (0.25, 0.5)
         )
         assert 0 < narrow < wide
@@ -259,6 +260,29 @@ def test_a_head_costs_as_much_whoever_the_picture_is_solved_for():
         finish(walk.begin())
         rays.append(sum(walk.off((0.05, 0.02, 0.01))))
     assert rays[1] < 1.1 * rays[0]
+
+
+def test_heads_are_looked_from_together(monkeypatch):
+    """A batch of few rays takes nearly as long as one of many: a box and its surface, of more than
+    a hundred heads, take no more batches than twenty heads that are looked from one by one.
+    """
+    walk = begun(make_plan(ball_rig(4, display=0.075, **SMALL), Settings()), 0.5)
+    n_batches = [0]
+    tracing = points.tracing
+
+    def counted(*of, **options):
+        n_batches[0] += 1
+        return tracing(*of, **options)
+
+    monkeypatch.setattr(points, "tracing", counted)
+    offsets = [(0.004, 0.002, 0.0), (-0.008, 0.0, 0.01)]
+    alone = [finish(walk.part(offset)) for offset in offsets]
+    n_alone = n_batches[0] / len(offsets)
+    assert finish(walk.parts(offsets)) == alone
+
+    n_batches[0] = 0
+    drain(surface_of(walk, drain(walk.box())))
+    assert n_batches[0] <= 20 * n_alone
 
 
 def test_the_surface_is_closed_and_made_of_eighths_of_ellipsoids():
