@@ -3,12 +3,12 @@
 import bpy
 
 from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.given_glass import give
+from ..core.blender.given_glass import give, set_by_modifier
 from ..core.blender.look import has_own_faces
 from ..core.blender.look_parts import refracts_as_shown
 from ..core.blender.viewport_look import be_seen_as_glass
 from ..core.errors import RigError
-from ..core.messages import Message, quoted
+from ..core.messages import Message, joined, quoted
 from . import needed, telling
 from .parts import NamesPart
 
@@ -33,6 +33,20 @@ def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 def _is_any(scene: bpy.types.Scene) -> bool:
     return any(map(can_be_given, needed.parts(scene).get("GLASS", ())))
+
+
+def _setting_their_own(
+    context: bpy.types.Context, things: list[bpy.types.Object]
+) -> dict[bpy.types.Object, list[bpy.types.Modifier]]:
+    """Those of some objects whose modifiers set other materials than
+    those of their slots, with the geometry nodes among these.
+    """
+    context.view_layer.update()
+    return {
+        thing: [one for one in thing.modifiers if one.type == "NODES" and one.show_viewport]
+        for thing in things
+        if not refracts_as_shown(context.scene, thing)
+    }
 
 
 class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
@@ -63,6 +77,9 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             kept = dict.fromkeys(
                 name for thing in things for name in give(context.scene, thing, glass)
             )
+            own = _setting_their_own(context, things)
+            for thing in own:
+                set_by_modifier(thing, glass)
             names = quoted(thing.name for thing in things)
             result = context.scene.kiriko.result
             told = tuple(
@@ -88,6 +105,10 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 ior=DEFAULT_IOR,
                 stays=stays,
             )
+            if own:
+                by = quoted(dict.fromkeys(one.name for nodes in own.values() for one in nodes))
+                why = Message("A modifier sets it, after {by}, which set another.", by=by)
+                text = joined([text, why])
             telling.report(self, "INFO", text)
 
             return {"FINISHED"}

@@ -14,8 +14,8 @@ from ..errors import RigError
 from ..messages import Message, as_message
 from .elements import DEFAULT_IOR, mirrors
 from .layout import give_size, size_of
+from .look_parts import materials_as_shown
 from .material import is_refractive, material_output, read_refraction, shaders
-from .plane import own_materials
 from .resize import RESIZED_WITHIN, give_side, has_side
 from .units import length_of_unit, length_text
 
@@ -172,7 +172,8 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
                 "'{glass}' is {preset} now: its Override IOR is {ior}, for {why}.", **names, why=why
             )
         else:
-            materials = [m for m in own_materials(thing) if _index_of(m) is not None]
+            shown = materials_as_shown(bpy.context.scene, thing)
+            materials = [m for m in shown if _index_of(m) is not None]
             for material in materials:
                 _index_of(material).default_value = product.ior
                 material.node_tree.update_tag()
@@ -189,7 +190,8 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
 def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
     """The product that a glass is by the index that light is bent with; None if no known one."""
     ours = glass.kiriko
-    readings = (read_refraction(material) for material in own_materials(glass))
+    shown = materials_as_shown(bpy.context.scene, glass)
+    readings = (read_refraction(material) for material in shown)
     ior = next((found.ior for found in readings if found is not None), DEFAULT_IOR)
     if ours.use_ior:
         ior = ours.ior
@@ -201,7 +203,8 @@ def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -
     if glass.kiriko.use_ior:
         return Message("it is on")
 
-    materials = [m for m in own_materials(glass) if read_refraction(m) is not None]
+    shown = materials_as_shown(bpy.context.scene, glass)
+    materials = [m for m in shown if read_refraction(m) is not None]
     if not materials:
         return Message("its material does not refract")
 

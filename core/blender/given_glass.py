@@ -41,6 +41,24 @@ def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Mater
     return kept
 
 
+def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
+    """Put a material on all faces that an object's modifiers make, by one after them all: geometry
+    nodes may set another than that of its slots.
+    """
+    tree = bpy.data.node_groups.new(glass.name, "GeometryNodeTree")
+    tree[GIVEN_MARK] = True
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    start, setter, end = map(
+        tree.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput")
+    )
+    start.location.x, end.location.x = -200, 200
+    setter.inputs["Material"].default_value = glass
+    tree.links.new(start.outputs[0], setter.inputs["Geometry"])
+    tree.links.new(setter.outputs[0], end.inputs[0])
+    thing.modifiers.new(glass.name, "NODES").node_group = tree
+
+
 def take_back(scene: bpy.types.Scene, key: str) -> None:
     """Give objects of a rig their own materials again, where they still have the glass."""
     keys = rigs_of(scene)
@@ -54,12 +72,23 @@ def take_back(scene: bpy.types.Scene, key: str) -> None:
             thing[GIVEN_MARK] = json.dumps([min(heirs), slots])
             continue
         del thing[GIVEN_MARK]
+        _take_modifiers(thing)
         given |= {slot.material for slot in thing.material_slots if _is_given(slot.material)}
         _take_back(thing, slots)
 
     for material in given:
         if not material.users:
             bpy.data.materials.remove(material)
+
+
+def _take_modifiers(thing: bpy.types.Object) -> None:
+    """Take away the modifiers of `set_by_modifier`."""
+    for modifier in list(thing.modifiers):
+        tree = modifier.node_group if modifier.type == "NODES" else None
+        if tree is not None and GIVEN_MARK in tree:
+            thing.modifiers.remove(modifier)
+            if not tree.users:
+                bpy.data.node_groups.remove(tree)
 
 
 def _is_given(material: bpy.types.Material | None) -> bool:

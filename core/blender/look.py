@@ -29,6 +29,7 @@ from .mesh import column, used_slots
 from .objects import OBJECT_MARK
 from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
+from .shapes import used_materials
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
 from .viewer import camera_at
@@ -150,7 +151,7 @@ def _thing(
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
         is_opaque=has_mesh and is_glass and not refracts_as_shown(scene, thing, bends),
-        n_indices=_n_indices(thing, looked.slots) if is_glass and looked is not None else 0,
+        n_indices=_n_indices(scene, thing, looked.slots) if is_glass and looked is not None else 0,
         is_mesh=thing.type == "MESH",
         has_no_scale=min(map(abs, thing.scale)) == 0,
         is_flat=has_mesh and min(sides, default=1.0) == 0,
@@ -195,11 +196,9 @@ def sides_of(
     return tuple(np.multiply(looked.sides, np.abs(thing.matrix_world.to_scale())).tolist())
 
 
-def _n_indices(thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
+def _n_indices(scene: bpy.types.Scene, thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
     """How many indices of refraction have the materials in use?"""
-    slotted = thing.material_slots
-    used = {slotted[min(k, len(slotted) - 1)].material for k in slots} if slotted else ()
-    found = (read_refraction(material) for material in used)
+    found = map(read_refraction, used_materials(evaluated(scene, thing), slots))
     return len({one.ior for one in found if one is not None})
 
 

@@ -16,9 +16,10 @@ from ..parts import Glass
 from ..viewer import Viewer
 from .cuts import SEARCH
 from .material import Bends, bends_light, refracts
-from .mesh import in_world, read_local
+from .mesh import in_world, read_local, used_slots
 from .parts import is_placed
-from .plane import check_shown, image_of
+from .plane import check_shown, image_of, own_materials
+from .shapes import used_materials
 from .to_do import Named
 from .units import length_of_unit
 from .viewer import own_images, read_viewer, seats_of
@@ -42,14 +43,27 @@ def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Obje
 def refracts_as_shown(
     scene: bpy.types.Scene, thing: bpy.types.Object, bends: Bends = bends_light
 ) -> bool:
-    """Does any material of an object bend light, or one that its modifiers give its faces?
-
-    Geometry nodes set materials that are in none of its slots.
+    """Does any material of an object bend light, or, where modifiers give its faces materials, as
+    geometry nodes do, any of these?
     """
-    if refracts(thing, bends):
-        return True
-    made = getattr(evaluated(scene, thing).data, "materials", ()) if thing.modifiers else ()
-    return any(bends(own and own.original) for own in made)
+    return any(map(bends, materials_as_shown(scene, thing))) or (
+        not _has_made_faces(scene, thing) and refracts(thing, bends)
+    )
+
+
+def materials_as_shown(scene: bpy.types.Scene, thing: bpy.types.Object) -> list[bpy.types.Material]:
+    """The materials on an object's faces as its modifiers make them, those on most faces first."""
+    if not _has_made_faces(scene, thing):
+        return own_materials(thing)
+    shown = evaluated(scene, thing)
+    found = used_materials(shown, used_slots(shown.data))
+    return [one.original for one in found if one is not None]
+
+
+def _has_made_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Has an object faces that are made by modifiers, as evaluated last?"""
+    is_made = thing.type == "MESH" and any(one.show_viewport for one in thing.modifiers)
+    return is_made and len(evaluated(scene, thing).data.polygons) > 0
 
 
 def _graph(scene: bpy.types.Scene) -> bpy.types.Depsgraph | None:

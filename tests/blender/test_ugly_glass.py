@@ -616,21 +616,67 @@ def test_a_turned_profile_is_turned_out(look: Callable[[], list]) -> None:
     assert "'thing' is not closed" in " ".join(told(look()))
 
 
+def set_by_nodes(thing: bpy.types.Object, material: bpy.types.Material) -> None:
+    """A modifier, "nodes", that sets a material on all faces."""
+    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    setter = tree.nodes.new("GeometryNodeSetMaterial")
+    setter.inputs["Material"].default_value = material
+    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], setter.inputs["Geometry"])
+    tree.links.new(setter.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    thing.modifiers.new("nodes", "NODES").node_group = tree
+    bpy.context.view_layer.update()
+
+
+def test_a_material_of_nodes_is_the_product_that_is_shown(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Not that of a slot, which is on no face."""
+    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+    glass.data.materials.append(glass_material("slot", 1.6))
+    catalogue = importlib.import_module(f"{kiriko.__name__}.core.catalogue")
+    set_by_nodes(glass, glass_material("set", catalogue.GLASSES["Water"].ior))
+    assert chosen.glass_product(glass).name == "Water"
+
+
+def test_make_it_glass_counts_though_nodes_set_another_material(
+    look: Callable[[], list], capfd: pytest.CaptureFixture
+) -> None:
+    """By a modifier after these, which is gone with the rig; the index of light is that of the
+    glass, whatever stands in a slot.
+    """
+    thing = new_object(primitive("cube", size=0.05))
+    thing.data.materials.append(glass_material("slot", 1.6))
+    thing.select_set(True)
+    bpy.context.view_layer.objects.active = thing
+    set_by_nodes(thing, bpy.data.materials.new("Stone"))
+    bpy.ops.kiriko.add_rig(viewer_resolution=32, display_resolution=(32, 32))
+
+    press(look(), "'thing' is no glass", "Make It Glass")
+    assert "A modifier sets it, after 'nodes'," in capfd.readouterr().out
+    assert not any("is no glass" in text for text in told(look()))
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert "refract" not in bpy.context.scene.kiriko.result.notes
+
+    trees = len(bpy.data.node_groups)
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.kiriko.remove_rig()
+    assert [one.name for one in thing.modifiers] == ["nodes"]
+    assert len(bpy.data.node_groups) == trees - 1
+    assert [slot.material.name for slot in thing.material_slots] == ["slot"]
+
+
 def test_glass_whose_modifiers_give_it_its_material_is_glass(look: Callable[[], list]) -> None:
     """Light follows a material that geometry nodes set: another in a slot would change nothing."""
     small_rig()
     (glass,) = (one for one in bpy.context.scene.objects if one.kiriko.role == "GLASS")
     glass.kiriko.use_ior = False
-    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    setter = tree.nodes.new("GeometryNodeSetMaterial")
-    setter.inputs["Material"].default_value = glass_material("set", 1.6)
-    tree.links.new(tree.nodes.new("NodeGroupInput").outputs[0], setter.inputs["Geometry"])
-    tree.links.new(setter.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
     assert any("is no glass" in text for text in told(look()))
-    glass.modifiers.new("nodes", "NODES").node_group = tree
-    bpy.context.view_layer.update()
+    set_by_nodes(glass, glass_material("set", 1.6))
+    (setter,) = (one for one in bpy.data.node_groups["nodes"].nodes if "SET" in one.type)
     assert told(look()) == []
     with pytest.raises(RuntimeError, match="Select glass whose material does not refract"):
         bpy.ops.kiriko.make_glass(part=glass.name)
