@@ -11,6 +11,7 @@ from mathutils import Vector
 
 from ..core.arrays import Ints
 from ..core.blender.cuts import cut_polygons
+from ..core.blender.doubles import doubled_polygons
 from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
@@ -88,7 +89,7 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type not in {"MESH", "CURVE", "SURFACE", "FONT"}:
             raise RigError("'{name}' can have no modifier: turn it into a mesh.", name=thing.name)
-        normal = _shown_normal(context, thing)
+        normal, is_one_sided = _as_shown(context, thing)
         _check_faces(thing, normal)
         sides = sides_of(context.scene, thing) or tuple(thing.dimensions)
         is_flat = min(sides) == 0
@@ -97,6 +98,8 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
         modifier = thing.modifiers.new("Solidify", "SOLIDIFY")
         modifier.thickness = (THICKNESS if is_flat else WALL) * max(sides) / across
         modifier.offset = 0.0
+        if is_one_sided:  # else each wall had one side, too
+            modifier.solidify_mode = "NON_MANIFOLD"
         thickness = length_text(
             context.scene, modifier.thickness * across * length_of_unit(context.scene)
         )
@@ -108,14 +111,16 @@ class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
         )
 
 
-def _shown_normal(context: bpy.types.Context, thing: bpy.types.Object) -> Vector | None:
-    """The normal of an object's first face as modifiers make it, in its own space; None where they
-    leave none.
+def _as_shown(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Vector | None, bool]:
+    """The normal of an object's first face as modifiers make it, in its own space, None where they
+    leave none; and whether its surface has one side only.
     """
     shown = thing.evaluated_get(context.evaluated_depsgraph_get())
     mesh = shown.to_mesh()
     try:
-        return mesh.polygons[0].normal.copy() if len(mesh.polygons) else None
+        if not len(mesh.polygons):
+            return None, False
+        return mesh.polygons[0].normal.copy(), faults_of(mesh).is_one_sided
     finally:
         shown.to_mesh_clear()
 
@@ -192,14 +197,19 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
             )
             return _and_others(told, thing)
 
-        _check_faces(thing, _shown_normal(context, thing))
-        modifier = thing.modifiers.new(WELD, "WELD")
-        modifier.merge_threshold = _near(mesh)
-        return Message(
-            "Modifiers make them: '{modifier}', the last one of '{name}', joins their vertices.",
-            modifier=modifier.name,
-            name=thing.name,
-        )
+        return _welded(context, thing)
+
+
+def _welded(context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+    """Join vertices that modifiers make, by one after them all; returns the sentence on it."""
+    _check_faces(thing, _as_shown(context, thing)[0])
+    modifier = thing.modifiers.new(WELD, "WELD")
+    modifier.merge_threshold = _near(thing.data)
+    return Message(
+        "Modifiers make them: '{modifier}', the last one of '{name}', joins their vertices.",
+        modifier=modifier.name,
+        name=thing.name,
+    )
 
 
 def _near(mesh: bpy.types.Mesh) -> float:
@@ -234,6 +244,27 @@ def _merge(mesh: bpy.types.Mesh) -> None:
             faces = [shape.faces[k] for k in np.flatnonzero(is_flat)]
             bmesh.ops.triangulate(shape, faces=faces, ngon_method="EAR_CLIP", quad_method="BEAUTY")
             bmesh.ops.dissolve_degenerate(shape, dist=distance, edges=shape.edges[:])
+
+
+class KIRIKO_OT_remove_doubles(MendsPart, bpy.types.Operator):
+    """Remove faces that lie on others of the mesh, as Shift D leaves them where nothing is moved"""
+
+    bl_idname = "kiriko.remove_doubles"
+    bl_label = "Remove Double Faces"
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        mesh = _mesh_of(thing)
+        doubles = np.flatnonzero(doubled_polygons(mesh))
+        if not len(doubles):
+            return _welded(context, thing)
+
+        with _edited(mesh) as shape:
+            shape.faces.ensure_lookup_table()
+            faces = [shape.faces[k] for k in doubles]
+            bmesh.ops.delete(shape, geom=faces, context="FACES")
+            _merge_open(shape, _near(mesh))
+        told = Message("{n} double faces are gone from '{mesh}'.", n=len(doubles), mesh=mesh.name)
+        return _and_others(told, thing)
 
 
 class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
@@ -376,6 +407,7 @@ FAULTS = (
     ("OPEN", "Open Edges", "Edges with one face, or more than two"),
     ("FLAT", "Flat Faces", "Faces with triangles without area"),
     ("CUT", "Cut Faces", "Faces that other faces of the glass pass through"),
+    ("DOUBLE", "Double Faces", "Faces that lie on others of the mesh"),
 )
 
 
@@ -419,6 +451,12 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
                 n=len(chosen),
                 name=thing.name,
             )
+        if self.kind == "DOUBLE":
+            return Message(
+                "{n} faces of '{name}' that lie on others are selected: X deletes them.",
+                n=len(chosen),
+                name=thing.name,
+            )
         return Message(
             "{n} faces of '{name}' without area are selected.", n=len(chosen), name=thing.name
         )
@@ -428,6 +466,8 @@ def _found(mesh: bpy.types.Mesh, kind: str) -> Ints:
     """Numbers of a mesh's edges or polygons that have a fault."""
     if kind == "CUT":
         return np.flatnonzero(cut_polygons(mesh))
+    if kind == "DOUBLE":
+        return np.flatnonzero(doubled_polygons(mesh))
     faults = faults_of(mesh)
     return np.flatnonzero(faults.is_open if kind == "OPEN" else faults.is_flat)
 

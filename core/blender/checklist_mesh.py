@@ -23,6 +23,15 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         button = Button("kiriko.merge_flat", label, naming(thing.named), "AUTOMERGE_ON")
         yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
 
+    if faults.n_double:
+        yield _on_doubles(thing, faults.n_double, own.n_double)
+
+    if faults.is_one_sided and thing.role == "GLASS":
+        text = Message(
+            "'{name}' has no inside: its surface has one side only, as a Klein bottle's.", name=name
+        )
+        yield Entry(text, PROBLEM, (select_part(thing.named), thicken(thing)))
+
     if n_open and thing.role == "GLASS":
         n = own.n_open or n_open  # as many as are selected
         text = Message(
@@ -50,6 +59,19 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
             "kiriko.shade_smooth", Message("Shade Smooth"), naming(thing.named), "SPHERECURVE"
         )
         yield Entry(text, ADVICE, (button,))
+
+
+def _on_doubles(thing: Thing, n: int, n_own: int) -> Entry:
+    """Faces that lie on others, as after Shift D in edit mode."""
+    n = n_own or n
+    text = Message(
+        "'{name}' has {n} face{s} twice, one on the other.",
+        name=thing.named.name,
+        n=n,
+        s="s" if n > 1 else "",
+    )
+    remove = Button("kiriko.remove_doubles", "Remove", naming(thing.named), "AUTOMERGE_ON")
+    return Entry(text, PROBLEM, (*_select(thing, "DOUBLE", n_own), remove))
 
 
 def _on_cuts(thing: Thing, faults: Counts, own: Counts) -> Entry:

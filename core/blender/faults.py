@@ -7,6 +7,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..glass.meshes import components, volume_of
+from ..glass.solids import is_one_sided
 from .mesh import column, has_area, read_local
 
 MOUTH = 1 / 3  # of a mesh's width: a hole that is wider was meant, as the mouth of a vessel is
@@ -24,6 +25,7 @@ class Faults:
     is_inside_out : is it open, so that nothing tells its inside but
         the faces, and do these look into it?
     is_vessel : is one of its holes as wide as a mouth?
+    is_one_sided : has it one side only, though it is closed?
     """
 
     n_triangles: int
@@ -33,6 +35,7 @@ class Faults:
     one: Ints
     is_inside_out: bool
     is_vessel: bool
+    is_one_sided: bool = False
 
     @property
     def n_open(self) -> int:
@@ -61,9 +64,13 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     is_flat[polygons[has_no_area]] = True
 
     is_open = open_edges(one[edges], local.triangles)
-    volume = volume_of(local.vertices[local.triangles]) if is_open.any() else 0.0
+    is_closed = not is_open.any()
+    volume = 0.0 if is_closed else volume_of(local.vertices[local.triangles])
+    one_sided = is_closed and is_one_sided(local.triangles)
     is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
-    return Faults(n, is_flat, int(has_no_area.sum()), is_open, one, volume < 0, is_vessel)
+    return Faults(
+        n, is_flat, int(has_no_area.sum()), is_open, one, volume < 0, is_vessel, one_sided
+    )
 
 
 def _widest_hole(vertices: Floats, edges: Ints) -> float:

@@ -11,6 +11,7 @@ from ..bench.helps import Help
 from .bodies import bodiless, shows_instances_alone, tools_of
 from .copies import is_doubled
 from .cuts import cut_polygons
+from .doubles import doubled_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .kept import Numbers
@@ -268,4 +269,6 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         n_facets=n_facets(mesh, faults.one),
         is_vessel=faults.is_vessel,
         is_cut_curved=bool(column(mesh.polygons, "use_smooth", 1, bool)[is_cut].any()),
+        n_double=int(np.count_nonzero(doubled_polygons(mesh))) if is_glass else 0,
+        is_one_sided=faults.is_one_sided,
     )

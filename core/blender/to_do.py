@@ -22,6 +22,8 @@ class Counts(NamedTuple):
     n_facets : polygons that are shaded flat where a curve seems meant
     is_vessel : is a hole of it as wide as the mouth of a vessel?
     is_cut_curved : are any of the polygons that others cut shaded smooth?
+    n_double : polygons that lie on others
+    is_one_sided : has it one side only, though it is closed?
     """
 
     n_open: int = 0
@@ -31,6 +33,8 @@ class Counts(NamedTuple):
     n_facets: int = 0
     is_vessel: bool = False
     is_cut_curved: bool = False
+    n_double: int = 0
+    is_one_sided: bool = False
 
 
 @dataclass(frozen=True)

@@ -73,18 +73,35 @@ def _split(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
     is_flipped = np.zeros(n, bool)
 
     if edges.is_same_way.any():
-        # two nodes a triangle, as drawn and turned: the component that
-        # holds the lowest node tells which to turn
-        other = np.where(edges.is_same_way, n, 0)
-        a = np.r_[edges.first, edges.first + n]
-        b = np.r_[edges.second + other, (edges.second + n + other) % (2 * n)]
-        label = components(2 * n, a, b)
-        is_flipped = label[:n] >= label[n:]
+        as_drawn, turned = _joined_ways(edges, n)
+        is_flipped = as_drawn >= turned
 
     label = components(n, edges.first, edges.second)
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     return [(drawn[chosen], is_flipped[chosen]) for chosen in np.split(order, cuts)], edges
+
+
+def _joined_ways(edges: Edges, n: int) -> tuple[Ints, Ints]:
+    """Two nodes a triangle, as drawn and turned, each joined with those of its neighbours that look
+    the same way: the lowest node that each, (n,) and (n,), is joined with.
+    """
+    other = np.where(edges.is_same_way, n, 0)
+    a = np.r_[edges.first, edges.first + n]
+    b = np.r_[edges.second + other, (edges.second + n + other) % (2 * n)]
+    label = components(2 * n, a, b)
+    return label[:n], label[n:]
+
+
+def is_one_sided(triangles: Ints) -> bool:
+    """Has a surface of triangles (t, 3) a part with one side only, as a Klein bottle has, so that
+    nothing is inside of it?
+    """
+    edges = find_edges(triangles)
+    if not edges.is_same_way.any():
+        return False
+    as_drawn, turned = _joined_ways(edges, len(triangles))
+    return bool((as_drawn == turned).any())
 
 
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:

@@ -486,7 +486,7 @@ def test_a_mesh_of_another_file_is_mended_there(look, linked):
     glass = small_rig()["GLASS"]
     glass.data = linked(glass.data)
     n_faces = len(glass.data.polygons)
-    for mend in ("fill_holes", "turn_out", "merge_flat", "shade_smooth"):
+    for mend in ("fill_holes", "turn_out", "merge_flat", "shade_smooth", "remove_doubles"):
         with pytest.raises(RuntimeError, match="is linked from another file: mend it there"):
             getattr(bpy.ops.kiriko, mend)(part=glass.name)
     assert len(glass.data.polygons) == n_faces
@@ -534,7 +534,7 @@ def holed_cube() -> bpy.types.Mesh:
     return mesh
 
 
-MENDS = ("fill_holes", "turn_out", "merge_flat", "shade_smooth")
+MENDS = ("fill_holes", "turn_out", "merge_flat", "shade_smooth", "remove_doubles")
 
 
 def flattened() -> bpy.types.Mesh:
@@ -551,6 +551,8 @@ def flattened() -> bpy.types.Mesh:
 def test_others_that_have_the_same_mesh_are_named(scene, capfd, mend, n, others):
     """A mend changes them, too, as edit mode would."""
     mesh = flattened()
+    if mend == "remove_doubles":
+        duplicated(mesh)
     glass = new_object(mesh, "GLASS")
     for _ in range(n):
         new_object(mesh)
@@ -684,6 +686,118 @@ def test_glass_whose_modifiers_give_it_its_material_is_glass(look: Callable[[], 
     inputs = setter.inputs["Material"].default_value.node_tree.nodes["Principled BSDF"].inputs
     inputs["Transmission Weight"].default_value = 0.0
     assert any("is no glass" in text for text in told(look()))
+
+
+def duplicated(mesh: bpy.types.Mesh, n: int | None = None, along: float = 0.0) -> bpy.types.Mesh:
+    """A mesh with its first n faces twice, all by default, as by Shift D in edit mode."""
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    shape.faces.ensure_lookup_table()
+    copies = bmesh.ops.duplicate(shape, geom=shape.faces[:n])["geom"]
+    for one in copies:
+        if isinstance(one, bmesh.types.BMVert):
+            one.co.x += along
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+@pytest.mark.parametrize("n", [None, 1, 4])
+def test_faces_that_are_there_twice_are_told_and_removed(
+    look: Callable[[], list], n: int | None
+) -> None:
+    """As a whole, where the mesh is closed still, or in part, where its edges count as open. What
+    is left is the mesh of before.
+    """
+    mesh = duplicated(primitive("cube", size=0.05), n)
+    thing = new_object(mesh, "GLASS")
+    thing.kiriko.use_ior = True
+    words = f"'thing' has {n or 6} face{'s' if n != 1 else ''} twice"
+    assert labels_of(look(), words) == ["Select", "Remove"]
+    press(look(), words, "Select")
+    shape = bmesh.from_edit_mesh(mesh)
+    assert [face.select for face in shape.faces] == [False] * 6 + [True] * (n or 6)
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+    press(look(), words, "Remove")
+    assert (len(mesh.vertices), len(mesh.edges), len(mesh.polygons)) == (8, 12, 6)
+    assert not any(t in text for text in told(look()) for t in ("twice", "not closed"))
+
+
+def test_a_body_and_its_inside_in_one_place_are_doubles(look: Callable[[], list]) -> None:
+    """A copy whose faces look the other way; and no bodies that touch, as bricks do: each of these
+    is glass.
+    """
+    mesh = duplicated(primitive("cube", size=0.05))
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    shape.faces.ensure_lookup_table()
+    bmesh.ops.reverse_faces(shape, faces=shape.faces[6:])
+    shape.to_mesh(mesh)
+    shape.free()
+    thing = new_object(mesh, "GLASS")
+    thing.kiriko.use_ior = True
+    assert "twice" in " ".join(told(look()))
+
+    thing.data = duplicated(primitive("cube", size=0.0625), along=0.0625)
+    bpy.context.view_layer.update()
+    assert "twice" not in " ".join(told(look()))
+
+
+def test_doubles_of_modifiers_are_welded(look: Callable[[], list]) -> None:
+    """A cube that is mirrored onto itself: nothing of its own mesh is there twice."""
+    thing = new_object(primitive("cube", size=0.0625), "GLASS")
+    thing.kiriko.use_ior = True
+    mirror = thing.modifiers.new("Mirror", "MIRROR")
+    mirror.use_mirror_merge = False
+    bpy.context.view_layer.update()
+    assert labels_of(look(), "has 6 faces twice") == ["Remove"]
+    press(look(), "has 6 faces twice", "Remove")
+    bpy.context.view_layer.update()
+    assert not any(t in text for text in told(look()) for t in ("twice", "not closed"))
+
+
+def klein_bottle(n: int = 32, m: int = 16) -> bpy.types.Mesh:
+    """A tube, whose outline is an eight, around a circle, turned by half a turn meanwhile."""
+    u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
+    sin, cos = np.sin(u / 2), np.cos(u / 2)
+    out = 0.02 + 0.006 * (cos * np.sin(v) - sin * np.sin(2 * v))
+    up = 0.006 * (sin * np.sin(v) + cos * np.sin(2 * v))
+    points = np.stack([out * np.cos(u), out * np.sin(u), up], axis=-1).reshape(-1, 3)
+    number = lambda i, j: (i % n) * m + (j if i < n else -j) % m  # noqa: E731
+    faces = [
+        (number(i, j), number(i + 1, j), number(i + 1, j + 1), number(i, j + 1))
+        for i in range(n)
+        for j in range(m)
+    ]
+    mesh = bpy.data.meshes.new("bottle")
+    mesh.from_pydata(points.tolist(), [], faces)
+    return mesh
+
+
+def test_a_klein_bottle_has_no_inside(look: Callable[[], list]) -> None:
+    """It is closed, and told all the same; walls have an inside. So has any other shape, however
+    its faces were drawn.
+    """
+    thing = new_object(klein_bottle(), "GLASS")
+    thing.kiriko.use_ior = True
+    words = "'thing' has no inside: its surface has one side only"
+    assert not any("not closed" in text for text in told(look()))
+    assert labels_of(look(), words) == ["Select Part", "Thicken"]
+    press(look(), words, "Thicken")
+    bpy.context.view_layer.update()
+    assert words not in " ".join(told(look()))
+
+    mesh = primitive("icosphere", subdivisions=2, radius=0.03)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    bmesh.ops.reverse_faces(shape, faces=list(shape.faces)[::3])
+    shape.to_mesh(mesh)
+    shape.free()
+    thing.modifiers.clear()
+    thing.data = mesh
+    bpy.context.view_layer.update()
+    assert words not in " ".join(told(look()))
 
 
 def test_a_tube_gets_caps(look: Callable[[], list]) -> None:

@@ -1,0 +1,43 @@
+"""Faces of a mesh that lie on others of it, as Shift D leaves them where nothing is moved."""
+
+import bpy
+import numpy as np
+
+from ..arrays import Bools, Floats, Ints
+from .mesh import column
+
+
+def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
+    """Which polygons (p,) of a Blender mesh lie on others before them, and are there for nothing.
+
+    They look the same way: where two bodies touch, faces look opposite ways, and are no doubles.
+    Unless each of all is there twice, as of a body and its inside.
+    """
+    if not len(mesh.polygons):
+        return np.zeros(0, bool)
+    places = _places(column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3))
+    corners = places[column(mesh.loops, "vertex_index", 1, np.int32)]
+    starts = column(mesh.polygons, "loop_start", 1, np.int32)
+    following = np.roll(corners, -1)
+    lasts = starts + column(mesh.polygons, "loop_total", 1, np.int32) - 1
+    following[lasts] = corners[starts]
+
+    # edges by random numbers: sums over them are the same for the same edges, wherever they begin
+    words = np.random.default_rng(0).integers(0, 2**64, (2, len(places)), np.uint64)
+    ways = [words[0][a] * words[1][b] for a, b in ((corners, following), (following, corners))]
+    forth, back = (np.add.reduceat(way, starts) for way in ways)
+    groups = np.unique(forth + back, return_inverse=True)[1]
+    if np.bincount(groups).min() < 2:
+        groups = forth
+    is_double = np.ones(len(groups), bool)
+    is_double[np.unique(groups, return_index=True)[1]] = False
+    return is_double
+
+
+def _places(points: Floats) -> Ints:
+    """A number for each of points (n, 3), the same for those in the same place."""
+    order = np.lexsort(points.T)
+    ordered = points[order]
+    numbers = np.empty(len(points), np.int64)
+    numbers[order] = np.cumsum(np.r_[False, (ordered[1:] != ordered[:-1]).any(axis=1)])
+    return numbers
