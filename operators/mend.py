@@ -33,9 +33,13 @@ SHARP = radians(30)
 
 
 class MendsPart(NamesPart):
-    """Mix-in for an operator that mends an object: `mend` does it and returns the sentence."""
+    """Mix-in for an operator that mends an object: `mend` does it and returns the sentence.
+
+    changes_light : or does it only show where the fault is?
+    """
 
     bl_options = {"REGISTER", "UNDO"}
+    changes_light = True
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         raise NotImplementedError
@@ -46,7 +50,7 @@ class MendsPart(NamesPart):
             _check_own(thing)
             telling.report(self, "INFO", self.mend(context, thing))
             result = context.scene.kiriko.result
-            if result.source is None:
+            if result.source is None and self.changes_light:
                 result.summary = ""  # of Add Rig, on the light as it went before
             return {"FINISHED"}
 
@@ -416,6 +420,7 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
 
     bl_idname = "kiriko.select_faults"
     bl_label = "Select Faults"
+    changes_light = False
 
     kind: bpy.props.EnumProperty(
         name="Faults", description="The faults to select", items=FAULTS, options={"SKIP_SAVE"}

@@ -208,7 +208,8 @@ def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -
     if not materials:
         return Message("its material does not refract")
 
-    own = {*chosen, *(thing.data for thing in chosen if thing.data and thing.data.users == 1)}
+    parts = [part for thing in chosen for part in (thing.data, *_nodes_of(thing)) if part]
+    own = {*chosen, *(part for part in parts if part.users == 1)}
     for material in materials:
         socket = _index_of(material)
         if socket is None or material.node_tree.animation_data is not None:
@@ -219,6 +220,11 @@ def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -
             return Message("others have its material '{name}', too", name=material.name)
 
     return ""
+
+
+def _nodes_of(thing: bpy.types.Object) -> list[bpy.types.NodeTree | None]:
+    """The geometry nodes of an object's modifiers, which may set its material."""
+    return [modifier.node_group for modifier in thing.modifiers if modifier.type == "NODES"]
 
 
 def _index_of(material: bpy.types.Material) -> bpy.types.NodeSocket | None:

@@ -634,7 +634,7 @@ def set_by_nodes(thing: bpy.types.Object, material: bpy.types.Material) -> None:
 def test_a_material_of_nodes_is_the_product_that_is_shown(
     kiriko: ModuleType, scene: bpy.types.Scene
 ) -> None:
-    """Not that of a slot, which is on no face."""
+    """Not that of a slot, which is on no face; and one that is chosen goes into that material."""
     chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
@@ -642,6 +642,11 @@ def test_a_material_of_nodes_is_the_product_that_is_shown(
     catalogue = importlib.import_module(f"{kiriko.__name__}.core.catalogue")
     set_by_nodes(glass, glass_material("set", catalogue.GLASSES["Water"].ior))
     assert chosen.glass_product(glass).name == "Water"
+    glass.select_set(True)
+    bpy.context.view_layer.objects.active = glass
+    bpy.ops.kiriko.glass_preset(preset="Acrylic")
+    assert not glass.kiriko.use_ior
+    assert chosen.glass_product(glass).name == "Acrylic"
 
 
 def test_make_it_glass_counts_though_nodes_set_another_material(
@@ -712,14 +717,18 @@ def test_faces_that_are_there_twice_are_told_and_removed(
     mesh = duplicated(primitive("cube", size=0.05), n)
     thing = new_object(mesh, "GLASS")
     thing.kiriko.use_ior = True
+    result = bpy.context.scene.kiriko.result
+    result.summary = "As Add Rig told."
     words = f"'thing' has {n or 6} face{'s' if n != 1 else ''} twice"
     assert labels_of(look(), words) == ["Select", "Remove"]
     press(look(), words, "Select")
+    assert result.summary
     shape = bmesh.from_edit_mesh(mesh)
     assert [face.select for face in shape.faces] == [False] * 6 + [True] * (n or 6)
     bpy.ops.object.mode_set(mode="OBJECT")
 
     press(look(), words, "Remove")
+    assert not result.summary
     assert (len(mesh.vertices), len(mesh.edges), len(mesh.polygons)) == (8, 12, 6)
     assert not any(t in text for text in told(look()) for t in ("twice", "not closed"))
 
