@@ -15,7 +15,7 @@ from ..core.blender.doubles import doubled_polygons
 from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
-from ..core.blender.flaps import take_flaps
+from ..core.blender.flaps import take_flaps, take_scraps
 from ..core.blender.look import has_open_ends, sides_of
 from ..core.blender.mesh import column
 from ..core.blender.units import length_of_unit, length_text
@@ -288,7 +288,9 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
         n_before = faults_of(mesh).n_open
         with _edited(mesh) as shape:
             n_loose = take_flaps(shape)
-            _fill(shape, _near(mesh))
+            _merge_open(shape, _near(mesh))
+            n_loose += take_scraps(shape)
+            _fill(shape)
 
         n = faults_of(mesh).n_open
         told = [Message("All holes of '{mesh}' are closed.", mesh=mesh.name)]
@@ -306,11 +308,8 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
         return joined(told)
 
 
-def _fill(shape: bmesh.types.BMesh, distance: float) -> None:
-    """Join vertices along open edges that are nearer than a distance, and fill the holes that are
-    left with faces that look, shade and shine as those around them.
-    """
-    _merge_open(shape, distance)
+def _fill(shape: bmesh.types.BMesh) -> None:
+    """Fill holes with faces that look, shade and shine as those around them."""
     holes = [edge for edge in shape.edges if edge.is_boundary]
     made = bmesh.ops.holes_fill(shape, edges=holes, sides=0)["faces"]
     bmesh.ops.face_attribute_fill(shape, faces=made, use_normals=True, use_data=True)

@@ -2,8 +2,11 @@
 
 A bowl of one surface on a solid base hangs on that as a flap does, and was meant. So a flap lies
 within the body, where no light has to do with it, or against it. One that stands out of it is a
-scrap: flat, with a small part of the area and less than half of the faces.
+scrap: flat, with a small part of the area and less than half of the faces. So are loose bits that
+hang on nothing, as beside a scan.
 """
+
+from collections.abc import Iterable
 
 import bmesh
 import numpy as np
@@ -33,9 +36,32 @@ def take_flaps(shape: bmesh.types.BMesh) -> int:
     return n
 
 
+def take_scraps(shape: bmesh.types.BMesh) -> int:
+    """Take scraps that hang on nothing out of a mesh, if they are a small part of it together: else
+    it is made of such. Returns how many faces went.
+    """
+    area = _area(shape.faces)
+    seen: set[bmesh.types.BMFace] = set()
+    scraps: set[bmesh.types.BMFace] = set()
+    for edge in shape.edges:
+        if edge.is_boundary and edge.link_faces[0] not in seen:
+            piece, hangs = _piece(edge.link_faces[0])
+            seen |= piece
+            if not hangs and area and _is_scrap(shape, piece, _area(piece) / area):
+                scraps |= piece
+    if not scraps or _area(scraps) > SCRAP * area:
+        return 0
+    bmesh.ops.delete(shape, geom=list(scraps), context="FACES")
+    return len(scraps)
+
+
+def _area(faces: Iterable[bmesh.types.BMFace]) -> float:
+    return sum(face.calc_area() for face in faces)
+
+
 def _flaps(shape: bmesh.types.BMesh) -> list[set[bmesh.types.BMFace]]:
     """Flaps of which no two hang on the same edge."""
-    area = sum(face.calc_area() for face in shape.faces)
+    area = _area(shape.faces)
     seen: set[bmesh.types.BMFace] = set()
     used: set[bmesh.types.BMEdge] = set()
     found = []
@@ -46,7 +72,7 @@ def _flaps(shape: bmesh.types.BMesh) -> list[set[bmesh.types.BMFace]]:
         piece, hangs = _piece(edge.link_faces[0])
         seen |= piece
         has_two = all(len(set(one.link_faces) - piece) == 2 for one in hangs)
-        share = sum(face.calc_area() for face in piece) / area if area else 1.0
+        share = _area(piece) / area if area else 1.0
         may_be = hangs and has_two and share < LARGEST and hangs.isdisjoint(used)
         if may_be and (_is_scrap(shape, piece, share) or _is_within(shape, piece)):
             used |= hangs

@@ -891,6 +891,33 @@ def test_loose_faces_go(kiriko: ModuleType, look: Callable[[], list]) -> None:
     shape.free()
 
 
+def beside(mesh: bpy.types.Mesh, n: int, size: float) -> bpy.types.Mesh:
+    """A mesh with loose squares beside it."""
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    for k in range(n):
+        square = bmesh.ops.create_grid(shape, x_segments=1, y_segments=1, size=size / 2)["verts"]
+        bmesh.ops.translate(shape, verts=square, vec=(0.0, 0.1 + 0.02 * k, 0.0))
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+def test_loose_bits_of_a_scan_go(look: Callable[[], list]) -> None:
+    """They hang on nothing; the holes are filled. Where they are more than scraps, nothing goes."""
+    glass = new_object(beside(holed_cube(), 3, 0.004), "GLASS")
+    glass.kiriko.use_ior = True
+    press(look(), "is not closed", "Fill Holes")
+    assert "is not closed" not in " ".join(told(look()))
+    assert len(glass.data.polygons) == 6
+
+    glass.data = beside(holed_cube(), 1, 0.1)
+    n = len(glass.data.polygons)
+    bpy.context.view_layer.update()
+    press(look(), "is not closed", "Fill Holes")
+    assert len(glass.data.polygons) >= n
+
+
 def hang(mesh: bpy.types.Mesh) -> None:
     """Two triangles on an edge of a mesh, the second one on the first."""
     shape = bmesh.new()
