@@ -48,10 +48,8 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     if n_cut:
         yield _on_cuts(thing, faults, own)
 
-    if n_open and is_inside_out and thing.role == "GLASS":
-        text = Message("The faces of '{name}' look into the glass.", name=name)
-        button = Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
-        yield Entry(text, PROBLEM, (button,))
+    if is_inside_out and thing.role == "GLASS":
+        yield _on_inward(thing, n_open)
 
     if n_facets and not thing.has_facets:
         text = Message("'{name}' looks curved, but its {n} faces are flat.", name=name, n=n_facets)
@@ -59,6 +57,19 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
             "kiriko.shade_smooth", Message("Shade Smooth"), naming(thing.named), "SPHERECURVE"
         )
         yield Entry(text, ADVICE, (button,))
+
+
+def _on_inward(thing: Thing, n_open: int) -> Entry:
+    """Faces that look into the glass. Of a closed one it is known where it is."""
+    name = thing.named.name
+    button = Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
+    if n_open:
+        text = Message("The faces of '{name}' look into the glass.", name=name)
+        return Entry(text, PROBLEM, (button,))
+    text = Message(
+        "The faces of '{name}' look into the glass: Kiriko knows it, Cycles does not.", name=name
+    )
+    return Entry(text, ADVICE, (button,))
 
 
 def _on_doubles(thing: Thing, n: int, n_own: int) -> Entry:

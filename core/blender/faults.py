@@ -22,8 +22,7 @@ class Faults:
     n_flat : how many triangles have none
     is_open : (e,) which edges have one face, or more than two
     one : (v,) the vertex that each counts as
-    is_inside_out : is it open, so that nothing tells its inside but
-        the faces, and do these look into it?
+    is_inside_out : do its faces look into it?
     is_vessel : is one of its holes as wide as a mouth?
     is_one_sided : has it one side only, though it is closed?
     """
@@ -65,7 +64,7 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
 
     is_open = open_edges(one[edges], local.triangles)
     is_closed = not is_open.any()
-    volume = 0.0 if is_closed else volume_of(local.vertices[local.triangles])
+    volume = volume_of(local.vertices[local.triangles])
     one_sided = is_closed and is_one_sided(local.triangles)
     is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
     return Faults(

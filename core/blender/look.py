@@ -157,11 +157,19 @@ def _thing(
         has_no_scale=min(map(abs, thing.scale)) == 0,
         is_flat=has_mesh and min(sides, default=1.0) == 0,
         is_pictureless=why_no_picture(scene, thing) if role == "PICTURE" else "",
-        faults=None if looked is None else looked.as_read,
+        faults=None if looked is None else _worth_telling(scene, looked.as_read),
         own_faults=None if looked is None else looked.own,
         has_facets=thing.kiriko.surface == "FACETS",
         has_ends=has_open_ends(thing),
     )
+
+
+def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
+    """Faults, but for faces of closed glass that look inward where nobody looks at it by Cycles,
+    which alone does not know where the inside is.
+    """
+    is_inward = faults.is_inside_out and bool(faults.n_open or scene.kiriko.looking)
+    return faults._replace(is_inside_out=is_inward)
 
 
 def has_open_ends(thing: bpy.types.Object) -> bool:

@@ -16,7 +16,7 @@ class Named(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """How many faults a mesh has, and whether it is open and its faces look inwards.
+    """How many faults a mesh has, and whether its faces look inwards.
 
     n_cut : polygons that others cut, so that nothing tells the inside
     n_facets : polygons that are shaded flat where a curve seems meant

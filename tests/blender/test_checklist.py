@@ -514,11 +514,22 @@ def test_flat_glass_gets_a_thickness(look: Callable[[], list]) -> None:
 
 
 def test_open_glass_whose_faces_look_inwards_is_turned(look: Callable[[], list]) -> None:
-    """Closed glass needs no such thing: Kiriko finds its inside."""
+    """Closed glass needs no such thing: Kiriko finds its inside. Cycles does not: whoever looks
+    through the viewer is told.
+    """
     mesh = primitive("cube", size=SIDE)
     mesh.flip_normals()
     glass_of(mesh)
     assert told(look()) == []
+    for is_told in (True, False):
+        bpy.ops.kiriko.look_through()
+        inward = [text for text in told(look()) if "look into the glass: Kiriko knows it" in text]
+        assert len(inward) == is_told
+    bpy.ops.kiriko.look_through()
+    press(look(), "look into the glass: Kiriko knows it")
+    assert "look into the glass" not in " ".join(told(look()))
+    bpy.ops.kiriko.look_through()
+
     mesh = holed()
     mesh.flip_normals()
     bpy.data.objects["Cube"].data = mesh
