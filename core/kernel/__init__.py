@@ -17,7 +17,7 @@ import numpy as np
 
 from ..steps import Pauses
 from .bisecting import Ends, Halving, bisect, can_bisect
-from .dividing import add, add_at, can_add, can_divide, divided, find_across
+from .dividing import add, can_add, can_divide, divided, find_across
 from .fitting import Fit, agree, make_faces
 from .loading import library, loaded, n_threads, off, use_threads
 from .painting import FlatStrokes, paint
@@ -41,7 +41,6 @@ __all__ = [
     "HullEngine",
     "Ways",
     "add",
-    "add_at",
     "agree",
     "bisect",
     "can_add",

@@ -5,13 +5,14 @@ as `rasterise.py` and `shares.py` do, one by one.
 import ctypes
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
 from .loading import library, loaded, n_threads
-from .structures import DivisionStructure, Made
+from .structures import DivisionStructure, Made, SumStructure
 
 LEAST_ROOM = 256  # shares
 GUESSED = 256  # cells at the least by which the shares of a lot are guessed
@@ -47,7 +48,8 @@ def divided(
 ) -> Iterator[tuple[int, Divided]]:
     """Shares of cells, no more than so many at once, and the number of the lot that they are of.
 
-    Lots are divided side by side, and come in their order.
+    Lots are divided side by side, from this call on, by all threads but the caller's, which is free
+    until it asks for the first of them. They come in their order.
 
     Parameters
     ----------
@@ -64,17 +66,50 @@ def divided(
         _room_for(room, index_type, division, is_numbered)
         for room, index_type, division in zip(rooms, index_types, divisions, strict=True)
     ]
-    kernel = loaded()
-    kernel.kiriko_divide(ctypes.addressof(divisions), len(made), n_threads())
+    begun = _Begun(divisions, made, shares)
+    return _parts_of(begun, index_types, at_once, is_numbered)
 
+
+class _Begun:
+    """Lots that other threads divide until `end`, or until nobody wants them any more."""
+
+    def __init__(
+        self, divisions: ctypes.Array, made: Sequence[Made], shares: list[Divided]
+    ) -> None:
+        self.divisions, self.made, self.shares = divisions, made, shares
+        at = ctypes.addressof(divisions), len(divisions)
+        self._work = loaded().kiriko_begin_division(*at, n_threads())
+        # what they read and write is held as long as they do
+        self._left = finalize(self, _leave, self._work, divisions, made, tuple(shares))
+
+    def end(self) -> None:
+        """Divide what is left, and wait for the other threads."""
+        self._left.detach()
+        loaded().kiriko_end(self._work, 1)
+        if not self._work:  # for want of memory
+            loaded().kiriko_divide(ctypes.addressof(self.divisions), len(self.divisions))
+
+
+def _leave(work: int | None, *_: object) -> None:
+    """Have the other threads stop, each after its lot."""
+    loaded().kiriko_end(work, 0)
+
+
+def _parts_of(
+    begun: _Begun, index_types: Sequence[type[np.signedinteger]], at_once: int, is_numbered: bool
+) -> Iterator[tuple[int, Divided]]:
+    """What `divided` gives of lots that are begun."""
+    begun.end()
+    kernel, shares = loaded(), begun.shares
     # one by one, where more has to be made room for
-    for number, (division, room) in enumerate(zip(divisions, rooms, strict=True)):
+    for number, division in enumerate(begun.divisions):
+        room = division.room
         if division.n:
             yield number, _first_of(shares[number], division.n)
         while division.cell < division.n_cells:
             room = min(2 * room, at_once)
             shares[number] = _room_for(room, index_types[number], division, is_numbered)
-            kernel.kiriko_divide(ctypes.addressof(division), 1, 1)
+            kernel.kiriko_divide(ctypes.addressof(division), 1)
             if division.n:
                 yield number, _first_of(shares[number], division.n)
 
@@ -91,22 +126,26 @@ def can_add(
     return library() is not None and is_known and index.shape == weights.shape == (len(index),)
 
 
-def add(image: Floats, index: NDArray[np.integer], weights: Floats) -> None:
-    """Add weights (n,) to the pixels (n,), int32 or int64, of an image (h, w) in one piece."""
-    index = np.ascontiguousarray(index)
-    weights = np.ascontiguousarray(weights, float)
-    where = (None, index.ctypes.data) if index.dtype == np.int64 else (index.ctypes.data, None)
-    loaded().kiriko_add(*where, weights.ctypes.data, len(weights), image.ctypes.data, image.size)
+def add(*sums: tuple[Floats, NDArray[np.integer] | Floats, Floats]) -> None:
+    """Add weights to several images, no two of them the same, side by side.
 
-
-def add_at(image: Floats, places: Floats, weights: Floats) -> None:
-    """Add weights (n,) to the pixels of an image (h, w), in one piece, that hold places (n, 2) on
-    it, px, or are nearest to them.
+    sums : for each an image (h, w), in one piece; pixels (n,), int32 or int64, or places (n, 2) on
+        it, px, that count for the pixel that holds them, or is nearest to them; weights (n,)
     """
-    height, width = image.shape
-    given = [np.ascontiguousarray(values, float) for values in (places, weights)]
-    addresses = (values.ctypes.data for values in given)
-    loaded().kiriko_add_at(*addresses, len(weights), image.ctypes.data, width, height)
+    structures = (SumStructure * len(sums))()
+    held = []  # until they are added
+    for one, (image, where, weights) in zip(structures, sums, strict=True):
+        if where.ndim == 2:
+            name, where = "places", np.ascontiguousarray(where, float)
+        else:
+            name = "wide_pixel" if where.dtype == np.int64 else "pixel"
+            where = np.ascontiguousarray(where)
+        weights = np.ascontiguousarray(weights, float)
+        held += where, weights
+        setattr(one, name, where.ctypes.data)
+        one.weights, one.n, one.image = weights.ctypes.data, len(weights), image.ctypes.data
+        one.height, one.width = image.shape
+    loaded().kiriko_add(ctypes.addressof(structures), len(sums), n_threads())
 
 
 def find_across(lines: Floats, polygons: Floats, on_line: float) -> NDArray[np.int64]:

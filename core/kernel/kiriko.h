@@ -183,6 +183,17 @@ typedef struct {
     int64_t *number;                   /* of the cell, or NULL */
 } Division;
 
+/* Weights that are added to the pixels of an image: by their numbers, narrow or wide, or by places on it. */
+typedef struct {
+    const int32_t *pixel;              /* (n,), NULL where it takes */
+    const int64_t *wide_pixel;
+    const double *places;              /* (n, 2) px, NULL where there are numbers */
+    const double *weights;             /* (n,) */
+    int64_t n;
+    double *image;                     /* (height, width) */
+    int64_t width, height;
+} Sum;
+
 /* Shares that are painted from a flat picture, as source_image.py has them, and the way to it, as picture.py has it. */
 typedef struct {
     const int32_t *pixel;              /* (n,) of the display, NULL where it takes */
@@ -309,6 +320,8 @@ double transmittance(double c1, double c2, double eta);
 
 /* threads.c */
 typedef void (*Work)(void *context, int64_t first, int64_t last);
+typedef struct Begun Begun;
 void share_out(Work work, void *context, int64_t n, int64_t at_once, int64_t n_threads);
+Begun *begin_work(Work work, void *context, int64_t n, int64_t n_threads);
 
 #endif

@@ -437,28 +437,37 @@ static void divide_lots(void *lots, int64_t first, int64_t last) {
     for (int64_t i = first; i < last; i++) divide_lot((Division *)lots + i);
 }
 
-/* Divide lots of cells, each as far as it has room, in that many threads. */
-KIRIKO_API void kiriko_divide(Division *lots, int64_t n_lots, int64_t n_threads) {
-    share_out(divide_lots, lots, n_lots, 1, n_threads > 1 ? n_threads : 1);
+/* Begin to divide lots of cells, each as far as it has room, in all of that many threads but this one. NULL where memory
+   is short; else kiriko_end has to be called, before which nobody else may touch the lots. */
+KIRIKO_API Begun *kiriko_begin_division(Division *lots, int64_t n_lots, int64_t n_threads) {
+    return begin_work(divide_lots, lots, n_lots, n_threads);
 }
 
-/* Add weights to the pixels of an image, by the narrow index or else by the wide one. */
-KIRIKO_API void kiriko_add(const int32_t *narrow, const int64_t *wide, const double *weights, int64_t n, double *image,
-                           int64_t n_pixels) {
-    for (int64_t i = 0; i < n; i++) {
-        int64_t pixel = narrow ? narrow[i] : wide[i];
-        if (pixel >= 0 && pixel < n_pixels) image[pixel] += weights[i];
+/* Divide lots of cells, each as far as it has room, in this thread. */
+KIRIKO_API void kiriko_divide(Division *lots, int64_t n_lots) { divide_lots(lots, 0, n_lots); }
+
+/* Places count for the pixel that holds them, or is nearest to them. */
+static void add_sum(const Sum *sum) {
+    double *image = sum->image;
+    int64_t width = sum->width, height = sum->height, n_pixels = width * height;
+    for (int64_t i = 0; i < sum->n && !sum->places; i++) {
+        int64_t pixel = sum->pixel ? sum->pixel[i] : sum->wide_pixel[i];
+        if (pixel >= 0 && pixel < n_pixels) image[pixel] += sum->weights[i];
+    }
+    for (int64_t i = 0; i < sum->n && sum->places; i++) {
+        int64_t column = (int64_t)clip(sum->places[2 * i], 0, (double)(width - 1));
+        int64_t row = (int64_t)clip(sum->places[2 * i + 1], 0, (double)(height - 1));
+        image[row * width + column] += sum->weights[i];
     }
 }
 
-/* Add weights to the pixels of an image that hold places (n, 2) on it, or are nearest to them. */
-KIRIKO_API void kiriko_add_at(const double *places, const double *weights, int64_t n, double *image, int64_t width,
-                              int64_t height) {
-    for (int64_t i = 0; i < n; i++) {
-        int64_t column = (int64_t)clip(places[2 * i], 0, (double)(width - 1));
-        int64_t row = (int64_t)clip(places[2 * i + 1], 0, (double)(height - 1));
-        image[row * width + column] += weights[i];
-    }
+static void add_sums(void *sums, int64_t first, int64_t last) {
+    for (int64_t i = first; i < last; i++) add_sum((const Sum *)sums + i);
+}
+
+/* Add weights to several images, each of them in one of that many threads. */
+KIRIKO_API void kiriko_add(Sum *sums, int64_t n_sums, int64_t n_threads) {
+    share_out(add_sums, sums, n_sums, 1, n_threads > 1 ? n_threads : 1);
 }
 
 /* How far a polygon of k corners reaches to both sides of a line; a corner nearer than `on_line` is on it. */

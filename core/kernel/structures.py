@@ -85,6 +85,10 @@ HalvingStructure = _structure(
     start=_P, way=_P, branch=_P, low=_P, width=_P, xy=_P, throughput=_P, n_tried=_P, least=_D,
     position=_D * 3, axes=_D * 9, window=_D * 4, size=_D * 2, is_orthographic=_I,
 )  # fmt: skip
+SumStructure = _structure(
+    "SumStructure",
+    pixel=_P, wide_pixel=_P, places=_P, weights=_P, n=_I, image=_P, width=_I, height=_I,
+)  # fmt: skip
 TAP = np.dtype([("place", np.int32, 4), ("weight", np.float32, 4)])
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
@@ -92,7 +96,7 @@ STRUCTURES = (
     *(TreeStructure, CurvedStructure, HullStructure, LayerStructure),
     *(ArrayStructure, PlanStructure, RayStateStructure),
     *(DivisionStructure, StrokesStructure, LevelStructure, FitStructure),
-    *(ThinPartsStructure, PathsStructure, HalvingStructure),
+    *(ThinPartsStructure, PathsStructure, HalvingStructure, SumStructure),
 )
 
 

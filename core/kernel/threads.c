@@ -1,6 +1,7 @@
-/* Shares work out among threads, which last as long as one call. */
+/* Shares work out among threads, which last as long as one call, or until their work is ended. */
 
 #include <stdatomic.h>
+#include <stdlib.h>
 
 #include "kiriko.h"
 
@@ -60,15 +61,55 @@ static void end(Thread thread) { pthread_join(thread, NULL); }
 
 #endif
 
-/* Do work of n parts, so many at once, in that many threads, this one among them. Where no more can be had, fewer do. */
-void share_out(Work work, void *context, int64_t n, int64_t at_once, int64_t n_threads) {
-    Shared shared = {.work = work, .context = context, .n = n, .at_once = at_once};
+/* Work that is under way. */
+struct Begun {
+    Shared shared;
     Thread threads[MOST_THREADS];
-    int64_t n_begun = 0, most = (n + at_once - 1) / at_once;
-    atomic_init(&shared.next, 0);
+    int64_t n_threads; /* beside the one that began it */
+};
+
+static void begin_threads(Begun *begun, int64_t n_threads) {
+    const Shared *shared = &begun->shared;
+    int64_t most = (shared->n + shared->at_once - 1) / shared->at_once;
     if (n_threads > MOST_THREADS) n_threads = MOST_THREADS;
     if (n_threads > most) n_threads = most;
-    while (n_begun < n_threads - 1 && begin(&threads[n_begun], &shared)) n_begun++;
-    take_turns(&shared);
-    for (int64_t k = 0; k < n_begun; k++) end(threads[k]);
+    begun->n_threads = 0;
+    while (begun->n_threads < n_threads - 1 && begin(&begun->threads[begun->n_threads], &begun->shared))
+        begun->n_threads++;
+}
+
+static void end_threads(Begun *begun) {
+    for (int64_t k = 0; k < begun->n_threads; k++) end(begun->threads[k]);
+}
+
+/* Do work of n parts, so many at once, in that many threads, this one among them. Where no more can be had, fewer do. */
+void share_out(Work work, void *context, int64_t n, int64_t at_once, int64_t n_threads) {
+    Begun begun = {.shared = {.work = work, .context = context, .n = n, .at_once = at_once}};
+    atomic_init(&begun.shared.next, 0);
+    begin_threads(&begun, n_threads);
+    take_turns(&begun.shared);
+    end_threads(&begun);
+}
+
+/* Begin work of n parts in all of that many threads but this one, which is free until kiriko_end; NULL where memory is
+   short. */
+Begun *begin_work(Work work, void *context, int64_t n, int64_t n_threads) {
+    Begun *begun = malloc(sizeof *begun);
+    if (!begun) return NULL;
+    begun->shared.work = work;
+    begun->shared.context = context;
+    begun->shared.n = n;
+    begun->shared.at_once = 1;
+    atomic_init(&begun->shared.next, 0);
+    begin_threads(begun, n_threads);
+    return begun;
+}
+
+/* Have work ended, by this thread, too; what of it is not begun is left undone unless it is wanted. */
+KIRIKO_API void kiriko_end(Begun *begun, int64_t is_wanted) {
+    if (!begun) return;
+    if (!is_wanted) atomic_store(&begun->shared.next, begun->shared.n);
+    take_turns(&begun->shared);
+    end_threads(begun);
+    free(begun);
 }

@@ -499,7 +499,7 @@ KIRIKO_API int64_t kiriko_layout(int64_t i) {
     const int64_t numbers[] = {
         VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(Hull),
         sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(Strokes),
-        sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths), sizeof(Halving),
+        sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths), sizeof(Halving), sizeof(Sum),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

@@ -28,11 +28,10 @@ class OnDisplay(NamedTuple):
 def divided(lots: Sequence[OnDisplay], is_numbered: bool) -> Iterator[tuple[int, Divided]]:
     """The number of a lot and shares of its cells, a few at a
     time; with the number of each share's cell, if asked for.
+
+    The kernel's other threads begin with this call, before the first is asked for.
     """
     if all(kernel.can_divide(lot.view, lot.display) for lot in lots):
         types = [index_type(lot.display_size) for lot in lots]
-        yield from kernel.divided(lots, types, SHARES_AT_ONCE, is_numbered)
-    else:
-        for n, lot in enumerate(lots):
-            for part in parts_by_rows(*lot):
-                yield n, part
+        return kernel.divided(lots, types, SHARES_AT_ONCE, is_numbered)
+    return ((n, part) for n, lot in enumerate(lots) for part in parts_by_rows(*lot))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints, each_value, taken
+from ..kernel.dividing import Divided
 from . import dividing
 from .dividing import OnDisplay
 from .shares import Shares
@@ -17,6 +18,8 @@ LOTS_AT_ONCE = 8  # of cells, divided side by side: a step of the work
 # shares, up to 64 bytes each: more of them are made again each time they are asked for. A ball
 # fills a display of 3840 x 2160 with 11 million.
 MOST_KEPT = 1 << 24
+
+Begun = tuple[list[int], Iterator[tuple[int, Shares]]]  # numbers of lots' cells, and the shares
 
 
 class Lot(NamedTuple):
@@ -138,14 +141,18 @@ class ShareBatches:
         before = 0
         self.n_divided = self.n_made = 0
 
-        for some in _by_number(lots(), LOTS_AT_ONCE):
+        begun = (
+            None if some is None else ([len(lot.view) for lot in some], divided(*sizes, some))
+            for some in _by_number(lots(), LOTS_AT_ONCE)
+        )
+        for some in _one_ahead(begun):
             yield None
             if some is None:
                 continue
-            n_cells = before + np.cumsum([len(lot[0]) for lot in some])
+            n_cells = before + np.cumsum(some[0])
             before = int(n_cells[-1])
 
-            for number, part in divided(*sizes, some):
+            for number, part in some[1]:
                 self._count(int(n_cells[number]), len(part))
                 if len(part) > FEW_SHARES:
                     yield part
@@ -194,6 +201,18 @@ def _by_number(things: Iterator[Lot], n: int) -> Iterator[list[Lot] | None]:
         yield some
 
 
+def _one_ahead(things: Iterator[Begun | None]) -> Iterator[Begun | None]:
+    """Each of them after the next has begun, which other threads work on while this one is used.
+    None is a pause.
+    """
+    waiting = None
+    for thing in things:
+        if thing is not None:
+            thing, waiting = waiting, thing
+        yield thing
+    yield waiting
+
+
 def joined(parts: Sequence[Shares]) -> Shares:
     """Shares of the same sizes, one part or more, in one."""
     if len(parts) == 1:
@@ -216,18 +235,30 @@ def joined(parts: Sequence[Shares]) -> Shares:
 def divided(
     display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[Lot]
 ) -> Iterator[tuple[int, Shares]]:
-    """The number of a lot and shares of its cells, a few at a time."""
+    """The number of a lot and shares of its cells, a few at a time.
+
+    Other threads begin with this call, before any are asked for.
+    """
     is_numbered = any(
         lot.stride > 1 or lot.throughput is not None or lot.path is not None for lot in lots
     )
     cells = [_on_display(display_size, lot) for lot in lots]
-    for n, part in dividing.divided(cells, is_numbered):
+    parts = dividing.divided(cells, is_numbered)
+    return _shares_of(parts, (display_size, view_size), lots)
+
+
+def _shares_of(
+    parts: Iterator[tuple[int, Divided]],
+    sizes: tuple[tuple[int, int], tuple[int, int]],
+    lots: Sequence[Lot],
+) -> Iterator[tuple[int, Shares]]:
+    for n, part in parts:
         lot = lots[n]
         if lot.stride > 1:
-            part = in_pixels(part, lot.view, lot.stride, display_size)
+            part = in_pixels(part, lot.view, lot.stride, sizes[0])
         *part, number = part
         of_cell = (None if values is None else values[number] for values in lot[2:4])
-        yield n, Shares(display_size, view_size, *part, *of_cell)
+        yield n, Shares(*sizes, *part, *of_cell)
 
 
 def _on_display(display_size: tuple[int, int], lot: Lot) -> OnDisplay:

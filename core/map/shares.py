@@ -97,12 +97,16 @@ class Coverage:
         Shown : those of them that the display shows, where it does not show all.
         """
         shown = shares if shown is None else shown
+        if kernel.library() is not None:
+            kernel.add(
+                (self.weight, shown.display_index, shown.weight),
+                (self._display, shares.display_index, shares.display_area),
+                (self._view, shares.view_xy, shares.area),
+            )
+            return
         add_at(self.weight, shown.display_index, shown.weight)
         add_at(self._display, shares.display_index, shares.display_area)
-        if kernel.library() is not None:
-            kernel.add_at(self._view, shares.view_xy, shares.area)
-        else:
-            add_at(self._view, shares.view_index, shares.area)
+        add_at(self._view, shares.view_index, shares.area)
 
     @cached_property
     def of_display(self) -> Floats:
@@ -121,7 +125,7 @@ class Coverage:
 def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
     """Add weights (n,) to the pixels (n,) of an image (h, w): row * width + column."""
     if kernel.can_add(image, index, weights):
-        kernel.add(image, index, weights)
+        kernel.add((image, index, weights))
     elif len(index):
         # a batch of shares may lie in a few rows of a large image
         first = int(index.min())

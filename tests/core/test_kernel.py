@@ -985,6 +985,56 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     )
 
 
+def test_lots_are_divided_alike_by_any_number_of_threads_or_left():
+    """Bit for bit; lots that nobody asks for any more are let go of when no thread is at them."""
+    size = 300, 200
+    quads = VIEW[None] * size * np.linspace(0.2, 1, 9)[:, None, None]
+    lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
+
+    def found():
+        return list(kernel.divided(lots, len(lots) * [np.int32], 1 << 18, False))
+
+    by_threads = []
+    try:
+        for number in (1, 2, 7):
+            kernel.use_threads(number)
+            by_threads.append(found())
+            parts = kernel.divided(lots, len(lots) * [np.int32], 1 << 18, False)
+            left = parts.gi_frame.f_locals["begun"]._left
+            assert left.alive
+            del parts
+            assert not left.alive
+    finally:
+        kernel.use_threads(0)
+
+    assert [n for n, _ in by_threads[0]] == list(range(len(lots)))
+    for others in by_threads[1:]:
+        for (n, ours), (other, theirs) in zip(by_threads[0], others, strict=True):
+            assert n == other
+            for values, others_values in zip(ours[:-1], theirs[:-1], strict=True):
+                assert values.tobytes() == others_values.tobytes()
+
+
+def test_several_images_are_added_to_side_by_side():
+    """By numbers of pixels, narrow and wide, and by places, by any number of threads."""
+    random = np.random.default_rng(9)
+    places = random.uniform(-1, 9, (50, 2))
+    index = np.clip(places[:, 1].astype(int), 0, 4) * 8 + np.clip(places[:, 0].astype(int), 0, 7)
+    expected = np.ones((3, 5, 8))
+    weights = random.normal(size=(3, 50))
+    for image, some in zip(expected, weights, strict=True):
+        np.add.at(image.reshape(-1), index, some)
+    try:
+        for number in (1, 2, 7):
+            kernel.use_threads(number)
+            images = np.ones((3, 5, 8))
+            where = index.astype(np.int32), index.astype(np.int64), places
+            kernel.add(*zip(images, where, weights, strict=True))
+            assert np.array_equal(images, expected)
+    finally:
+        kernel.use_threads(0)
+
+
 def test_a_display_of_more_pixels_than_an_int32_counts():
     """The pixel's number is as large as it has to be."""
     size = 70_000, 70_000

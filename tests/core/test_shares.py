@@ -548,6 +548,29 @@ def test_the_making_of_shares_pauses_with_each_lot_of_cells(has_kernel):
     assert list(batches.pausing()) == found  # those kept need no pause
 
 
+def test_other_cells_are_begun_before_shares_are_handed_on(monkeypatch):
+    """Threads divide them while these shares are painted."""
+    n_begun = []
+
+    def counted(*asked, divided=share_batches.divided):
+        n_begun.append(1)
+        return divided(*asked)
+
+    view = grid(12)
+    quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
+    expected = rasterise((18, 18), (12, 12), view, quads)
+    monkeypatch.setattr(share_batches, "divided", counted)
+    monkeypatch.setattr(share_batches, "LOTS_AT_ONCE", 1)
+    monkeypatch.setattr(share_batches, "FEW_SHARES", 0)
+
+    pieces = [(view, quads, np.ones(len(view)), None)] * 3
+    handed_on = []
+    for shares in ShareBatches((18, 18), (12, 12), False, lambda: iter(pieces)):
+        handed_on.append(len(n_begun))
+        assert np.array_equal(shares.area, expected.area)
+    assert handed_on == [2, 3, 3]
+
+
 def test_no_cells_have_no_shares():
     """A map without cells, or with none on the display, has no shares, and that is no error."""
     for pieces in ([], [(grid(3), grid(3) - 50, np.ones(9), None)]):
