@@ -3,7 +3,7 @@
 #include "kiriko.h"
 
 #define NEAR 4.0 /* as in core/light/contact.py */
-#define RAYS_AT_ONCE 64 /* that one thread takes up: enough that taking them costs nothing */
+#define RAYS_AT_ONCE 16 /* that one thread takes up: taking them costs nothing, and threads end at about the same time */
 #define EDGES_AT_ONCE 4 /* each of which takes about ten rays */
 
 typedef struct {
