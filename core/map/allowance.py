@@ -68,12 +68,16 @@ class Allowance:
         takes them row by row?
         """
         pixel = self._pixel(view)
-        order = np.lexsort((*view.T, pixel))
+        n_rays = np.broadcast_to(n_rays, len(view))
+        # only where all that a pixel is asked for is too much does it matter which comes first
+        in_all = np.bincount(pixel, n_rays, len(self.left))
+        some = np.flatnonzero((in_all > self.left - self.kept)[pixel])
+        order = some[np.lexsort((*view[some].T, pixel[some]))]
         pixel = pixel[order]
-        asked = np.cumsum(np.broadcast_to(n_rays, len(view))[order])
+        asked = np.cumsum(n_rays[order])
         before = np.append(0, asked)[np.searchsorted(pixel, pixel)]
 
-        found = np.empty(len(view), bool)
+        found = np.zeros(len(view), bool)
         found[order] = asked - before > self.left[pixel] - self.kept
         return found
 

@@ -16,7 +16,8 @@ from ..arrays import Bools, Ints, mean_at
 from ..light.plan import Plan
 from ..steps import Pauses
 from .allowance import Allowance
-from .cut_cells import around_middles, cut_cells, n_unknown
+from .cut_ahead import CutAhead
+from .cut_cells import around_middles, cut_cells
 from .doubts import (
     CUT,
     Doubts,
@@ -30,8 +31,7 @@ from .doubts import (
 from .known_borders import Borders
 from .points import Points, trace_points
 from .quarters import lack_quarters, quartered
-from .ray_guess import N_SEARCHES, NO_RAYS, RAYS, Rays, RaysAhead, of_quarters, rays_of_cut
-from .share_guess import SharesOfPieces, more_shares
+from .ray_guess import N_SEARCHES, RaysAhead
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +101,13 @@ class _Cutting:
         self.quarterings = quarterings
         self.known = Borders.none()
         self.allowance = Allowance(plan, points.view)
-        self.shares = SharesOfPieces(plan)
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
         self.chaotic: list[Ints] = []
         self.last: list[Ints] = []
         self.rough: list[Ints] = []
+        kinds = [self.triangles, self.quads]
+        self.to_come = CutAhead(plan, ahead, kinds, self.last, self.chaotic)
 
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
         """Cut pixels (m, 4) in squares (m,), by number; the quarters that are looked into."""
@@ -136,7 +137,7 @@ class _Cutting:
         n_in_doubt = np.bincount(square, in_doubt)
         is_calm = (n_in_doubt <= CUT.n_doubtful)[square] | (not dense)
 
-        return self._settled(cells._replace(is_calm=is_calm), found, 0)
+        return (yield from self._settled(cells._replace(is_calm=is_calm), found, 0))
 
     def quarters(self, some: _Parts, depth: int) -> Generator[int, None, _Parts]:
         """Cut the quarters of cells, quartered so often; their quarters that are looked into."""
@@ -146,7 +147,7 @@ class _Cutting:
         )
         yield 0
         if depth == self.quarterings:  # none of these are quartered again
-            yield from self._expect(corners, depth)
+            yield from self.to_come.expect(self.points, self.known, corners, depth)
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
@@ -156,17 +157,18 @@ class _Cutting:
 
         found = yield from self._cut(cells, depth)
         yield 0
-        return self._settled(cells, found, depth)
+        return (yield from self._settled(cells, found, depth))
 
     def finished(self) -> Generator[int, None, Pieces]:
         """Cut what is not looked into any further."""
         yield 0
         last = np.concatenate(self.last)
-        yield from self._expect(np.empty((0, 4), np.int64), N_SEARCHES - 1)
+        none = np.empty((0, 4), np.int64)
+        yield from self.to_come.expect(self.points, self.known, none, N_SEARCHES - 1)
         of_last = yield from self.ahead.searching(self._cut_last(last))
         triangles = np.concatenate([*self.triangles, of_last])
         quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
-        self.ahead.n_shares = self.shares.of_all(self.points, [triangles, quads])
+        self.to_come.end(self.points, [triangles, quads])
         return Pieces(self.points, quads, triangles, chaotic, self.allowance)
 
     def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
@@ -185,7 +187,7 @@ class _Cutting:
         )
         n_bent = int((off[one] > tolerance).sum())
         yield 0
-        yield from self._expect(cells.corners, depth, of_quarters(RAYS.of_bent[depth] * n_bent))
+        yield from self.to_come.expect(self.points, self.known, cells.corners, depth, n_bent)
 
         # on several
         corners, middle = cells.corners[mixed], cells.middle[mixed]
@@ -214,7 +216,7 @@ class _Cutting:
             owner=mixed[found.owner],
         )
 
-    def _settled(self, cells: _Parts, found: Doubts, depth: int) -> _Parts:
+    def _settled(self, cells: _Parts, found: Doubts, depth: int) -> Pauses[_Parts]:
         """Take up the pieces, and hand on the cells that are quartered."""
         tolerance = self.plan.settings.tolerance
         is_last = depth == self.quarterings
@@ -232,6 +234,7 @@ class _Cutting:
         is_lit = self.points.branch[cells.corners[:, 0]] != 0
         self.quads.append(cells.corners[found.is_one & is_lit & ~again])
         self.triangles.append(found.pieces[~(again | is_tangled)[found.owner]])
+        yield 0
 
         # looked into
         again &= ~is_tangled
@@ -245,9 +248,12 @@ class _Cutting:
         # their quarters want rays, too
         self.allowance.keep(min(depth + 1, self.quarterings))
         parts = np.flatnonzero(simple)
-        simple[parts] = ~lack_quarters(
-            self.points, cells.corners[parts], cells.middle[parts], self.allowance
+        simple[parts] = ~(
+            yield from lack_quarters(
+                self.points, cells.corners[parts], cells.middle[parts], self.allowance
+            )
         )
+        yield 0
 
         rest = again & ~simple
         number = sum(len(some) for some in self.last) + np.cumsum(rest) - 1
@@ -255,9 +261,8 @@ class _Cutting:
         owner = number[found.owner[is_rough]]
         self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
         self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
-        n_shares = self.shares.take_up(self.points, found, is_tangled, simple)
-        n_anew = int(simple.sum()) + sum(map(len, self.last))
-        self.ahead.n_shares = more_shares(n_shares, depth, n_anew)
+        yield 0
+        self.to_come.take_up(self.points, found, is_tangled, simple, depth)
         return cells.at(np.flatnonzero(simple))
 
     def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:
@@ -285,16 +290,3 @@ class _Cutting:
             found.pieces[~lacks[cell[mixed[found.owner]]]],
             rough[lacks[rough[:, 3]], :3],
         ])  # fmt: skip
-
-    def _expect(self, cells: Ints, depth: int, more: Rays = NO_RAYS) -> Pauses[None]:
-        """Tell about how many rays it takes to find the borders in cells (m, 4), quartered so
-        often, to cut those that were left for the end, and to sample; and more rays besides.
-        """
-        last = around_middles(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
-        yield 0
-        n_edges = [(yield from n_unknown(self.points, cells, self.known))]
-        yield 0
-        n_edges.append((yield from n_unknown(self.points, last, self.known)))
-        rays = rays_of_cut(self.plan, self.points, n_edges, depth, self.chaotic)
-        self.ahead.expect(rays.and_more(more).and_more(Rays(searches=N_SEARCHES - depth)))
-        yield 0

@@ -6,12 +6,13 @@ import numpy as np
 
 from ..arrays import Bools, Ints, mean_at, taken
 from ..light.plan import Plan
+from ..steps import Pauses
 from .allowance import Allowance
 from .doubts import CUT
 from .points import Points, trace_points
 
 
-def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowance) -> Bools:
+def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowance) -> Pauses[Bools]:
     """Which square cells (m, 4) with middles (m,) have no rays left for the corners and the
     middles of their quarters?
     """
@@ -19,6 +20,7 @@ def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowanc
     halfway = (corners + np.roll(corners, -1, axis=1)) / 2
     middles = (corners + points.view[middle][:, None]) / 2
     view = np.concatenate([halfway, middles], axis=1)
+    yield 0
     return allowance.lacks(view.reshape(-1, 2)).reshape(len(cells), 8).any(axis=1)
 
 
@@ -55,4 +57,6 @@ def quartered(
     found = yield from trace_points(plan, asked)
     of_middle = len(points) + len(halfway) + np.arange(len(quarters))
     yield 0
-    return points.and_more(found), quarters, of_middle
+    points = points.and_more(found)
+    yield 0
+    return points, quarters, of_middle

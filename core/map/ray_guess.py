@@ -35,6 +35,8 @@ class RayGuess:
     n_bent : pixels of the smallest squares beside borders that are bent, too
     of_quarters : share of their rays that look for the borders of quarters
     of_square : at the nodes that it does not share with those before
+    cells_of_bent : and so many cells are put together for it, its quarters and theirs
+    of_cell : until cells are counted, there is one for so many rays that are not searched with
     missed : share of the smallest squares that look bent and do not pass their checks
     of_faint : further samples for faint light, times those that all chaotic light has
     """
@@ -45,6 +47,8 @@ class RayGuess:
     n_bent: float = 2
     of_quarters: float = 0.5
     of_square: float = 16
+    cells_of_bent: tuple[float, ...] = (8, 4, 0)
+    of_cell: float = 2.0
     missed: float = 0.7
     of_faint: float = 5.0
 
@@ -75,6 +79,10 @@ class RaysAhead:
 
     n_last : of these, to measure errors when all is cut
     n_shares : of the pieces that pixels are cut in, about; None until some are cut
+    n_pieces : those pieces; None until some are cut
+    n_joined : pixels and quarters of them that were put together, which takes time besides rays
+    n_to_join : and those that are still to be; None until they are counted
+    sums_light : is light still to be summed up on the display, to tell what samples are worth?
     smooth : smooth cells, and their shares
     n_pauses : in which the first squares were traced, the more the more events their rays have
     is_guessed : not so until squares are as small as can be
@@ -85,6 +93,10 @@ class RaysAhead:
     def __init__(self, n_last: int, waits_for_shares: bool = False) -> None:
         self.waits_for_shares = waits_for_shares
         self.n_shares: float | None = None
+        self.n_pieces: float | None = None
+        self.n_joined = 0.0
+        self.n_to_join: float | None = None
+        self.sums_light = False
         self.n_last, self.n_pauses = n_last, 0
         self.smooth = CellsAndShares()
         self.done = Rays()
@@ -98,6 +110,17 @@ class RaysAhead:
     @property
     def can_be_told(self) -> bool:
         return self.is_guessed and not (self.waits_for_shares and self.n_shares is None)
+
+    @property
+    def to_join(self) -> float:
+        """Cells that are still to be put together, about."""
+        if self.n_to_join is not None:
+            return self.n_to_join
+        return (self.to_come.every - self.to_come.searched) / RAYS.of_cell
+
+    def join(self, n: int, to_come: float) -> None:
+        """So many cells more were put together, and so many are to come."""
+        self.n_joined, self.n_to_join = self.n_joined + n, to_come
 
     @property
     def part_done(self) -> float:
@@ -204,11 +227,16 @@ def rays_of_samples(
     plan: Plan, points: Points, chaotic: Sequence[Ints], is_coarse: bool = False
 ) -> Rays:
     """To sample chaotic cells (c, 4), with further samples of faint light, but for a coarse map."""
-    sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in chaotic]
-    area = sum(float((side**2).sum()) for side in sides)
+    area = area_of(points, chaotic)
     times = 1 + RAYS.of_faint * (not is_coarse and may_take_more(plan, area))
     rays = times * plan.settings.effort * area
     return Rays(rays, rays)
+
+
+def area_of(points: Points, cells: Sequence[Ints]) -> float:
+    """Of square cells (c, 4), viewer px^2."""
+    sides = [points.view[corners[:, 1], 0] - points.view[corners[:, 0], 0] for corners in cells]
+    return sum(float((side**2).sum()) for side in sides)
 
 
 def _borders(branch: Words, axis: int) -> tuple[np.ndarray, np.ndarray]:

@@ -65,6 +65,7 @@ def sample_cells(
     owner = _cells_of(corners, along)
     middle = corners.mean(axis=1)
     light = yield from light_on_blocks(view_map)
+    ahead.sums_light = False
     worth = yield from samples_worth(plan, light, points, area, owner, middle)
     more = further_along(worth, middle, _sides(corners), along, allowance)
     asked = [(n, np.flatnonzero(more == n)) for n in np.unique(more[more > 0])]

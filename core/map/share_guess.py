@@ -40,7 +40,7 @@ class ShareGuess:
         their pieces make: there will be more pieces
     of_anew : a cell that is cut anew makes so many besides, as
         quarters, or in the end as triangles around its middle
-    cells_of_ray : cells, for each ray
+    cells_of_ray : cells, for each ray, until some are cut
     most_thinned : where light spreads far, times the pieces that light a pixel in its mean light
     """
 
@@ -161,12 +161,14 @@ def smooth_ahead(
 
 def shares_ahead(plan: Plan, rays: "RaysAhead") -> CellsAndShares:
     """About how many cells and shares a map of a plan will have, by its rays so far."""
-    n_cells = rays.smooth.n_cells + SHARES.cells_of_ray * rays.expected
+    n_cut = SHARES.cells_of_ray * rays.expected
+    if rays.n_pieces is not None:
+        n_cut = rays.n_pieces + rays.to_come.searched  # as many as these are samples
     if rays.n_shares is None:
         cut = (SHARES.of_flat_ray if plan.is_flat else SHARES.of_ray) * rays.to_come.every
     else:
-        cut = rays.n_shares + rays.to_come.searched  # as many as these are samples
+        cut = rays.n_shares + rays.to_come.searched
 
     display = plan.rig.display
     most = SHARES.most_thinned * THINNING.per_pixel * display.width * display.height
-    return CellsAndShares(n_cells, rays.smooth.n_shares + min(cut, most))
+    return CellsAndShares(rays.smooth.n_cells + n_cut, rays.smooth.n_shares + min(cut, most))

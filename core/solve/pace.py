@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import kernel
 from ..light.plan import Plan
-from ..map.share_guess import CellsAndShares
+from ..map.share_guess import COUNTED, CellsAndShares
 from ..map.view_map import ViewMap
 from .coarse_parts import coarsest
 
@@ -43,7 +43,7 @@ class GlassPace(NamedTuple):
     searched : times as long as others takes a ray that is searched with
     search : what each of a map's searches takes besides, s, however few its rays are, for
         each pause that the first squares took: in small batches all events take their time
-    measured : to measure errors, s, by numpy for the most part
+    measured : to measure errors, s, by numpy for the most part, beside what their map takes
     measured_rays : and by so many rays, each of which takes as long as one of the map: where
         flat triangles have bent normals, light is followed through other surfaces in their place
     """
@@ -65,6 +65,10 @@ class Pace:
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
     covered_pixel, covered_point : to find how much of the picture is shown, a viewer
         pixel and a point of the map
+    joined_cell : while pixels are cut, to put one or a quarter of one together, beside its rays
+    summed_cell : to sum up the light of a cell, where samples of faint light are asked for
+    guessed_cell, most_guessed : to guess how many shares a cell makes; of so many at the most
+    measured_point : to make a map ready to be asked where it has a place, for each of its points
     planned_again : times as long as its plan takes glass that is compared with
         another surface, because it is coarse
     """
@@ -77,6 +81,11 @@ class Pace:
     painted_share: Seconds
     covered_pixel: float = 0.06e-6
     covered_point: float = 0.05e-6
+    joined_cell: float = 1.2e-6
+    summed_cell: float = 0.22e-6
+    guessed_cell: float = 0.2e-6
+    most_guessed: int = 3 * COUNTED
+    measured_point: float = 0.12e-6
     planned_again: float = 2.5
 
     def through(self, plan: Plan) -> GlassPace:
@@ -97,16 +106,31 @@ class Pace:
         """Seconds to find how much of the picture a viewer of so many pixels is shown."""
         return times_slower() * (self.covered_pixel * n_pixels + self.covered_point * n_points)
 
-    def to_measure(self, plan: Plan, of_plan: float, of_ray: float) -> float:
-        """Seconds to measure the errors of a plan that was made in so many, each ray in so many."""
+    def to_join(self, n_cells: float) -> float:
+        """Seconds to put so many cells together."""
+        return times_slower() * self.joined_cell * n_cells
+
+    def to_sum(self, n_cells: float) -> float:
+        """Seconds to sum up the light of so many cells."""
+        return times_slower() * self.summed_cell * n_cells
+
+    def to_guess(self, n_cells: float) -> float:
+        """Seconds to guess how many shares a map of so many cells makes."""
+        return times_slower() * self.guessed_cell * min(n_cells, self.most_guessed)
+
+    def to_measure(self, plan: Plan, of_plan: float, of_ray: float, n_points: float) -> float:
+        """Seconds to measure the errors of a plan that was made in so many, each ray in so many,
+        and of its map of so many points.
+        """
         again = self.planned_again * of_plan if coarsest(plan.counts) >= 0 else 0.0
         through = self.through(plan)
-        return times_slower() * through.measured + through.measured_rays * of_ray + again
+        of_map = through.measured + self.measured_point * n_points
+        return times_slower() * of_map + through.measured_rays * of_ray + again
 
 
 PACE = Pace(
     flat=GlassPace(1.2, 0.4e-3, 0.013),
-    curved=GlassPace(1.5, 0.36e-3, 0.03),
+    curved=GlassPace(1.5, 0.36e-3, 0.02),
     bent=GlassPace(1.5, 0.24e-3, 0.015, 15e3),
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.04e-6, 0.165e-6),
@@ -142,11 +166,12 @@ def _times_slower(_: int) -> float:
     return min(passes) / PROBE_SECONDS
 
 
-def seconds_to_measure(plan: Plan, of_plan: float, of_ray: float) -> float:
+def seconds_to_measure(plan: Plan, view_map: ViewMap, of_plan: float, of_rays: float) -> float:
     """About how long it takes to measure the errors of a plan that was made in so many seconds, and
-    through which a ray took so many.
+    of its map, whose rays took so many.
     """
-    return pace().to_measure(plan, of_plan, of_ray)
+    of_ray = of_rays / max(view_map.n_rays, 1)
+    return pace().to_measure(plan, of_plan, of_ray, len(view_map.points))
 
 
 def seconds_to_paint(view_map: ViewMap) -> float:

@@ -97,8 +97,9 @@ class Placed:
             return shares
         return moved_in_view(shares, self.picture, self.viewer, self.step)
 
-    def cover(self, view_map: ViewMap) -> None:
-        """Find how much of the picture the display can show, unless that is known.
+    def cover(self, view_map: ViewMap) -> Pauses[None]:
+        """Find how much of the picture the display can show, unless that is known; pauses on the
+        way.
 
         Raises
         ------
@@ -106,7 +107,9 @@ class Placed:
         """
         if self.covered is None:
             self.view_coverage = self.view_coverage_in(view_map)
-            self.covered = of_the_picture(self.picture, self.viewer, view_map, self.view_coverage)
+            yield 0
+            steps = of_the_picture(self.picture, self.viewer, view_map, self.view_coverage)
+            self.covered = yield from steps
 
     def view_coverage_in(self, view_map: ViewMap) -> Floats:
         """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""

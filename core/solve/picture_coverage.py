@@ -10,6 +10,7 @@ from ..light.landings import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
 from ..messages import Message
 from ..rig import PicturePlace
+from ..steps import Pauses
 from ..viewer import Viewer
 
 UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
@@ -18,14 +19,15 @@ TOO_FINE = Message("finer than a viewer pixel")
 LEAST_LIGHT = 1e-12  # of the picture: less is no light
 
 PIXELS_AT_ONCE = 1 << 18
+POINTS_AT_ONCE = 1 << 19
 APART_PX = 16  # of viewer pixels that are looked at first
 
 
 def of_the_picture(
     picture: PicturePlace, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
-) -> tuple[float, dict[str, float]]:
+) -> Pauses[tuple[float, dict[str, float]]]:
     """Share of the picture, as a viewer sees it, that is covered,
-    and shares of it by reason of the misses: 1 in all.
+    and shares of it by reason of the misses: 1 in all. Pauses on the way.
 
     The part missing in a pixel is put down to the reasons of the rays at its corners and within.
     Where all these have landed, it is beyond the display's edge, if one cell maps the pixel; else
@@ -34,7 +36,7 @@ def of_the_picture(
     w, h = view_map.view_size
     unseen = 0.0
     lost = np.zeros(len(Reason))
-    within = _reasons_within(view_map)
+    within = yield from _reasons_within(view_map)
     cover_of_view = cover_in_view(picture, viewer)
     shown = _shown(picture, viewer, cover_of_view)
 
@@ -58,6 +60,7 @@ def of_the_picture(
         )
         votes[Reason.MISSED_DISPLAY, at_edge] = 1
         lost += (missing[some] * votes / np.maximum(votes.sum(axis=0), 1)).sum(axis=1)
+        yield 0
 
     misses = {
         REASON_WORDS[reason]: float(lost[reason] / shown) for reason in Reason if lost[reason] > 0
@@ -96,16 +99,20 @@ def _shown(picture: PicturePlace, viewer: Viewer, cover_of_view: Floats) -> floa
     return shown
 
 
-def _reasons_within(view_map: ViewMap) -> NDArray[np.uint16]:
+def _reasons_within(view_map: ViewMap) -> Pauses[NDArray[np.uint16]]:
     """How many rays within each viewer pixel, not on its
     edges, ended for each reason: (reasons, pixels).
     """
     w, h = view_map.view_size
-    view = view_map.points.view
-    column, row = np.floor(view).astype(np.int64).T
-    is_within = (view != np.floor(view)).all(axis=1) & (column < w) & (row < h)
+    points = view_map.points
     counts = np.zeros((len(Reason), w * h), np.uint16)
-    reason = view_map.points.reason[is_within]
-    pixel = row[is_within] * w + column[is_within]
-    np.add.at(counts.reshape(-1), reason.astype(np.int64) * w * h + pixel, np.uint16(1))
+    for first in range(0, len(points), POINTS_AT_ONCE):
+        some = slice(first, first + POINTS_AT_ONCE)
+        view = points.view[some]
+        column, row = np.floor(view).astype(np.int64).T
+        is_within = (view != np.floor(view)).all(axis=1) & (column < w) & (row < h)
+        reason = points.reason[some][is_within]
+        pixel = row[is_within] * w + column[is_within]
+        np.add.at(counts.reshape(-1), reason.astype(np.int64) * w * h + pixel, np.uint16(1))
+        yield 0
     return counts

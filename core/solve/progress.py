@@ -148,11 +148,15 @@ class Ahead:
         to_trace = self._to_trace(rays, so_far)
         viewer, display = self._plan.viewer, self._plan.rig.display
         made = shares_ahead(self._plan, rays)
+        of_ray = so_far / max(rays.done.every, 1.0)
         return (
             to_trace
+            + self._of.to_join(rays.to_join)
+            + self._of.to_sum(made.n_cells * rays.sums_light)
+            + self._of.to_guess(made.n_cells)
             + self._of.to_paint(display.width * display.height, made)
             + self._of.to_cover(viewer.width * viewer.height, rays.expected)
-            + self._of.to_measure(self._plan, self._of_plan, so_far / max(rays.done.every, 1.0))
+            + self._of.to_measure(self._plan, self._of_plan, of_ray, rays.expected)
         )
 
     def _to_trace(self, rays: RaysAhead, so_far: float) -> float:
@@ -166,6 +170,7 @@ class Ahead:
 
         # seconds of a ray, of one that is searched with, and of a search besides
         of_others = so_far - searches.seconds - searches.under_way
+        of_others -= min(self._of.to_join(rays.n_joined), of_others / 2)
         of_ray = of_others / max(done.every - done.searched, 1.0)
         of_searched = self._through.searched * of_ray
         of_search = times_slower() * self._through.search * rays.n_pauses

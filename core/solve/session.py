@@ -105,7 +105,7 @@ class Session:
         # all that is not seen
         yield bar.at(to_cover + to_measure)
         for one, view_map in to_be_covered:
-            one.cover(view_map)
+            yield from at(bar.told, one.cover(view_map))
         clock.lap("coverage")
         yield bar.at(to_measure)
         n_rays += yield from bar.during(measure(unmeasured, clock), to_measure, 0.0)
@@ -219,6 +219,7 @@ class Session:
         for k, (key, viewer) in enumerate(new.items()):
             steps = self._trace(rig, viewer, settings, clock)
             traced = yield from bar.tracing(steps, len(new) - 1 - k)
+            yield bar.told
             of_new = replace(rig, viewers=tuple(new.values()))
             check_traced(of_new, viewer, settings, traced.view_map)
             known[key] = traced
@@ -241,12 +242,14 @@ class Session:
             self.is_tracing = False
 
         clock.lap("tracing")
+        yield told
         yield from at(told, view_map.look_far())
         clock.lap("shares")
+        yield told
         weight = yield from at(told, weight_beside(view_map, settings))
         clock.lap("glare")
         of_plan, of_rays = (clock.seconds[part] - before[part] for part in ("plan", "tracing"))
-        to_measure = seconds_to_measure(plan, of_plan, of_rays / max(view_map.n_rays, 1))
+        to_measure = seconds_to_measure(plan, view_map, of_plan, of_rays)
         return Traced(plan, view_map, weight, to_measure)
 
 

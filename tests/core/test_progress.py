@@ -10,13 +10,15 @@ from kiriko.core import kernel
 from kiriko.core.image.source_image import Painting
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.ray_guess import Rays, RaysAhead
+from kiriko.core.map.sampling import Sampling
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.settings import Settings
-from kiriko.core.solve import pace, painting, progress, reach
+from kiriko.core.solve import pace, painting, picture_coverage, progress, reach
 from kiriko.core.solve.pace import GlassPace, Pace, Seconds
 from kiriko.core.solve.progress import STAGES, Ahead, Bar
 from kiriko.core.solve.session import Session
-from known.reference_rigs import ball_rig, bottle, cube_rig, glass_rig, torus
+from kiriko.core.steps import finish
+from known.reference_rigs import ball_rig, bottle, cube_rig, glass_rig, icosphere, rig, torus
 
 RIGS = {
     "ball": lambda: ball_rig(4, pixels=256),
@@ -31,13 +33,15 @@ RIGS = {
 # s, by the clock that goes by counts
 RAY = 2e-6
 SHARE = 0.3e-6
+JOINED = 4e-6
 AT_ONCE = GlassPace(searched=1.0, search=0.0, measured=0.0)
 
 
 @contextmanager
 def counting_clock(monkeypatch) -> Iterator[list[float]]:
-    """A clock that goes by the rays that are traced and the shares that are made and painted,
-    which take so many seconds each; and the pace of solves by it. All else takes no time.
+    """A clock that goes by the rays that are traced, the cells that are put together and the
+    shares that are made and painted, which take so many seconds each; and the pace of solves by
+    it. All else takes no time.
     """
     now = [0.0]
     of_pace = Pace(
@@ -49,15 +53,23 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
         painted_share=Seconds(SHARE),
         covered_pixel=0.0,
         covered_point=0.0,
+        joined_cell=JOINED,
+        summed_cell=0.0,
+        guessed_cell=0.0,
+        measured_point=0.0,
         planned_again=0.0,
     )
-    count, made = RaysAhead.count, ShareBatches._count
+    count, join, made = RaysAhead.count, RaysAhead.join, ShareBatches._count
     find_strokes, add = painting.find_strokes, Painting.add
     n_found = [0]
 
     def trace(ahead, n):
         now[0] += RAY * n
         count(ahead, n)
+
+    def put_together(ahead, n, to_come):
+        now[0] += JOINED * n
+        join(ahead, n, to_come)
 
     def make(batches, n_cells, n_shares):
         now[0] += STAGES.made * SHARE * n_shares
@@ -78,6 +90,7 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
             patch.setattr(module, "times_slower", lambda: 1.0)
             patch.setattr(module, "pace", lambda: of_pace)
         patch.setattr(RaysAhead, "count", trace)
+        patch.setattr(RaysAhead, "join", put_together)
         patch.setattr(ShareBatches, "_count", make)
         patch.setattr(painting, "find_strokes", find)
         patch.setattr(Painting, "add", paint)
@@ -162,3 +175,53 @@ def test_a_search_that_has_ended_tells_how_long_the_next_will_take(monkeypatch):
     rays.is_searching = False
     rays.to_come = rays.to_come._replace(searches=1)
     assert ahead._to_trace(rays, 11.0) == pytest.approx(10.0, rel=0.02)
+
+
+def test_all_that_is_still_to_come_counts_beside_rays(monkeypatch):
+    """Cells to be put together and points that a map is measured by: each by its pace. Light is
+    summed up only where samples are to be told by it.
+    """
+    monkeypatch.setattr(pace, "times_slower", lambda: 1.0)
+    monkeypatch.setattr(progress, "times_slower", lambda: 1.0)
+    ahead = Ahead(make_plan(cube_rig(pixels=64), Settings()), of_plan=0.0)
+    rays = RaysAhead(0)
+    rays.count(1000)
+    rays.expect(Rays(0))
+    rays.n_shares = rays.n_pieces = 0.0
+    rays.join(0, 0.0)
+    before = ahead.seconds(rays, 1.0)
+
+    rays.join(0, 1e6)
+    by_cells = ahead.seconds(rays, 1.0) - before
+    assert by_cells == pytest.approx(1e6 * pace.pace().joined_cell)
+    rays.join(1e6, 0.0)
+    assert ahead.seconds(rays, 1.0) == pytest.approx(before, rel=0.05)
+
+    rays.n_pieces = 1e6
+    without = ahead.seconds(rays, 1.0)
+    rays.sums_light = True
+    assert ahead.seconds(rays, 1.0) - without == pytest.approx(1e6 * pace.pace().summed_cell)
+
+
+def test_light_is_to_be_summed_up_until_it_is():
+    """Flat facets are chaotic for the most part."""
+    a_rig = rig(icosphere(0.025, 3, smooth=False), pixels=48, display_pixels=48)
+    sampling = Sampling(make_plan(a_rig, Settings()))
+    told = [sampling.ahead.sums_light for _ in sampling.sample()]
+    assert any(told)
+    assert not told[-1]
+
+
+def test_how_much_of_the_picture_is_shown_is_found_with_pauses(monkeypatch):
+    """Esc is heard while the rays within pixels are counted, which may be millions."""
+    solution = finish(Session().solve(cube_rig(pixels=64), Settings()))
+    one = solution.first
+    monkeypatch.setattr(picture_coverage, "POINTS_AT_ONCE", 1000)
+    steps = picture_coverage.of_the_picture(
+        one.plan.rig.picture_place, one.plan.viewer, one.view_map, one.view_coverage
+    )
+    assert sum(1 for _ in steps) >= len(one.view_map.points) / 1000 > 2
+    again = picture_coverage.of_the_picture(
+        one.plan.rig.picture_place, one.plan.viewer, one.view_map, one.view_coverage
+    )
+    assert finish(again) == (one.picture_coverage, one.misses)
