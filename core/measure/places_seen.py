@@ -203,7 +203,7 @@ def _settled(
     counts = weights > 0
     left = np.flatnonzero(counts.any(axis=0))
     before = np.full(weights.shape[1], np.inf)
-    for _ in range(MOST_ROUNDS):
+    for n_left in reversed(range(MOST_ROUNDS)):
         if not len(left):
             break
         for trace, one in zip(traces, found, strict=True):
@@ -219,9 +219,9 @@ def _settled(
         is_whole = np.all([one.reach[left] == 1 for one in found], axis=0)
         # rounding is reached where a known place comes no nearer
         is_near = (before[left] / 2 < largest) & (largest < IS_KNOWN)
-        is_lost = np.any([
-            counts[k, left] & (one.branch[left] == 0) for k, one in enumerate(found)
-        ], axis=0)  # fmt: skip
+        # a step that was halved more often than it can be doubled again is never a whole one
+        lost = [(one.branch[left] == 0) | (one.reach[left] * 2.0**n_left < 1) for one in found]
+        is_lost = (counts[:, left] & lost).any(axis=0)
         before[left] = largest
         left = left[~(is_lost | (is_whole & (is_near | (largest <= SETTLED_PX))))]
 

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.errors import RigError
+from kiriko.core.light.landings import Reason
+from kiriko.core.map.points import Points
+from kiriko.core.measure import places_seen as places_seen_module
 from kiriko.core.measure.places_seen import Look, grid_of, places_seen
 from kiriko.core.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
 from kiriko.core.measure.two_eyes_drawing import as_data, as_svg
@@ -399,3 +402,22 @@ def test_points_that_not_both_see_are_left_out_of_the_drawing():
     assert "beyond" in {text.text for text in discs.findall(f"{svg}text")}
     told = as_data(found)["for_both"]
     assert told["depth_m"][0][:2] == [None, None]
+
+
+def test_a_place_that_leaves_its_branch_each_time_is_given_up_half_way():
+    """Its step is halved so often that the rounds that are left could not make it whole again."""
+    n_traced = []
+
+    def trace(rows, view):
+        n_traced.append(len(view))
+        yield 0
+        branch = np.where(np.abs(view).max(axis=1) < 1.5e-3, 1, 2).astype(np.uint64)
+        n = len(view)
+        return Points(view, view, branch, np.full(n, Reason.ARRIVED), np.ones(n))
+
+    one = finish(places_seen_module._begun(trace, np.zeros((1, 2))))
+    shown = np.array([[64.0, 0.0]])
+    finish(places_seen_module._settled([trace], [one], np.ones((1, 1)), lambda left: shown[left]))
+    assert not places_seen_module._is_known(one).any()
+    # the first, then two batches a round
+    assert len(n_traced) <= 1 + 2 * (places_seen_module.MOST_ROUNDS // 2 + 1)
