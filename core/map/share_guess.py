@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 COUNTED = 1 << 16  # pieces at the least of which the shares are counted, where there are more
 COUNTED_EARLY = 1 << 11  # the same while there are more to come
-FEW_SQUARES = 1 << 6
+FEW_SQUARES = 1 << 9
 CORNERS = [0, 4, 24, 20]  # of the nodes of a smooth cell, around it
 
 
