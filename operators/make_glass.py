@@ -39,11 +39,11 @@ def _setting_their_own(
     context: bpy.types.Context, things: list[bpy.types.Object]
 ) -> dict[bpy.types.Object, list[bpy.types.Modifier]]:
     """Those of some objects whose modifiers set other materials than
-    those of their slots, with the geometry nodes among these.
+    those of their slots, with the modifiers that are on.
     """
     context.view_layer.update()
     return {
-        thing: [one for one in thing.modifiers if one.type == "NODES" and one.show_viewport]
+        thing: [one for one in thing.modifiers if one.show_viewport]
         for thing in things
         if not refracts_as_shown(context.scene, thing)
     }
@@ -106,7 +106,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 stays=stays,
             )
             if own:
-                by = quoted(dict.fromkeys(one.name for nodes in own.values() for one in nodes))
+                by = quoted(dict.fromkeys(one.name for before in own.values() for one in before))
                 why = Message("A modifier sets it, after {by}, which set another.", by=by)
                 text = joined([text, why])
             telling.report(self, "INFO", text)

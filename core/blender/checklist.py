@@ -90,6 +90,13 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
         button = Button("kiriko.make_glass", Message("Make It Glass"), properties, "MATSPHERE")
         yield Entry(text, PROBLEM, (button,))
 
+    if thing.shows_opaque:
+        text = Message(
+            "'{name}' is no glass: give the objects of its collection a material that refracts.",
+            name=name,
+        )
+        yield Entry(text, PROBLEM, (select_part(thing.named),))
+
     if thing.n_indices > 1:
         text = Message(
             "'{name}' has {n} indices of refraction, and counts as of one: make a closed object"

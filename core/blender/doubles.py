@@ -4,18 +4,25 @@ import bpy
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
-from .mesh import column
+from .mesh import column, has_area
 
 
 def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     """Which polygons (p,) of a Blender mesh lie on others before them, and are there for nothing.
 
     They look the same way: where two bodies touch, faces look opposite ways, and are no doubles.
-    Unless each of all is there twice, as of a body and its inside.
+    Unless each of all is there twice, as of a body and its inside. Those without area are none.
     """
-    if not len(mesh.polygons):
-        return np.zeros(0, bool)
-    places = _places(column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3))
+    points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
+    mesh.calc_loop_triangles()
+    drawn = column(mesh.loop_triangles, "vertices", 3, np.int32).reshape(-1, 3)
+    is_face = np.zeros(len(mesh.polygons), bool)
+    polygons = column(mesh.loop_triangles, "polygon_index", 1, np.int32)
+    is_face[polygons[has_area(points, drawn)]] = True
+    if not is_face.any():
+        return is_face
+
+    places = _places(points)
     corners = places[column(mesh.loops, "vertex_index", 1, np.int32)]
     starts = column(mesh.polygons, "loop_start", 1, np.int32)
     following = np.roll(corners, -1)
@@ -27,9 +34,9 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     ways = [words[0][a] * words[1][b] for a, b in ((corners, following), (following, corners))]
     forth, back = (np.add.reduceat(way, starts) for way in ways)
     groups = np.unique(forth + back, return_inverse=True)[1]
-    if np.bincount(groups).min() < 2:
+    if np.bincount(groups[is_face], minlength=1)[groups[is_face]].min() < 2:
         groups = forth
-    is_double = np.ones(len(groups), bool)
+    is_double = is_face.copy()
     is_double[np.unique(groups, return_index=True)[1]] = False
     return is_double
 

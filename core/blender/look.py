@@ -161,7 +161,15 @@ def _thing(
         own_faults=None if looked is None else looked.own,
         has_facets=thing.kiriko.surface == "FACETS",
         has_ends=has_open_ends(thing),
+        shows_opaque=is_glass and _shows_opaque(thing, bends),
     )
+
+
+def _shows_opaque(thing: bpy.types.Object, bends: Bends) -> bool:
+    """Does an object show a collection in which nothing refracts?"""
+    if thing.instance_type != "COLLECTION" or thing.instance_collection is None:
+        return False
+    return not any(refracts(one, bends) for one in thing.instance_collection.all_objects)
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:

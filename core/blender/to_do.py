@@ -71,6 +71,7 @@ class Thing:
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
     has_facets : are facets wanted of it, by its setting Surface?
     has_ends : is it a bevelled curve whose ends are open?
+    shows_opaque : does it show a collection, none of whose objects refracts?
     """
 
     named: Named
@@ -87,6 +88,7 @@ class Thing:
     own_faults: Counts | None = None
     has_facets: bool = False
     has_ends: bool = False
+    shows_opaque: bool = False
 
 
 @dataclass(frozen=True)

@@ -753,6 +753,21 @@ def test_a_body_and_its_inside_in_one_place_are_doubles(look: Callable[[], list]
     assert "twice" not in " ".join(told(look()))
 
 
+def test_faces_without_area_are_no_doubles(look: Callable[[], list]) -> None:
+    """As bevels of a narrow strip leave them: two in one place are told as what they are alone."""
+    mesh = primitive("cube", size=0.0625)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    for _ in range(2):
+        shape.faces.new([shape.verts.new((0.0, 0.0, 0.01 * min(k, 1))) for k in range(3)])
+    shape.to_mesh(mesh)
+    shape.free()
+    thing = new_object(mesh, "GLASS")
+    thing.kiriko.use_ior = True
+    assert "'thing' has 2 triangles without area." in told(look())
+    assert "twice" not in " ".join(told(look()))
+
+
 def test_doubles_of_modifiers_are_welded(look: Callable[[], list]) -> None:
     """A cube that is mirrored onto itself: nothing of its own mesh is there twice."""
     thing = new_object(primitive("cube", size=0.0625), "GLASS")
@@ -805,6 +820,25 @@ def test_a_klein_bottle_has_no_inside(look: Callable[[], list]) -> None:
     shape.free()
     thing.modifiers.clear()
     thing.data = mesh
+    bpy.context.view_layer.update()
+    assert words not in " ".join(told(look()))
+
+
+def test_a_collection_of_opaque_things_is_no_glass(look: Callable[[], list]) -> None:
+    """The default index is taken for it; its objects are in no rig, and get a material by hand."""
+    group = bpy.data.collections.new("Stones")
+    stone = bpy.data.objects.new("Stone", primitive("cube", size=0.03))
+    group.objects.link(stone)
+    shown = new_object(None, "GLASS")
+    shown.name = "Shown"
+    shown.instance_type, shown.instance_collection = "COLLECTION", group
+    bpy.context.view_layer.update()
+    words = "'Shown' is no glass: give the objects of its collection"
+    assert labels_of(look(), words) == ["Select Part"]
+    shown.kiriko.use_ior = True
+    assert words not in " ".join(told(look()))
+    shown.kiriko.use_ior = False
+    stone.data.materials.append(glass_material("clear", 1.5))
     bpy.context.view_layer.update()
     assert words not in " ".join(told(look()))
 
