@@ -161,6 +161,8 @@ def _search_around(
         start, of_place = np.nonzero(np.arange(len(starts))[:, None] < some.n_starts[i])
         i, k = i[of_place], k[of_place]
         u, v = starts[start].T
+        if not len(k):
+            continue
         rays = some.rays[i]
         others = follow(faces, Spots(k, u, v), lines.at(rays), ROOTS.walks)
         is_between = (others.distance > some.least[i]) & (others.distance < some.most[i])
@@ -173,23 +175,28 @@ def _search_around(
 
 def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:
     """Triangles (n, m): those (n,) given, and the curved ones around their corners; -1 for none."""
-    found = [triangles]
-    for corner in range(3):
-        is_open = np.ones(len(triangles), bool)  # not yet once around
-        for way in (1, 0):
-            k = np.where(is_open, triangles, -1)
-            at = np.full(len(k), corner)  # of the face, where the corner is
-            for _ in range(ROOTS.corner_turns):
-                row, edge = faces.row[k], (at + 2 + way) % 3
-                beside = np.where(k >= 0, faces.neighbour[row, edge], -1)
-                is_open &= beside != triangles
-                at = (faces.neighbour_edge[row, edge] + way) % 3
-                k = np.where(is_open, beside, -1)
-                if (k < 0).all():
-                    break
-                found.append(k)
+    n = len(triangles)
+    first = np.tile(triangles, 3)
+    corner = np.repeat(np.arange(3), n)
+    is_open = np.ones(3 * n, bool)  # not yet once around
+    ways = []
+    for way in (1, 0):
+        k, at = np.where(is_open, first, -1), corner  # of the face, where the corner is
+        turns = [np.full(3 * n, -1)]
+        for _ in range(ROOTS.corner_turns):
+            row, edge = faces.row[k], (at + 2 + way) % 3
+            beside = np.where(k >= 0, faces.neighbour[row, edge], -1)
+            is_open &= beside != first
+            at = (faces.neighbour_edge[row, edge] + way) % 3
+            k = np.where(is_open, beside, -1)
+            if (k < 0).all():
+                break
+            turns.append(k)
+        ways.append(np.stack(turns, axis=1).reshape(3, n, -1))
 
-    return np.stack(found, axis=1)
+    # one corner after the other, each first one way around and then the other
+    around = np.concatenate(ways, axis=2).transpose(1, 0, 2).reshape(n, -1)
+    return np.concatenate([triangles[:, None], around], axis=1)
 
 
 def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
