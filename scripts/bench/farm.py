@@ -26,7 +26,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -167,7 +167,7 @@ def rows(readers: Path, pixels: int) -> Iterator[Row]:
     solution = finish(session.solve(rig, settings))
     own = solution.source
     pictures = (rig.picture_place.showing(lattice),)
-    painted = finish(session.solve(type(rig)(**{**vars(rig), "pictures": pictures}), settings))
+    painted = finish(session.solve(replace(rig, pictures=pictures), settings))
 
     for times in TIMES:
         options = MapOptions(formats=tuple(FORMATS), times=times)
