@@ -207,6 +207,8 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
 def _welded(context: bpy.types.Context, thing: bpy.types.Object) -> Message:
     """Join vertices that modifiers make, by one after them all; returns the sentence on it."""
     _check_faces(thing, _as_shown(context, thing)[0])
+    if not thing.modifiers:
+        raise MeshError("'{name}' has no such faces any more: nothing is changed.", name=thing.name)
     modifier = thing.modifiers.new(WELD, "WELD")
     modifier.merge_threshold = _near(thing.data)
     return Message(

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..glass.meshes import components
 from .mesh import column, has_area
 
 
@@ -11,7 +12,7 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     """Which polygons (p,) of a Blender mesh lie on others before them, and are there for nothing.
 
     They look the same way: where two bodies touch, faces look opposite ways, and are no doubles.
-    Unless each of all is there twice, as of a body and its inside. Those without area are none.
+    Unless each of a body's is there twice, as of one and its inside. Those without area are none.
     """
     points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
     mesh.calc_loop_triangles()
@@ -34,8 +35,10 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     ways = [words[0][a] * words[1][b] for a, b in ((corners, following), (following, corners))]
     forth, back = (np.add.reduceat(way, starts) for way in ways)
     groups = np.unique(forth + back, return_inverse=True)[1]
-    if np.bincount(groups[is_face], minlength=1)[groups[is_face]].min() < 2:
-        groups = forth
+    body = components(len(places), corners, following)[corners[starts]]
+    is_single = np.bincount(groups, is_face)[groups] < 2
+    has_single = np.bincount(body, is_face & is_single)[body] > 0
+    groups = np.where(has_single, forth, forth + back)
     is_double = is_face.copy()
     is_double[np.unique(groups, return_index=True)[1]] = False
     return is_double

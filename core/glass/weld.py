@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..vectors import dot
 from .meshes import components, volume_of
 
 SAME_ANGLE = 1e-4  # rad: faces around an edge that differ by less lie in the same place
@@ -180,10 +181,9 @@ def _around(vertices: Floats, edges: _OpenEdges) -> tuple[Ints, Ints]:
     axis = along[0] / np.linalg.norm(along[0])
     outward = vertices[edges.opposite] - middle
     outward = outward - (outward @ axis)[:, None] * axis
-    across = np.cross(axis, outward[0])
-    angle = np.arctan2(
-        outward @ across / np.linalg.norm(across), outward @ outward[0] / np.linalg.norm(outward[0])
-    )
+    # the farthest: a triangle without area lies in no direction
+    from_here = outward[dot(outward, outward).argmax()]
+    angle = np.arctan2(outward @ np.cross(axis, from_here), outward @ from_here)
     angle = np.mod(angle, 2 * np.pi)
 
     # begin behind the widest gap, so that no faces in the same

@@ -379,6 +379,11 @@ GLASS = Section(
             "オブジェクト > 適用 > 表示形状をメッシュ化 で、モディファイアーをすべて適用します。",
         ),
         Advice(
+            "'{name}' has no such faces any more: nothing is changed.",
+            "The faces were mended before, or the mesh was edited since the checklist was drawn.",
+            "その面はすでに修正されたか、チェックリストの表示後にメッシュが編集されています。",
+        ),
+        Advice(
             "'{name}' is linked from another file: mend it there.",
             "Or make it local: Object > Relations > Make Local.",
             "または、オブジェクト > 関係 > ローカル化 を使います。",

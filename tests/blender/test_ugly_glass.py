@@ -11,6 +11,7 @@ import bmesh
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from panel_layout import Layout, told
 from small_rigs import SIDE, new_object, primitive, small_rig
@@ -753,6 +754,33 @@ def test_a_body_and_its_inside_in_one_place_are_doubles(look: Callable[[], list]
     assert "twice" not in " ".join(told(look()))
 
 
+def test_a_body_twice_beside_another_is_a_double(look: Callable[[], list]) -> None:
+    """Its copy looks inward, and a brick that is there once stands beside both."""
+    mesh = duplicated(primitive("cube", size=0.05))
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    shape.faces.ensure_lookup_table()
+    bmesh.ops.reverse_faces(shape, faces=shape.faces[6:])
+    bmesh.ops.create_cube(shape, size=0.01, matrix=Matrix.Translation((0.06, 0.0, 0.0)))
+    shape.to_mesh(mesh)
+    shape.free()
+    thing = new_object(mesh, "GLASS")
+    thing.kiriko.use_ior = True
+    press(look(), "has 6 faces twice", "Remove")
+    assert len(mesh.polygons) == 12
+    assert not any(t in text for text in told(look()) for t in ("twice", "not closed"))
+
+
+@pytest.mark.parametrize("mend", ["remove_doubles", "merge_flat"])
+def test_where_nothing_is_left_to_mend_nothing_is_changed(mend: str) -> None:
+    """As by a button of a list that is out of date: no modifier is made."""
+    thing = new_object(primitive("cube", size=0.05), "GLASS")
+    with pytest.raises(RuntimeError, match="has no such faces any more"):
+        getattr(bpy.ops.kiriko, mend)(part=thing.name)
+    assert not thing.modifiers
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_faces_without_area_are_no_doubles(look: Callable[[], list]) -> None:
     """As bevels of a narrow strip leave them: two in one place are told as what they are alone."""
     mesh = primitive("cube", size=0.0625)
