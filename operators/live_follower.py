@@ -274,7 +274,6 @@ class Live:
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
-        self._is_slow = not is_quick
         if not is_traced:
             # of the last of them: nothing is shown of a rig that cannot be solved
             check_memory(rig, settings, is_told_again=True)
@@ -282,7 +281,8 @@ class Live:
             is_last = n == len(rungs) - 1
             began, n_before = perf_counter(), self.n_pictures
             try:
-                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last)
+                tells = is_last and not is_quick
+                found = yield from self._solve(a_rig, how, is_same or n > 0, is_last, tells)
             except KirikoError:
                 if is_last:
                     raise
@@ -313,10 +313,12 @@ class Live:
         redraw()
 
     def _solve(
-        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool
+        self, rig: Rig, settings: Settings, is_built: bool, is_last: bool, tells: bool
     ) -> Generator[Step, None, Any]:
         """The solution, or a coarse source image alone. Names each
         step before it, and the time that it may take.
+
+        tells : is it told how far it is? Not where it was there in no time before.
         """
         sizes = (*_sizes(rig), is_built)
         session = work.session()
@@ -334,18 +336,18 @@ class Live:
         while True:
             yield Step(phrase, (*sizes, n), guess)
             try:
-                self._progressed(next(steps), is_last)
+                progress = next(steps)
             except StopIteration as end:
                 self.progress = None
                 return end.value
             n += 1
+            if tells:
+                self._tell(progress)
             if painted:
                 yield from self._show(painted.pop(), update_final)
 
-    def _progressed(self, progress: float, is_last: bool) -> None:
-        """Tell how far the final picture is; not where it was there in no time before."""
-        if not (is_last and self._is_slow):
-            return
+    def _tell(self, progress: float) -> None:
+        """Tell how far the final picture is."""
         before, self.progress = self.progress, progress
         if before is None or int(100 * before) != int(100 * progress):
             redraw()

@@ -3,8 +3,9 @@
 import bpy
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools
 from ..glass.meshes import components
+from ..glass.weld import coincident
 from .mesh import column, has_area
 
 
@@ -23,7 +24,7 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     if not is_face.any():
         return is_face
 
-    places = _places(points)
+    places = coincident(points, 0.0)
     corners = places[column(mesh.loops, "vertex_index", 1, np.int32)]
     starts = column(mesh.polygons, "loop_start", 1, np.int32)
     following = np.roll(corners, -1)
@@ -35,6 +36,8 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     ways = [words[0][a] * words[1][b] for a, b in ((corners, following), (following, corners))]
     forth, back = (np.add.reduceat(way, starts) for way in ways)
     groups = np.unique(forth + back, return_inverse=True)[1]
+
+    # only of a body that is there twice as a whole does it not matter which way faces look
     body = components(len(places), corners, following)[corners[starts]]
     is_single = np.bincount(groups, is_face)[groups] < 2
     has_single = np.bincount(body, is_face & is_single)[body] > 0
@@ -42,12 +45,3 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     is_double = is_face.copy()
     is_double[np.unique(groups, return_index=True)[1]] = False
     return is_double
-
-
-def _places(points: Floats) -> Ints:
-    """A number for each of points (n, 3), the same for those in the same place."""
-    order = np.lexsort(points.T)
-    ordered = points[order]
-    numbers = np.empty(len(points), np.int64)
-    numbers[order] = np.cumsum(np.r_[False, (ordered[1:] != ordered[:-1]).any(axis=1)])
-    return numbers

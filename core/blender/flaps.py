@@ -6,7 +6,7 @@ scrap: flat, with a small part of the area and less than half of the faces. So a
 hang on nothing, as beside a scan.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import bmesh
 import numpy as np
@@ -20,6 +20,8 @@ FLAT = 0.01  # of its length: a scrap is no thicker
 AGAINST = 1e-4  # of the mesh's size: what is nearer to the body than this touches it
 MOST_ASKED = 16  # faces of a flap that are looked for in the body
 AROUND = np.concatenate([np.eye(3), -np.eye(3)])
+
+Piece = tuple[set[bmesh.types.BMFace], set[bmesh.types.BMEdge]]  # and the edges by which it hangs
 
 
 def take_flaps(shape: bmesh.types.BMesh) -> int:
@@ -41,14 +43,10 @@ def take_scraps(shape: bmesh.types.BMesh) -> int:
     it is made of such. Returns how many faces went.
     """
     area = _area(shape.faces)
-    seen: set[bmesh.types.BMFace] = set()
     scraps: set[bmesh.types.BMFace] = set()
-    for edge in shape.edges:
-        if edge.is_boundary and edge.link_faces[0] not in seen:
-            piece, hangs = _piece(edge.link_faces[0])
-            seen |= piece
-            if not hangs and area and _is_scrap(shape, piece, _area(piece) / area):
-                scraps |= piece
+    for piece, hangs in _open_pieces(shape):
+        if not hangs and area and _is_scrap(shape, piece, _area(piece) / area):
+            scraps |= piece
     if not scraps or _area(scraps) > SCRAP * area:
         return 0
     bmesh.ops.delete(shape, geom=list(scraps), context="FACES")
@@ -62,15 +60,9 @@ def _area(faces: Iterable[bmesh.types.BMFace]) -> float:
 def _flaps(shape: bmesh.types.BMesh) -> list[set[bmesh.types.BMFace]]:
     """Flaps of which no two hang on the same edge."""
     area = _area(shape.faces)
-    seen: set[bmesh.types.BMFace] = set()
     used: set[bmesh.types.BMEdge] = set()
     found = []
-    # a flap has an edge in the open: only there it is looked for
-    for edge in shape.edges:
-        if not edge.is_boundary or edge.link_faces[0] in seen:
-            continue
-        piece, hangs = _piece(edge.link_faces[0])
-        seen |= piece
+    for piece, hangs in _open_pieces(shape):
         has_two = all(len(set(one.link_faces) - piece) == 2 for one in hangs)
         share = _area(piece) / area if area else 1.0
         may_be = hangs and has_two and share < LARGEST and hangs.isdisjoint(used)
@@ -80,9 +72,17 @@ def _flaps(shape: bmesh.types.BMesh) -> list[set[bmesh.types.BMFace]]:
     return found
 
 
-def _piece(
-    start: bmesh.types.BMFace,
-) -> tuple[set[bmesh.types.BMFace], set[bmesh.types.BMEdge]]:
+def _open_pieces(shape: bmesh.types.BMesh) -> Iterator[Piece]:
+    """The pieces that have an edge in the open, each once."""
+    seen: set[bmesh.types.BMFace] = set()
+    for edge in shape.edges:
+        if edge.is_boundary and edge.link_faces[0] not in seen:
+            piece, hangs = _piece(edge.link_faces[0])
+            seen |= piece
+            yield piece, hangs
+
+
+def _piece(start: bmesh.types.BMFace) -> Piece:
     """The faces that hang together with one over edges of two faces, and the edges of more."""
     piece, hangs, todo = {start}, set(), [start]
     while todo:

@@ -46,9 +46,9 @@ def refracts_as_shown(
     """Does any material of an object bend light, or, where modifiers give its faces materials, as
     geometry nodes do, any of these?
     """
-    return any(map(bends, materials_as_shown(scene, thing))) or (
-        not _has_made_faces(scene, thing) and refracts(thing, bends)
-    )
+    if not _has_made_faces(scene, thing):
+        return refracts(thing, bends)
+    return any(map(bends, materials_as_shown(scene, thing)))
 
 
 def materials_as_shown(scene: bpy.types.Scene, thing: bpy.types.Object) -> list[bpy.types.Material]:

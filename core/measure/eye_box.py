@@ -156,15 +156,19 @@ class Walk:
             self._shown = yield from places_shown(self.solved, self.uv)
         return (yield from places_of_shown(self.plan, heads, self.uv, self._shown))
 
+    def heads_at(self, offsets: Sequence[Offset]) -> dict[int, Viewer]:
+        """The heads at some places, by their numbers; none where one would be at the picture."""
+        heads = {}
+        for k, offset in enumerate(offsets):
+            with suppress(RigError):
+                heads[k] = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
+        return heads
+
     def parts(self, offsets: Sequence[Offset]) -> Pauses[list[float]]:
         """The largest of the angles by which points are off from each of some places of the head,
         as part of the limit; inf where too few are seen, or the head is at the picture.
         """
-        heads: dict[int, Viewer] = {}
-        for k, offset in enumerate(offsets):
-            with suppress(RigError):
-                heads[k] = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
-
+        heads = self.heads_at(offsets)
         parts = [np.inf] * len(offsets)
         for k, off in zip(heads, (yield from self.off_by(list(heads.values()))), strict=True):
             is_seen = np.isfinite(off)

@@ -5,15 +5,12 @@ the way in its own image by which points of the picture are off, and the share o
 """
 
 from collections.abc import Generator
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats
-from ..atlas.heads import viewer_at
-from ..errors import RigError
 from ..image.flat_picture import view_of_picture
 from ..numbers import number
 from ..steps import Pauses, at
@@ -75,10 +72,7 @@ def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve,
 
 def _at(walk: Walk, offsets: list[Floats]) -> Pauses[list[tuple[float | None, ...]]]:
     """The numbers of a curve, in their order, at each of some places of the head."""
-    heads: dict[int, Viewer] = {}
-    for k, offset in enumerate(offsets):
-        with suppress(RigError):  # at the picture
-            heads[k] = viewer_at(walk.plan.viewer, walk.plan.rig.picture_place, tuple(offset))
+    heads = walk.heads_at(offsets)
     seen = yield from walk.seen_by(list(heads.values()))
     of_head = dict(zip(heads, seen, strict=True))
     return [

@@ -72,7 +72,7 @@ class Session:
         clock.lap("fingerprint")
 
         optics, n_rays = self._optics, 0
-        is_new = not self.knows(rig, settings)
+        is_new = not self._has(keys)
         if is_new or optics.keys != keys:
             optics, n_rays = yield from self._look(rig, settings, keys, clock, bar)
 
@@ -168,7 +168,10 @@ class Session:
 
     def knows(self, rig: Rig, settings: Settings) -> bool:
         """Are the view maps of a rig known, so that a solve traces none?"""
-        return self._optics is not None and set(keys_of(rig, settings)) <= set(self._optics.keys)
+        return self._has(keys_of(rig, settings))
+
+    def _has(self, keys: tuple[str, ...]) -> bool:
+        return self._optics is not None and set(keys) <= set(self._optics.keys)
 
     def lend(self, kept: Kept) -> None:
         """Let other plans use the glass that is made ready; the session stays as it is."""
