@@ -17,8 +17,8 @@ from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
 
 _entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
-_saving: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save
-_turned: list[tuple] = []  # views of Before and After, during a save
+_paused: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save or load
+_turned: list[tuple] = []  # views of Before and After, during the same
 _live_began: list[int] = []  # scenes whose Live was begun here
 
 
@@ -136,7 +136,7 @@ def on_undo(*_: object) -> None:
 def on_load(*_: object) -> None:
     """A file that was saved by force, as by auto-save, may have the settings in it."""
     _entered.clear()
-    _saving.clear()
+    _paused.clear()
     _turned.clear()
     _live_began.clear()
     for scene in list(scenes()):
@@ -144,32 +144,36 @@ def on_load(*_: object) -> None:
 
 
 @persistent
-def before_save(*_: object) -> None:
-    """The artist's own settings are saved."""
+def pause(*_: object) -> None:
+    """The artist's own settings are saved; and the views, which may stay when another file is
+    opened, show what they showed before.
+    """
     for scene in list(scenes()):
         views, things = looking_through.views(scene), looking_through.things(scene)
-        _saving[scene.session_uid] = scene.kiriko.looking, views, things
+        _paused[scene.session_uid] = scene.kiriko.looking, views, things
         looking_through.leave(scene)
     _turned[:] = turned_views.pause()  # which may be what the views looked like before
 
 
 @persistent
-def after_save(*_: object) -> None:
-    """The view goes on."""
+def go_on(*_: object) -> None:
+    """The view goes on, after a save or a file that could not be opened."""
     turned_views.go_on(_turned)
     _turned.clear()
     for scene in bpy.data.scenes:
-        if scene.session_uid in _saving:
-            looking_through.enter_again(scene, *_saving.pop(scene.session_uid))
+        if scene.session_uid in _paused:
+            looking_through.enter_again(scene, *_paused.pop(scene.session_uid))
 
 
 HANDLERS = (
     ("undo_post", on_undo),
     ("redo_post", on_undo),
+    ("load_pre", pause),
     ("load_post", on_load),
-    ("save_pre", before_save),
-    ("save_post", after_save),
-    ("save_post_fail", after_save),
+    ("load_post_fail", go_on),
+    ("save_pre", pause),
+    ("save_post", go_on),
+    ("save_post_fail", go_on),
 )
 
 

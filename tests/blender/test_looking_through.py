@@ -214,6 +214,28 @@ def test_a_file_that_is_saved_meanwhile_has_the_artists_settings(
     assert (view()["shading"], view()["is_local"]) == ("WIREFRAME", False)
 
 
+def test_a_view_that_stays_while_another_file_is_opened_is_put_back(
+    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], tmp_path: Path
+) -> None:
+    """As where Blender is not to load the interface of files. A file that cannot be opened leaves
+    all as it is.
+    """
+    seen = {**view(), "camera": None}
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    bpy.ops.kiriko.look_through()
+    looking = view()
+    broken = tmp_path / "broken.blend"
+    broken.write_bytes(b"no file of Blender's")
+    with pytest.raises(RuntimeError):
+        bpy.ops.wm.open_mainfile(filepath=str(broken), load_ui=False)
+    assert view() == looking
+    assert scene.render.engine == "CYCLES"
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+    assert {**view(), "camera": None} == seen
+    assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
+
+
 def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
     scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType, tmp_path: Path
 ) -> None:
