@@ -21,6 +21,7 @@ from ..core.blender.rig_objects import (
 from ..core.blender.rig_record import mark_made
 from ..core.blender.rigs import active_rig
 from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.viewer import is_deleted
 from ..core.errors import KirikoError, RigError
 from ..core.messages import Message
 from ..core.rig import ROLES, Display, PicturePlace, Rig
@@ -122,7 +123,8 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
             else:
                 thing = make_viewer(made, at, stand.distance, stand.side, metres)
                 scene.kiriko.viewer = thing
-                scene.camera = scene.camera or thing
+                if scene.camera is None or is_deleted(scene.camera):
+                    scene.camera = thing
             if rig is not None:
                 mark_made(made.made, rig)
                 rig.kiriko.has_plate |= self.role == "PLATE"

@@ -194,10 +194,10 @@ class KIRIKO_OT_merge_flat(MendsPart, bpy.types.Operator):
         if n_before:
             _merge(mesh)
             told = Message(
-                "{n} of {all} triangles without area are gone from '{mesh}'.",
+                "{n} of {all} triangles without area are gone from '{name}'.",
                 n=n_before - faults_of(mesh).n_flat,
                 all=n_before,
-                mesh=mesh.name,
+                name=thing.name,
             )
             return _and_others(told, thing)
 
@@ -269,7 +269,7 @@ class KIRIKO_OT_remove_doubles(MendsPart, bpy.types.Operator):
             faces = [shape.faces[k] for k in doubles]
             bmesh.ops.delete(shape, geom=faces, context="FACES")
             _merge_open(shape, _near(mesh))
-        told = Message("{n} double faces are gone from '{mesh}'.", n=len(doubles), mesh=mesh.name)
+        told = Message("{n} double faces are gone from '{name}'.", n=len(doubles), name=thing.name)
         return _and_others(told, thing)
 
 
@@ -295,13 +295,13 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
             _fill(shape)
 
         n = faults_of(mesh).n_open
-        told = [Message("All holes of '{mesh}' are closed.", mesh=mesh.name)]
+        told = [Message("All holes of '{name}' are closed.", name=thing.name)]
         if n:
             text = Message(
-                "{n} of {all} open edges of '{mesh}' are closed; press Select for the others.",
+                "{n} of {all} open edges of '{name}' are closed; press Select for the others.",
                 n=n_before - n,
                 all=n_before,
-                mesh=mesh.name,
+                name=thing.name,
             )
             told = [text]
         if n_loose:
@@ -336,12 +336,12 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
             return super().mend(context, thing)
         (screw,) = turning  # all the faces are its own
         screw.use_normal_flip = not screw.use_normal_flip
-        return Message("The faces of '{mesh}' look out now.", mesh=thing.name)
+        return Message("The faces of '{name}' look out now.", name=thing.name)
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         mesh.flip_normals()
         mesh.update()
-        return Message("The faces of '{mesh}' look out now.", mesh=mesh.name)
+        return Message("The faces of '{name}' look out now.", name=thing.name)
 
 
 class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):

@@ -9,7 +9,7 @@ from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
-from ..core.blender.viewer import own_images, viewer_of
+from ..core.blender.viewer import is_deleted, own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by
 from ..core.messages import Message
 from ..core.rig import ROLES
@@ -117,10 +117,10 @@ def missing(scene: bpy.types.Scene) -> list[str]:
 
 
 def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
-    """Is a viewer one of a scene's objects? A camera that was deleted stays chosen; the scene's own
-    may lie outside of it.
+    """Is a viewer one of a scene's objects? A camera that was deleted stays chosen, as the scene's
+    own, too, which may lie in another scene.
     """
-    if viewer is None:
+    if viewer is None or is_deleted(viewer):
         return False
     found = scene.objects.get(viewer.name)
     if viewer in (scene.camera, found):

@@ -17,7 +17,7 @@ from .roles import in_blender
 from .scene import calibrated_rig
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import own_images, read_viewer, seats_of, shown_first
+from .viewer import is_deleted, own_images, read_viewer, seats_of, shown_first
 
 
 class KeptPlaces(Kept):
@@ -60,9 +60,10 @@ def _viewers(
 ) -> Iterator[Viewer]:
     """The viewers whose places Blender keeps up to date, and that can be some."""
     for seat in seats_of(scene):
-        if seat.camera is not None and is_placed(seat.camera, depsgraph):
+        camera = seat.camera
+        if camera is not None and not is_deleted(camera) and is_placed(camera, depsgraph):
             with suppress(KirikoError):
-                yield read_viewer(seat.camera, depsgraph, scene.render, metres)
+                yield read_viewer(camera, depsgraph, scene.render, metres)
 
 
 def _read(part: Part, kept: KeptPlaces) -> Any:

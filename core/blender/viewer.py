@@ -138,6 +138,11 @@ def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
     return own or (ours.viewer or scene.camera if number == 0 else None)
 
 
+def is_deleted(camera: bpy.types.Object) -> bool:
+    """Is a camera in no scene any more, and only kept by what has chosen it?"""
+    return not camera.users_scene and camera.library is None
+
+
 def seats_of(scene: bpy.types.Scene) -> list[Seat]:
     """The scene's viewers that are on, in their order."""
     listed = scene.kiriko.viewers

@@ -97,8 +97,8 @@ def test_parts_of_no_rig_say_so(
 
 
 def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
-    """Blender's Delete leaves it chosen, where nobody sees it: the rig says that it has none, and
-    where it is the scene's camera, whose place is known all the same, that it has one.
+    """Blender's Delete leaves it chosen, where nobody sees it: the rig says that it has none, where
+    it is the scene's camera, too, as in a scene that had none; the one that is made is that, then.
     """
     needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
     rig = add(cube())
@@ -111,6 +111,10 @@ def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.typ
     with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
         bpy.ops.kiriko.solve()
     scene.camera = viewer
+    assert needed.lacking(scene) == [needed.NEEDED["VIEWER"]]
+    bpy.ops.kiriko.make_part(role="VIEWER")
+    assert scene.camera == scene.kiriko.viewer
+    assert scene.kiriko.viewer not in (None, viewer)
     assert needed.lacking(scene) == []
 
 

@@ -550,8 +550,11 @@ def flattened() -> bpy.types.Mesh:
     ("n", "others"), [(0, ""), (1, "'thing.001'"), (4, "4 other objects")], ids=str
 )
 def test_others_that_have_the_same_mesh_are_named(scene, capfd, mend, n, others):
-    """A mend changes them, too, as edit mode would."""
+    """A mend changes them, too, as edit mode would. What is told names objects, which the artist
+    sees, and not the mesh.
+    """
     mesh = flattened()
+    mesh.name = "Mesh of all"
     if mend == "remove_doubles":
         duplicated(mesh)
     glass = new_object(mesh, "GLASS")
@@ -561,6 +564,7 @@ def test_others_that_have_the_same_mesh_are_named(scene, capfd, mend, n, others)
     said = capfd.readouterr().out
     assert ("Also changed" in said) == bool(n)
     assert f"Also changed, having the same data: {others}." in said or not n
+    assert "Mesh of all" not in said
 
 
 @pytest.mark.parametrize("mend", [*MENDS, "thicken", "select_faults"])
