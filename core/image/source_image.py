@@ -4,6 +4,7 @@ brute-force splat stands beside it as reference.
 
 from collections.abc import Generator
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,19 +112,27 @@ def grow(
     """Fill free pixels next to the covered ones with the mean
     of their covered neighbours, `margin` times.
     """
+    if not margin:
+        return image
+    image, covered = image.copy(), covered.copy()
+    around = [(dy, dx) for dy in range(3) for dx in range(3)]
+    h, w = covered.shape
+
     for _ in range(margin):
-        padded = np.pad(image * covered[..., None], ((1, 1), (1, 1), (0, 0)))
-        mask = np.pad(covered.astype(np.float32), 1)
-        h, w = covered.shape
+        mask = np.pad(covered, 1)
+        is_near = reduce(np.logical_or, [mask[dy : dy + h, dx : dx + w] for dy, dx in around])
+        # few pixels are: colours are read around these alone
+        y, x = new = np.nonzero(is_near & ~covered & is_free)
+        count = total = np.float32(0)
+        for dy, dx in around:
+            is_met = mask[y + dy, x + dx]
+            # beyond the image nothing is covered, whichever pixel is read
+            rows, columns = (y + dy - 1).clip(0, h - 1), (x + dx - 1).clip(0, w - 1)
+            count = count + is_met
+            total = total + image[rows, columns] * is_met[:, None]
 
-        around = [(dy, dx) for dy in range(3) for dx in range(3)]
-        count = sum(mask[dy : dy + h, dx : dx + w] for dy, dx in around)
-        total = sum(padded[dy : dy + h, dx : dx + w] for dy, dx in around)
-
-        new = (count > 0) & ~covered & is_free
-        image = image.copy()
-        image[new] = total[new] / count[new, None]
-        covered = covered | new
+        image[new] = total / count[:, None]
+        covered[new] = True
     return image
 
 
