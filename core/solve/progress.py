@@ -5,6 +5,7 @@ Nothing but the bar that is watched depends on these numbers.
 
 from collections.abc import Generator
 from dataclasses import dataclass
+from math import inf
 from time import perf_counter
 from typing import TypeVar
 
@@ -36,6 +37,7 @@ class Stages:
 STAGES = Stages()
 MOST_TOLD = 0.97  # before all is done: remarks come at the end
 TINY = 1e-9  # s
+LOOKED_ANEW = 0.02  # s after which it is guessed anew how many are to come
 TRUST = 0.3  # of a part of the work: what is expected of it weighs as much as if so much were done
 
 
@@ -142,9 +144,16 @@ class Ahead:
         self._of = pace()
         self._through = self._of.through(plan)
         self._searches = Searches()
+        self._looked = -inf  # after so many seconds
+
+    def is_due(self, rays: RaysAhead, so_far: float) -> bool:
+        """Is it worth a guess how long it goes on after so many seconds? The last one may hold."""
+        self._searches.take_up(rays, so_far)
+        return so_far >= self._looked + LOOKED_ANEW
 
     def seconds(self, rays: RaysAhead, so_far: float) -> float:
         """About how long it goes on after so many seconds of tracing."""
+        self._looked = so_far
         to_trace = self._to_trace(rays, so_far)
         viewer, display = self._plan.viewer, self._plan.rig.display
         made = shares_ahead(self._plan, rays)

@@ -106,6 +106,10 @@ def sample_reached(
                 if sampling.ahead.done.every == 0:  # the kernel's trees grow before the first ray
                     of_plan = so_far
                 if sampling.ahead.is_guessed:
+                    # of hundreds of pauses few tell anything new
+                    if not ahead.is_due(sampling.ahead, so_far - of_plan):
+                        yield told
+                        continue
                     rest = ahead.seconds(sampling.ahead, so_far - of_plan)
                     if sampling.ahead.can_be_told:
                         share = so_far / (so_far + rest)
