@@ -9,12 +9,15 @@
 #define MOST_READS 8
 #define WELL_BELOW 0.999 /* of a limit: so far below it nothing need be worked out, whatever rounding does */
 #define MOST_LEVELS 64
-#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share */
+#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: at most eight places along each side, on two levels */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
 #define STRIPE 1024     /* pixels */
 
 /* The four numbers of a pixel, which lie anywhere in memory. */
 typedef float Colour __attribute__((vector_size(16), aligned(4), may_alias));
+
+typedef double Pair __attribute__((vector_size(16)));
+typedef int32_t Whole __attribute__((vector_size(8)));
 
 /* How places lie on a level: how many of its pixels there are for one of the picture, the last of them, and the last
    that has another beside or below it. */
@@ -23,11 +26,19 @@ typedef struct {
     int32_t last[2];
 } Grid;
 
-/* A picture's sizes. */
+/* How a share is read along a side: at how many places, as parts of the side from its middle. */
+typedef struct {
+    int n;
+    const double *step; /* the same for all sides that are read at one place, or at two, four or eight far apart */
+    double own[MOST_READS];
+} Side;
+
+/* A picture's sizes; sides that are read at four places far apart, and at as many as can be. */
 typedef struct {
     const Level *levels;
     int64_t n_levels;
     Grid grids[MOST_LEVELS];
+    Side four, most;
 } Reader;
 
 /* Where a share lies on the picture, two sides of it, each as long as its standard deviation, and what it weighs. */
@@ -87,28 +98,23 @@ static bool find_footprint(const Strokes *s, int64_t i, Footprint *f) {
     return across * along >= 0.5 && f->weight > 0;
 }
 
-/* What a share reads of a picture: at most eight places along each side, each on two levels. */
-typedef struct {
-    Tap tap[MOST_TAPS];
-    int n;
-} Taps;
-
-/* Read, times weight, one level: centres of pixels at + 0.5, edges extended. */
-static inline void read_level(const Reader *reader, int64_t k, double x, double y, double weight, Taps *taps) {
+/* Read, times weight, one level: centres of pixels at + 0.5, edges extended. Returns the place for the next tap, as all
+   that read do. */
+static inline Tap *read_level(const Reader *reader, int64_t k, double x, double y, double weight, Tap *tap) {
     const Grid *grid = reader->grids + k;
     x = clip(x * grid->scale[0] - 0.5, 0, grid->most[0]);
     y = clip(y * grid->scale[1] - 0.5, 0, grid->most[1]);
     int32_t column = (int32_t)x, row = (int32_t)y;
     column = column > grid->last[0] ? grid->last[0] : column;
     row = row > grid->last[1] ? grid->last[1] : row;
-    x -= (double)column;
-    double lower = weight * (y - (double)row), upper = weight - lower;
-    double upper_right = upper * x, lower_right = lower * x;
-    taps->tap[taps->n++] = (Tap){.row = row,
-                                 .column = column,
-                                 .level = (int32_t)k,
-                                 .weight = {(float)(upper - upper_right), (float)upper_right,
-                                            (float)(lower - lower_right), (float)lower_right}};
+    Pair part = (Pair){x, y} - __builtin_convertvector(((Whole){column, row}), Pair);
+    double lower = weight * part[1];
+    Pair rows = {weight - lower, lower}, right = rows * part[0], left = rows - right;
+    *tap = (Tap){.row = row,
+                 .column = column,
+                 .level = (int32_t)k,
+                 .weight = {(float)left[0], (float)right[0], (float)left[1], (float)right[1]}};
+    return tap + 1;
 }
 
 /* Levels that are mixed so that a read between their pixels spreads by a variance along each axis. */
@@ -126,32 +132,19 @@ static Mix find_mix(const Reader *reader, double variance) {
 }
 
 /* Read, times weight, at a place. */
-static inline void read_place(const Reader *reader, Mix mix, double x, double y, double weight, Taps *taps) {
+static inline Tap *read_place(const Reader *reader, Mix mix, double x, double y, double weight, Tap *tap) {
     double of_upper = weight * mix.upper_part, of_lower = weight - of_upper;
-    if (of_lower > 0) read_level(reader, mix.lower, x, y, of_lower, taps);
-    if (of_upper > 0) read_level(reader, mix.lower + 1, x, y, of_upper, taps);
+    if (of_lower > 0) tap = read_level(reader, mix.lower, x, y, of_lower, tap);
+    if (of_upper > 0) tap = read_level(reader, mix.lower + 1, x, y, of_upper, tap);
+    return tap;
 }
-
-/* How a share is read along a side: at how many places, as parts of the side from its middle. */
-typedef struct {
-    int n;
-    const double *step; /* the same for all sides that are read at one place, or at two far apart; else its own */
-    double own[MOST_READS];
-} Side;
 
 static const double ONE[1] = {0}, TWO[2] = {-1, 1};
 
 static inline double squared(double number) { return number * number; }
 
-/* By the square of its length, for most sides need no root. */
-static inline void find_side(double square, const Strokes *strokes, Side *side) {
-    side->n = 1;
-    side->step = ONE;
-    if (square < squared(WELL_BELOW * POINT_SIDE)) return;
-    side->n = 2;
-    side->step = TWO;
-    if (square > squared(2 * POINT_SIDE / WELL_BELOW) && square < squared(WELL_BELOW * 2 * strokes->side)) return;
-    double length = sqrt(square), two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
+static void find_own_side(double length, const Strokes *strokes, Side *side) {
+    double two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
     double four = clip((relative - 2) / APART, 0, 1);
     double eight = strokes->most_reads > 4 ? clip((relative / 2 - 2) / APART, 0, 1) : 0;
     side->n = eight > 0 ? 8 : four > 0 ? 4 : two > 0 ? 2 : 1;
@@ -162,6 +155,24 @@ static inline void find_side(double square, const Strokes *strokes, Side *side) 
         side->own[k] = 0;
         for (int i = 0, half = side->n / 2; half > 0; i++, half /= 2) side->own[k] += k & half ? steps[i] : -steps[i];
     }
+}
+
+static inline void take_side(int n, const double *step, Side *side) {
+    side->n = n;
+    side->step = step;
+}
+
+/* By the square of its length, for most sides need no root. */
+static inline void find_side(double square, const Strokes *strokes, const Reader *reader, Side *side) {
+    double one = strokes->side, less = squared(WELL_BELOW) * square;
+    if (square < squared(WELL_BELOW * POINT_SIDE)) take_side(1, ONE, side);
+    else if (less > squared(2 * POINT_SIDE) && square < squared(WELL_BELOW * 2 * one))
+        take_side(2, TWO, side);
+    else if (one > POINT_SIDE && less > squared((2 + APART) * one) && square < squared(WELL_BELOW * 4 * one))
+        take_side(reader->four.n, reader->four.own, side);
+    else if (one > POINT_SIDE && less > squared(2 * (2 + APART) * one))
+        take_side(reader->most.n, reader->most.own, side);
+    else find_own_side(sqrt(square), strokes, side);
 }
 
 /* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
@@ -186,20 +197,21 @@ static double leave_to_levels(double *first, double *second, double square, cons
 }
 
 /* Read a share at as many places as its sides need. */
-static void read_share(const Strokes *strokes, const Reader *reader, const Footprint *f, Taps *taps) {
+static Tap *read_share(const Strokes *strokes, const Reader *reader, const Footprint *f, Tap *tap) {
     double first[2] = {f->first[0], f->first[1]}, second[2] = {f->second[0], f->second[1]};
     double length = 12 * (first[0] * first[0] + first[1] * first[1]); /* both squared */
     double width = 12 * (second[0] * second[0] + second[1] * second[1]);
     Side along, across;
-    find_side(length, strokes, &along);
-    find_side(width, strokes, &across);
+    find_side(length, strokes, reader, &along);
+    find_side(width, strokes, reader, &across);
     Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width, strokes));
     double weight = f->weight / (along.n * across.n);
     for (int i = 0; i < along.n; i++) {
         double x = f->at[0] + along.step[i] * first[0], y = f->at[1] + along.step[i] * first[1];
         for (int j = 0; j < across.n; j++)
-            read_place(reader, mix, x + across.step[j] * second[0], y + across.step[j] * second[1], weight, taps);
+            tap = read_place(reader, mix, x + across.step[j] * second[0], y + across.step[j] * second[1], weight, tap);
     }
+    return tap;
 }
 
 /* Add what some taps read, one after another, to a display pixel. */
@@ -245,17 +257,16 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
         int64_t stripe = pixel / STRIPE % N_STRIPES;
         Footprint footprint;
         if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
-        Taps taps; /* of which only the first n are set */
-        taps.n = 0;
-        read_share(strokes, &canvas->reader, &footprint, &taps);
+        Tap taps[MOST_TAPS]; /* of which only those before the end are set */
+        const Tap *end = read_share(strokes, &canvas->reader, &footprint, taps);
         if (canvas->total) {
-            add_taps(canvas->reader.levels, taps.tap, taps.n, canvas->total + pixel, n_pixels);
+            add_taps(canvas->reader.levels, taps, end - taps, canvas->total + pixel, n_pixels);
             continue;
         }
-        for (int k = 0; k < taps.n; k++) {
-            taps.tap[k].pixel = (int32_t)pixel;
+        for (Tap *tap = taps; tap < end; tap++) {
+            tap->pixel = (int32_t)pixel;
             int64_t *n = canvas->n + (pixel - canvas->low);
-            if (canvas->taps) canvas->taps[*n] = taps.tap[k];
+            if (canvas->taps) canvas->taps[*n] = *tap;
             ++*n;
         }
     }
@@ -273,6 +284,8 @@ static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, in
             reader->grids[k].last[a] = size[a] > 1 ? (int32_t)(size[a] - 2) : 0;
         }
     }
+    find_own_side(3 * canvas->strokes->side, canvas->strokes, &reader->four);
+    find_own_side(6 * canvas->strokes->side, canvas->strokes, &reader->most);
     if (n_threads < 1) n_threads = 1;
     int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
     if (reader->n_levels > 0) share_out(go_through_stripes, canvas, N_STRIPES, at_once, n_threads);
