@@ -8,6 +8,7 @@ import numpy as np
 
 from .arrays import Bools, Floats, Ints
 from .errors import MeshError
+from .fingerprint import fingerprint
 
 # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
 SAME_NORMAL = 1e-5
@@ -58,6 +59,11 @@ class Mesh:
     def flat(self) -> "Mesh":
         """The same triangles, each flat whatever its shading."""
         return replace(self, corner_normals=None, is_smooth=None, polygon=None)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Tells it from all others; found once, for it takes as long as reading all of it."""
+        return fingerprint(self)
 
     @property
     def corners(self) -> Floats:

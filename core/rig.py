@@ -153,9 +153,14 @@ class Rig:
         """A key of all that light from each viewer meets, whatever the others are, however much
         that viewer counts, and wherever the picture is; found once.
         """
+        # meshes, which are large, often stay the same ones
+        met = {
+            role.field: tuple(replace(part, mesh=part.mesh.fingerprint) for part in self.of(role))
+            for role in MET_ROLES
+        }
         # light lands where it does, however dark the display's black is
-        displays = tuple(replace(display, black_level=0.0) for display in self.displays)
-        of_all = fingerprint(replace(self, viewers=(), pictures=(), displays=displays))
+        met["displays"] = tuple(replace(one, black_level=0.0) for one in met["displays"])
+        of_all = fingerprint(replace(self, viewers=(), pictures=(), **met))
         return tuple(fingerprint(of_all, replace(one, weight=1.0)) for one in self.viewers)
 
     def curved_parts(self) -> tuple[Any, ...]:

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from ..fingerprint import fingerprint
 from ..glass.motion import Motion, find_motion
 from ..glass.solids import making_solids
 from ..glass.surfaces import Surface
@@ -55,7 +54,7 @@ class Kept:
 
     def _place(self, mesh: Mesh) -> Pauses[tuple[str, Motion | None]]:
         """Key of a mesh's solids, and the motion from there; made where there are none."""
-        key = fingerprint(mesh)
+        key = mesh.fingerprint
         if key not in self._old and key not in self._now:
             for other, made in () if self._is_exact else self._old.items():
                 motion = find_motion(made[0], mesh) if isinstance(made, tuple) else None

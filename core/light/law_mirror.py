@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..arrays import Ints
-from ..fingerprint import fingerprint
 from ..glass.surfaces import Surface, make_surface
 from ..rig import Mirror
 from ..vectors import dot, normalise
@@ -17,7 +16,7 @@ from .rays import FACE_MIRROR, MIRROR, Rays
 
 def surface(part: Mirror, kept: Kept) -> tuple[Surface, str]:
     """A surface that may be curved."""
-    key = fingerprint(part.mesh)
+    key = part.mesh.fingerprint
     return kept.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
 
 
