@@ -44,8 +44,7 @@ from .windows import all_windows, redraw
 # s between two looks at the settings, which take a millisecond:
 # scripts that change them wake no handler
 IDLE = 0.1
-# s between two turns of work: Blender draws the interface before each, and rests 5 ms where no event comes
-PAUSE = 0.0
+PAUSE = 0.0  # s between two turns of work: Blender hears events and draws before each anyway
 TURN = 0.03  # s after which a turn begins no other step
 QUICK = 0.4  # s: a rig that took less as a whole the last time gets no coarse picture first
 LONG = 0.1  # s: a step that may take longer is announced

@@ -256,6 +256,21 @@ def test_margin_grows_the_covered_area_by_its_neighbours():
     assert (grow(image, covered, 0) == image).all()
 
 
+def test_grown_pixels_are_means_of_their_covered_neighbours():
+    """At the image's edges, too, and where pixels may not be grown into."""
+    random = np.random.default_rng(0)
+    covered = random.random((9, 13)) < 0.3
+    is_free = random.random(covered.shape) < 0.7
+    image = np.where(covered[..., None], random.random((9, 13, 3)), 0).astype(np.float32)
+    grown = grow(image, covered, 1, is_free)
+    for y, x in np.ndindex(covered.shape):
+        around = np.s_[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
+        met = image[around][covered[around]]
+        is_new = not covered[y, x] and is_free[y, x] and len(met) > 0
+        expected = met.mean(axis=0) if is_new else image[y, x]
+        assert grown[y, x] == pytest.approx(expected, rel=1e-6)
+
+
 def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
     """An image without a mesh covers the viewer's frame: the
     seen image is that image, pixel by pixel.
