@@ -31,11 +31,13 @@ class Looked:
 
     meshes : those of objects by session uid; one that has changed is not among them
     asked : has a panel asked since the last look?
+    is_whole : are all meshes known that are there?
     """
 
     entries: list[Entry] = field(default_factory=list)
     meshes: dict[int, LookedMesh] = field(default_factory=dict)
     asked: bool = True
+    is_whole: bool = False
     rests_until: float = 0.0
     changed_at: float = 0.0
     lasted: float = 0.0
@@ -57,8 +59,14 @@ def found(context: bpy.types.Context) -> list[Entry]:
     uid = context.scene.session_uid
     if uid not in _looked or bpy.app.background:
         _look(_looked.setdefault(uid, Looked()), context.scene)
+        _looked[uid].is_whole = bpy.app.background
     _looked[uid].asked = True
     return _looked[uid].entries
+
+
+def is_looking(scene: bpy.types.Scene) -> bool:
+    """Is a mesh still to be looked at, so that nobody knows whether there is more to do?"""
+    return scene.session_uid in _looked and not _looked[scene.session_uid].is_whole
 
 
 def look_again(scene: bpy.types.Scene) -> None:
@@ -74,6 +82,7 @@ def look_now(context: bpy.types.Context) -> list[Entry]:
     while _look_at_mesh(looked, context):
         pass
     _look(looked, context.scene)
+    looked.is_whole = True
     return looked.entries
 
 
@@ -132,10 +141,11 @@ def _turn() -> None:
         with bpy.context.temp_override(window=window):
             is_more = looked.is_quiet and _look_at_mesh(looked, bpy.context)
             is_waiting = not looked.is_quiet
-            before = looked.entries
+            before = looked.entries, looked.is_whole
             _look(looked, scene)
         looked.asked = is_more or is_waiting  # come back, whether or not it is drawn
-        if looked.entries != before:
+        looked.is_whole = not looked.asked
+        if (looked.entries, looked.is_whole) != before:
             windows.redraw()
         return
 
@@ -148,7 +158,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
             for looked in _looked.values():
                 looked.meshes.pop(block.session_uid, None)
-                looked.changed_at, looked.asked = monotonic(), True
+                looked.changed_at, looked.asked, looked.is_whole = monotonic(), True, False
 
 
 @persistent
@@ -156,7 +166,7 @@ def on_undo(*_: object) -> None:
     """Any mesh may be another one."""
     for looked in _looked.values():
         looked.meshes.clear()
-        looked.asked = True
+        looked.asked, looked.is_whole = True, False
 
 
 @persistent

@@ -19,6 +19,7 @@ FIRST = Message(
 
 READY = Message("Ready.")
 SOLVE = Message("Ready: press Solve.")
+LOOKING = Message("Looking at the shape.")
 EDITED = Message("What is to mend in the shape is told as you leave edit mode.")
 
 
@@ -55,6 +56,8 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             draw_entry(layout, context, entry)
         if needed.edited(context):
             sentence(layout, context, EDITED, icon="INFO")
+        elif not found and look_over.is_looking(context.scene):
+            sentence(layout, context, LOOKING, icon="INFO")
         elif not found:
             scene = context.scene
             is_next = scene.kiriko.result.source is None and not watch.is_followed(scene)

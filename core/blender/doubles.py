@@ -6,7 +6,7 @@ import numpy as np
 from ..arrays import Bools
 from ..glass.meshes import components
 from ..glass.weld import coincident
-from .mesh import column, has_area
+from .mesh import COPIED, column, has_area
 
 
 def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
@@ -15,16 +15,17 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     They look the same way: where two bodies touch, faces look opposite ways, and are no doubles.
     Unless each of a body's is there twice, as of one and its inside. Those without area are none.
     """
-    points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
+    points = column(mesh.vertices, "co", 3, np.float32).astype(float).reshape(-1, 3)
     mesh.calc_loop_triangles()
     drawn = column(mesh.loop_triangles, "vertices", 3, np.int32).reshape(-1, 3)
     is_face = np.zeros(len(mesh.polygons), bool)
     polygons = column(mesh.loop_triangles, "polygon_index", 1, np.int32)
     is_face[polygons[has_area(points, drawn)]] = True
-    if not is_face.any():
-        return is_face
+    if not is_face.any() or not np.isfinite(points).all():
+        return np.zeros_like(is_face)
 
-    places = coincident(points, 0.0)
+    # a copy that is turned or mirrored onto the mesh is rounded otherwise
+    places = coincident(points, COPIED * float(np.abs(points).max()))
     corners = places[column(mesh.loops, "vertex_index", 1, np.int32)]
     starts = column(mesh.polygons, "loop_start", 1, np.int32)
     following = np.roll(corners, -1)

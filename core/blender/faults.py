@@ -24,7 +24,7 @@ class Faults:
     one : (v,) the vertex that each counts as
     is_inside_out : do its faces look into it?
     is_vessel : is one of its holes as wide as a mouth?
-    is_one_sided : has it one side only, though it is closed?
+    is_one_sided : has a closed part of it one side only?
     """
 
     n_triangles: int
@@ -63,9 +63,8 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     is_flat[polygons[has_no_area]] = True
 
     is_open = open_edges(one[edges], local.triangles)
-    is_closed = not is_open.any()
     volume = volume_of(local.vertices[local.triangles])
-    one_sided = is_closed and is_one_sided(local.triangles)
+    one_sided = is_one_sided(local.triangles)
     is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
     return Faults(
         n, is_flat, int(has_no_area.sum()), is_open, one, volume < 0, is_vessel, one_sided

@@ -23,7 +23,7 @@ class Counts(NamedTuple):
     is_vessel : is a hole of it as wide as the mouth of a vessel?
     is_cut_curved : are any of the polygons that others cut shaded smooth?
     n_double : polygons that lie on others
-    is_one_sided : has it one side only, though it is closed?
+    is_one_sided : has a closed part of it one side only?
     """
 
     n_open: int = 0

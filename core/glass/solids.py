@@ -94,14 +94,17 @@ def _joined_ways(edges: Edges, n: int) -> tuple[Ints, Ints]:
 
 
 def is_one_sided(triangles: Ints) -> bool:
-    """Has a surface of triangles (t, 3) a part with one side only, as a Klein bottle has, so that
-    nothing is inside of it?
+    """Has a surface of triangles (t, 3) a closed part with one side only, as a Klein bottle has, so
+    that nothing is inside of it?
     """
     edges = find_edges(triangles)
     if not edges.is_same_way.any():
         return False
-    as_drawn, turned = _joined_ways(edges, len(triangles))
-    return bool((as_drawn == turned).any())
+    n = len(triangles)
+    as_drawn, turned = _joined_ways(edges, n)
+    is_at_hole = np.bincount(np.r_[edges.first, edges.second], minlength=n) < 3
+    has_hole = np.bincount(as_drawn, is_at_hole, n)[as_drawn] > 0
+    return bool(((as_drawn == turned) & ~has_hole).any())
 
 
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:

@@ -742,6 +742,39 @@ def test_a_mesh_is_looked_at_once(
     assert looked_at[before:] == [glass]
 
 
+def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
+    look: Callable[[], list],
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    drawn: Callable[..., Layout],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A look at a shape waits until that is left alone; until then nobody knows."""
+    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    glass = small_rig()["GLASS"]
+    assert look() == []
+    assert not look_over.is_looking(scene)
+    glass.data.update()
+    glass.data.update_tag()
+    bpy.context.view_layer.update()
+    assert look_over.is_looking(scene)
+    with monkeypatch.context() as patch:
+        patch.setattr(look_over, "found", lambda context: [])  # background looks as it is drawn
+        texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    assert texts == ["Looking at the shape."]
+
+    monkeypatch.setattr(look_over, "RESTING", 0.0)
+    look_over.look_again(scene)
+    look_over.tick()
+    assert look_over.is_looking(scene)  # it is too early
+    monkeypatch.setattr(look_over, "QUIET", 0.0)
+    monkeypatch.setattr(look_over, "SHARE", 0.0)
+    for _ in range(9):  # a mesh a turn
+        look_over.tick()
+    assert not look_over.is_looking(scene)
+    assert drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
+
+
 def test_glass_of_modifiers_is_not_flat_after_undo(
     look: Callable[[], list], drawn: Callable[..., Layout]
 ) -> None:

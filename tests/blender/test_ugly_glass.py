@@ -800,6 +800,31 @@ def test_faces_without_area_are_no_doubles(look: Callable[[], list]) -> None:
     assert "twice" not in " ".join(told(look()))
 
 
+@pytest.mark.parametrize(
+    "turn",
+    [Matrix.Scale(-1.0, 4, (1, 0, 0)), Matrix.Rotation(2 * np.pi * 5 / 24, 4, "Z")],
+    ids=["mirrored", "turned"],
+)
+def test_a_copy_that_is_turned_onto_its_mesh_is_a_double(
+    look: Callable[[], list], turn: Matrix
+) -> None:
+    """By rounding its vertices are not quite in the places of the others."""
+    mesh = primitive("uvsphere", radius=0.05, u_segments=24, v_segments=12)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    copies = bmesh.ops.duplicate(shape, geom=shape.faces[:])["geom"]
+    points = [one for one in copies if isinstance(one, bmesh.types.BMVert)]
+    bmesh.ops.transform(shape, matrix=turn, verts=points)
+    shape.to_mesh(mesh)
+    shape.free()
+    n = len(mesh.polygons) // 2
+    thing = new_object(mesh, "GLASS")
+    thing.kiriko.use_ior = True
+    press(look(), f"has {n} faces twice", "Remove")
+    assert len(mesh.polygons) == n
+    assert not any(t in text for text in told(look()) for t in ("twice", "not closed"))
+
+
 def test_doubles_of_modifiers_are_welded(look: Callable[[], list]) -> None:
     """A cube that is mirrored onto itself: nothing of its own mesh is there twice."""
     thing = new_object(primitive("cube", size=0.0625), "GLASS")
@@ -832,13 +857,25 @@ def klein_bottle(n: int = 32, m: int = 16) -> bpy.types.Mesh:
 
 
 def test_a_klein_bottle_has_no_inside(look: Callable[[], list]) -> None:
-    """It is closed, and told all the same; walls have an inside. So has any other shape, however
-    its faces were drawn.
+    """It is closed, and told all the same, beside a loose face, too; walls have an inside. So has
+    any other shape, however its faces were drawn.
     """
     thing = new_object(klein_bottle(), "GLASS")
     thing.kiriko.use_ior = True
     words = "'thing' has no inside: its surface has one side only"
     assert not any("not closed" in text for text in told(look()))
+    alone = thing.data
+    thing.data = alone.copy()
+    shape = bmesh.new()
+    shape.from_mesh(alone)
+    shape.faces.new([shape.verts.new((0.1, 0.01 * (k == 1), 0.01 * k)) for k in range(3)])
+    shape.to_mesh(thing.data)
+    shape.free()
+    bpy.context.view_layer.update()
+    assert labels_of(look(), words) == ["Select Part", "Thicken"]
+    assert any("not closed" in text for text in told(look()))
+    thing.data = alone
+    bpy.context.view_layer.update()
     assert labels_of(look(), words) == ["Select Part", "Thicken"]
     press(look(), words, "Thicken")
     bpy.context.view_layer.update()
