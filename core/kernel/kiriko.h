@@ -243,10 +243,11 @@ typedef struct {
     int64_t n_patches, n_units;        /* units are the boxes of the first level */
 } ThinParts;
 
-/* Where n bundles of rays went. */
+/* Where rays went, of which n bundles are made. */
 typedef struct {
-    const double *places;              /* (n, n_rays, n_events + 1, 3) */
-    const int32_t *met;                /* (n, n_rays, n_events) patches */
+    const double *places;              /* (r, n_events + 1, 3) */
+    const int32_t *met;                /* (r, n_events) patches */
+    const int64_t *rays;               /* (n, n_rays) of each bundle: rows of both */
     int64_t n, n_rays, n_events;
     double widest;
     uint8_t *touched;                  /* (n,) */

@@ -78,8 +78,9 @@ ThinPartsStructure = _structure(
     n_units=_I,
 )  # fmt: skip
 PathsStructure = _structure(
-    "PathsStructure", places=_P, met=_P, n=_I, n_rays=_I, n_events=_I, widest=_D, touched=_P
-)
+    "PathsStructure",
+    places=_P, met=_P, rays=_P, n=_I, n_rays=_I, n_events=_I, widest=_D, touched=_P,
+)  # fmt: skip
 HalvingStructure = _structure(
     "HalvingStructure",
     start=_P, way=_P, branch=_P, low=_P, width=_P, xy=_P, throughput=_P, n_tried=_P, least=_D,

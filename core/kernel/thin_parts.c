@@ -113,28 +113,32 @@ static bool comes_near(const ThinParts *parts, const Bundle *b, int level, int64
 }
 
 /* Do rays come near a patch that none of them met? They are followed up to where they part or diverge. */
-static bool pass_by(const ThinParts *parts, const Paths *paths, const double *places, const int32_t *met) {
+static bool pass_by(const ThinParts *parts, const Paths *paths, const int64_t *rays) {
     uint64_t is_met[MOST_UNITS / 64] = {0};
     int64_t n = paths->n_rays, m = paths->n_events;
-    for (int64_t i = 0; i < n * m; i++) {
-        if (met[i] < 0 || met[i] >= parts->n_patches) continue;
-        int64_t unit = parts->unit_of_patch[met[i]];
-        is_met[unit / 64] |= (uint64_t)1 << (unit % 64);
+    const int32_t *met[MOST_BUNDLED];
+    for (int64_t r = 0; r < n; r++) {
+        met[r] = paths->met + rays[r] * m;
+        for (int64_t e = 0; e < m; e++) {
+            if (met[r][e] < 0 || met[r][e] >= parts->n_patches) continue;
+            int64_t unit = parts->unit_of_patch[met[r][e]];
+            is_met[unit / 64] |= (uint64_t)1 << (unit % 64);
+        }
     }
     for (int64_t e = 0; e < m; e++) {
         Bundle bundle = {.n = n};
         double off = 0;
         bool leaves = false, parts_here = false, is_lost = false;
         for (int64_t r = 0; r < n; r++) {
-            bundle.start[r] = places + 3 * (r * (m + 1) + e);
+            bundle.start[r] = paths->places + 3 * (rays[r] * (m + 1) + e);
             bundle.end[r] = bundle.start[r] + 3;
             for (int a = 0; a < 3; a++) {
                 double away = fabs(bundle.end[r][a] - bundle.end[0][a]);
                 is_lost |= away != away;
                 if (away > off) off = away;
             }
-            leaves |= met[r * m + e] < 0;
-            parts_here |= met[r * m + e] != met[e];
+            leaves |= met[r][e] < 0;
+            parts_here |= met[r][e] != met[0][e];
         }
         /* a ray that leaves the rig is followed far beyond it: there its bundle may be as wide as the rig */
         bool is_wide = !is_lost && off > (leaves ? paths->widest / WIDEST : paths->widest);
@@ -158,9 +162,8 @@ typedef struct {
 static void ask_some(void *context, int64_t first, int64_t last) {
     const Asked *asked = context;
     const Paths *paths = asked->paths;
-    int64_t n_met = paths->n_rays * paths->n_events, n_places = 3 * (n_met + paths->n_rays);
     for (int64_t i = first; i < last; i++)
-        paths->touched[i] = pass_by(asked->parts, paths, paths->places + i * n_places, paths->met + i * n_met);
+        paths->touched[i] = pass_by(asked->parts, paths, paths->rays + i * paths->n_rays);
 }
 
 /* Which bundles come near a patch that none of their rays met? In that many threads. */

@@ -46,23 +46,24 @@ class Boxes:
         made.point("unit_of_patch", unit_of_patch, np.int64)
         made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
 
-    def knows(self, places: Floats) -> bool:
-        """Can the kernel tell of bundles with such places?"""
-        return 0 < places.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
+    def knows(self, rays: Ints) -> bool:
+        """Can the kernel tell of bundles of such rays (s, k)?"""
+        return 0 < rays.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
 
-    def touch(self, places: Floats, met: Ints, widest: float) -> Pauses[Bools]:
+    def touch(self, places: Floats, met: Ints, rays: Ints, widest: float) -> Pauses[Bools]:
         """Which bundles (s,) come near a patch that none of their rays met: as
         `ThinParts.touch`.
         """
-        touched = np.zeros(len(places), bool)
-        for first in range(0, len(places), BUNDLES_AT_ONCE):
+        touched = np.zeros(len(rays), bool)
+        made = Made(PathsStructure)
+        made.point("places", places, float)
+        made.point("met", met, np.int32)
+        made.set(n_events=met.shape[1], widest=widest)
+        for first in range(0, len(rays), BUNDLES_AT_ONCE):
             some = slice(first, first + BUNDLES_AT_ONCE)
-            made = Made(PathsStructure)
-            made.point("places", places[some], float)
-            made.point("met", met[some], np.int32)
+            n, n_rays = made.point("rays", rays[some], np.int64).shape
             made.point("touched", touched[some], bool)  # a view: the kernel writes into the result
-            n, n_rays, n_events = met[some].shape
-            made.set(n=n, n_rays=n_rays, n_events=n_events, widest=widest)
+            made.set(n=n, n_rays=n_rays)
 
             structures = ctypes.addressof(self._made.structure), ctypes.addressof(made.structure)
             loaded().kiriko_touch(*structures, n_threads())

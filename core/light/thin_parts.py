@@ -108,23 +108,23 @@ class ThinParts:
         boxes = [np.stack(sides).transpose(2, 0, 1) for sides in self._boxes]
         return kernel.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
 
-    def touch(self, places: Floats, met: Ints) -> Pauses[Bools]:
+    def touch(self, places: Floats, met: Ints, rays: Ints) -> Pauses[Bools]:
         """Which bundles (s,) of k rays come near a patch that
         none of them met? Pauses now and then.
 
         Parameters
         ----------
-        places : (s, k, m + 1, 3) m, where the rays began and
-            where their events were; NaN after the last
-        met : (s, k, m) patch at each event, -1 after the last. Rays are followed up to where they
-            part or diverge; where they do so before they meet anything they count as near to
-            everything
+        places : (r, m + 1, 3) m, where r rays began and where their events were; NaN after the last
+        met : (r, m) patch at each event, -1 after the last. Rays are followed up to where they part
+            or diverge; where they do so before they meet anything they count as near to everything
+        rays : (s, k) those of each bundle
         """
         low, high = self.box
         widest = THIN.widest * float(np.linalg.norm(high - low))
-        if kernel.library() is not None and self._of_kernel.knows(places):
-            return (yield from self._of_kernel.touch(places, met, widest))
+        if kernel.library() is not None and self._of_kernel.knows(rays):
+            return (yield from self._of_kernel.touch(places, met, rays, widest))
 
+        places, met = taken(places, rays), taken(met, rays)
         is_met = np.zeros((len(places), self.n_units), bool)
         is_there = met >= 0
         is_met[np.nonzero(is_there)[0], self._unit_of_patch[met[is_there]]] = True

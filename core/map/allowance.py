@@ -83,5 +83,9 @@ class Allowance:
 
     def _pixel(self, view: Floats) -> Ints:
         """Numbers (n,) of the pixels of viewer px (n, 2)."""
-        column, row = np.clip(np.floor(view), 0, self.size).astype(np.int64).T
+        # numpy is slow where rows are two numbers long
+        column, row = (
+            np.clip(along.astype(np.int64), 0, most)
+            for along, most in zip(view.T, self.size, strict=True)
+        )
         return row * (self.size[0] + 1) + column

@@ -17,7 +17,7 @@ from ..light.plan import Plan
 from ..steps import Pauses
 from .allowance import Allowance
 from .cut_ahead import CutAhead
-from .cut_cells import around_middles, cut_cells
+from .cut_cells import around_middles, cut_cells, find_sides
 from .doubts import (
     CUT,
     Doubts,
@@ -146,8 +146,6 @@ class _Cutting:
             self.plan, self.points, some.corners, some.middle, self.allowance
         )
         yield 0
-        if depth == self.quarterings:  # none of these are quartered again
-            yield from self.to_come.expect(self.points, self.known, corners, depth)
         cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
         branch = self.points.branch[corners]
         is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
@@ -163,8 +161,8 @@ class _Cutting:
         """Cut what is not looked into any further."""
         yield 0
         last = np.concatenate(self.last)
-        none = np.empty((0, 4), np.int64)
-        yield from self.to_come.expect(self.points, self.known, none, N_SEARCHES - 1)
+        none = yield from find_sides(self.points, np.empty((0, 4), np.int64), self.known)
+        yield from self.to_come.expect(self.points, self.known, none, N_SEARCHES - 1, (0, 0))
         of_last = yield from self.ahead.searching(self._cut_last(last))
         triangles = np.concatenate([*self.triangles, of_last])
         quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
@@ -187,12 +185,15 @@ class _Cutting:
         )
         n_bent = int((off[one] > tolerance).sum())
         yield 0
-        yield from self.to_come.expect(self.points, self.known, cells.corners, depth, n_bent)
 
         # on several
         corners, middle = cells.corners[mixed], cells.middle[mixed]
+        sides = yield from find_sides(self.points, corners, self.known)
+        yield 0
+        of_one = len(one), n_bent
+        yield from self.to_come.expect(self.points, self.known, sides, depth, of_one)
         found = yield from self.ahead.searching(
-            cut_cells(plan, self.points, corners, self.known, self.allowance, middle)
+            cut_cells(plan, self.points, sides, self.known, self.allowance, middle)
         )
         self.points, self.known = found.points, found.known
         yield 0
@@ -271,9 +272,9 @@ class _Cutting:
         branch = self.points.branch[triangles]
         is_one = (branch == branch[:, :1]).all(axis=1)
         mixed = np.flatnonzero(~is_one)
-        found = yield from cut_cells(
-            self.plan, self.points, triangles[mixed], self.known, self.allowance
-        )
+        sides = yield from find_sides(self.points, triangles[mixed], self.known)
+        yield 0
+        found = yield from cut_cells(self.plan, self.points, sides, self.known, self.allowance)
         self.points = found.points
         yield 0
 

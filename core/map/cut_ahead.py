@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from ..arrays import Bools, Ints
 from ..light.plan import Plan
 from ..steps import Pauses
-from .cut_cells import around_middles, n_unknown
+from .cut_cells import Sides, around_middles, find_sides
 from .doubts import Doubts
 from .faint import may_take_more
 from .known_borders import Borders
@@ -23,7 +21,7 @@ class CutAhead:
     last : (n, 5) corners and middles of cells that are cut around their middles at the end
     chaotic : (c, 4) cells that are sampled instead
 
-    These lists are those of whoever cuts, and grow.
+    These lists are those of whoever cuts, and grow: of each part of `last` edges are counted once.
     """
 
     def __init__(
@@ -37,20 +35,25 @@ class CutAhead:
         self.plan, self.ahead = plan, ahead
         self.kinds, self.last, self.chaotic = kinds, last, chaotic
         self._shares = SharesOfPieces(plan)
+        self._edges_of_last: list[tuple[int, int]] = []
 
     def expect(
-        self, points: Points, known: Borders, cells: Ints, depth: int, n_bent: int = 0
+        self, points: Points, known: Borders, sides: Sides, depth: int, of_one: Sequence[int]
     ) -> Pauses[None]:
-        """Before borders are looked for in cells (m, 4), quartered so often, of which so many are
-        bent on one branch: the rays to find those that are not known, to cut the cells that were
-        left for the end, and to sample; and the cells that are to be put together.
+        """Before borders are looked for on sides of cells that were quartered so often: the rays to
+        find these, to cut the cells that were left for the end, and to sample; and the cells that
+        are to be put together.
+
+        of_one : how many cells on one branch there are besides, and how many of these are bent
         """
-        last = around_middles(np.concatenate([np.empty((0, 5), np.int64), *self.last]))
+        for some in self.last[len(self._edges_of_last) :]:
+            of_last = yield from find_sides(points, around_middles(some), known)
+            yield 0
+            self._edges_of_last.append(of_last.n_edges)
         yield 0
-        n_edges = [(yield from n_unknown(points, cells, known))]
-        yield 0
-        n_edges.append((yield from n_unknown(points, last, known)))
-        rays = rays_of_cut(self.plan, points, n_edges, depth, self.chaotic)
+        n_last = [sum(n) for n in zip((0, 0), *self._edges_of_last, strict=True)]
+        n_one, n_bent = of_one
+        rays = rays_of_cut(self.plan, points, (sides.n_edges, n_last), depth, self.chaotic)
         rays = rays.and_more(Rays(searches=N_SEARCHES - depth))
         n_anew = 0.0
         if n_bent:
@@ -58,7 +61,7 @@ class CutAhead:
             n_anew = RAYS.cells_of_bent[depth] * n_bent
         self.ahead.expect(rays)
         self.ahead.sums_light = may_take_more(self.plan, area_of(points, self.chaotic))
-        self.ahead.n_to_join = len(cells) + n_anew + self._n_last
+        self.ahead.n_to_join = len(sides.cells) + n_one + n_anew + self._n_last
         yield 0
 
     def take_up(

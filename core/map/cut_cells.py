@@ -15,6 +15,26 @@ from .points import Points
 from .searches import traced
 
 
+class Sides(NamedTuple):
+    """Edges of cells (m, k) on which a branch ends, each from its side, with no known border.
+
+    key, cell : (e,) of the edges by `key_of`, and the cells that they are of
+    new : (u,) each key once, sorted
+    """
+
+    cells: Ints
+    key: Ints
+    cell: Ints
+    new: Ints
+
+    @property
+    def n_edges(self) -> tuple[int, int]:
+        """How many edges, and how many of them with a landing at both ends."""
+        near, far = points_of(self.new)
+        n_edges = len(np.unique(key_of(np.minimum(near, far), np.maximum(near, far))))
+        return n_edges, len(self.new) - n_edges
+
+
 class Cut(NamedTuple):
     """Cells (m,) that were cut: all points, and all borders that are known by now.
 
@@ -32,28 +52,21 @@ class Cut(NamedTuple):
 def cut_cells(
     plan: Plan,
     points: Points,
-    cells: Ints,
+    sides: Sides,
     known: Borders,
     allowance: Allowance,
     middle: Ints | None = None,
 ) -> Generator[int, None, Cut]:
-    """Cut cells (m, k) with k corners, as far as there is an allowance for the rays.
+    """Cut the cells (m, k) of sides, as far as there is an allowance for the rays.
 
     Cells with four corners have middles (m,), points that were traced.
     """
+    cells, key, of_cell, new = sides
     lacks = np.zeros(len(cells), bool)
     if not len(cells):
         return Cut(points, known, np.empty((0, 3), np.int64), np.empty(0, np.int64), lacks)
 
     # each border is looked for once, from each of its two sides that has a landing
-    cells = cells.astype(np.int64)
-    key, of_cell = _sides(points, cells)
-    yield 0
-    is_new = ~known.find(key)[0]
-    key, of_cell = key[is_new], of_cell[is_new]
-    yield 0
-    new = np.unique(key)
-    yield 0
     number = np.searchsorted(new, key)
     yield 0
     lacks[of_cell[lack(plan, points, *points_of(new), allowance)[number]]] = True
@@ -83,17 +96,15 @@ def cut_cells(
     return Cut(points, known, pieces, some[owner], lacks)
 
 
-def n_unknown(points: Points, cells: Ints, known: Borders) -> Pauses[tuple[int, int]]:
-    """Number of the edges of cells (m, k) with a border that is not known yet; and of those with
-    a landing at both ends.
-    """
-    key, _ = _sides(points, cells)
+def find_sides(points: Points, cells: Ints, known: Borders) -> Pauses[Sides]:
+    """The edges of cells (m, k) with a border that is not known yet."""
+    cells = cells.astype(np.int64)
+    key, of_cell = _sides(points, cells)
     yield 0
-    new = np.unique(key[~known.find(key)[0]])
+    is_new = ~known.find(key)[0]
+    key, of_cell = key[is_new], of_cell[is_new]
     yield 0
-    near, far = points_of(new)
-    n_edges = len(np.unique(key_of(np.minimum(near, far), np.maximum(near, far))))
-    return n_edges, len(new) - n_edges
+    return Sides(cells, key, of_cell, np.unique(key))
 
 
 def around_middles(cells: Ints) -> Ints:
@@ -105,14 +116,19 @@ def _sides(points: Points, cells: Ints) -> tuple[Ints, Ints]:
     """Keys (e,) of the edges of cells (m, k) on which a branch ends, from its side, and the
     cells (e,) that they are of.
     """
-    branch = points.branch[cells]
-    following = np.roll(cells, -1, axis=1)
-    of_following = np.roll(branch, -1, axis=1)
-    one, other = (
-        np.nonzero((branch != of_following) & (of_near != 0)) for of_near in (branch, of_following)
-    )
-    key = np.append(key_of(cells[one], following[one]), key_of(following[other], cells[other]))
-    return key, np.append(one[0], other[0])
+    # edge by edge: numpy is slow where rows are four numbers long
+    corners = np.ascontiguousarray(cells.T)
+    branch = points.branch[corners]
+    keys = [np.empty(0, np.int64)]
+    owners = [np.empty(0, np.int64)]
+    for one in range(len(corners)):
+        other = (one + 1) % len(corners)
+        differs = branch[one] != branch[other]
+        for near, far in ((one, other), (other, one)):
+            some = np.flatnonzero(differs & (branch[near] != 0))
+            keys.append(key_of(corners[near, some], corners[far, some]))
+            owners.append(some)
+    return np.concatenate(keys), np.concatenate(owners)
 
 
 def _cut(

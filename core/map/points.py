@@ -66,7 +66,7 @@ class Paths:
     def __init__(self, reach: float) -> None:
         self.reach = reach
         self._n = 0
-        self._make_room(0, 1)
+        self._places, self._met = np.empty((0, 2, 3)), np.empty((0, 1), np.int32)
 
     @property
     def places(self) -> Floats:
@@ -88,6 +88,7 @@ class Paths:
 
         places = self.places[first:]
         met = self.met[first:]
+        places[:], met[:] = np.nan, -1
         places[:, 0] = origins
 
         for k, step in enumerate(steps):
@@ -96,11 +97,11 @@ class Paths:
 
     def _make_room(self, n: int, m: int) -> None:
         """Make room for n rays and m events."""
-        places = np.full((n, m + 1, 3), np.nan)
-        met = np.full((n, m), -1, np.int32)
-        if n:
-            places[: len(self._places), : self._places.shape[1]] = self._places
-            met[: len(self._met), : self._met.shape[1]] = self._met
+        places = np.empty((n, m + 1, 3))
+        met = np.empty((n, m), np.int32)
+        for new, old, nothing in ((places, self._places, np.nan), (met, self._met, -1)):
+            n_old, width = old.shape[:2]
+            new[:n_old, :width], new[:n_old, width:] = old, nothing
         self._places, self._met = places, met
 
 

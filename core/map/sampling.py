@@ -200,12 +200,8 @@ class Sampling:
 
     def _is_touched(self, squares: Squares) -> Pauses[Bools]:
         """Did the rays of squares (n,) pass by something that none of them met?"""
-        nodes = self._at_nodes(squares)
-        return (
-            yield from self.plan.thin_parts().touch(
-                taken(self.paths.places, nodes), taken(self.paths.met, nodes)
-            )
-        )
+        paths, nodes = self.paths, self._at_nodes(squares)
+        return (yield from self.plan.thin_parts().touch(paths.places, paths.met, nodes))
 
     def _bent(self, squares: Squares) -> Floats:
         """About how far off (n,), display px, the pixels of the
