@@ -10,7 +10,7 @@ from .doubts import Doubts
 from .faint import may_take_more
 from .known_borders import Borders
 from .points import Points
-from .ray_guess import N_SEARCHES, RAYS, Rays, RaysAhead, area_of, of_quarters, rays_of_cut
+from .ray_guess import N_SEARCHES, RAYS, Rays, RaysAhead, area_of, rays_of_cut
 from .share_guess import SharesOfPieces, more_shares
 
 
@@ -57,7 +57,7 @@ class CutAhead:
         rays = rays.and_more(Rays(searches=N_SEARCHES - depth))
         n_anew = 0.0
         if n_bent:
-            rays = rays.and_more(of_quarters(RAYS.of_bent[depth] * n_bent))
+            rays = rays.and_more(Rays(RAYS.of_bent[depth] * n_bent))
             n_anew = RAYS.cells_of_bent[depth] * n_bent
         self.ahead.expect(rays)
         self.ahead.sums_light = may_take_more(self.plan, area_of(points, self.chaotic))

@@ -77,8 +77,9 @@ def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
 
     def add(display: Floats, area: Floats) -> None:
         is_in = is_in_image(display, view_map.display_size)
-        block = _block_of(display[is_in], view_map.display_size)
-        light[:] += np.bincount(block, area[is_in], len(light))
+        # those beside the image in a block of their own: to pick the others takes longer
+        block = np.where(is_in, _block_of(display, view_map.display_size), len(light))
+        light[:] += np.bincount(block, area, len(light) + 1)[:-1]
 
     cut = (view_map.quads, view_map.triangles)
     smooth = replace(view_map, quads=cut[0][:0], triangles=cut[1][:0])
@@ -179,6 +180,10 @@ def _blocks(display_size: tuple[int, int]) -> tuple[int, int]:
 
 def _block_of(display: Floats, display_size: tuple[int, int]) -> Ints:
     """Numbers (n,) of the blocks of display px (n, 2) in the image, its far borders included."""
-    columns, rows = _blocks(display_size)
-    column, row = (display / FAINT.block_px).astype(np.int64).T
-    return np.minimum(row, rows - 1) * columns + np.minimum(column, columns - 1)
+    n_blocks = _blocks(display_size)
+    # numpy is slow where rows are two numbers long
+    column, row = (
+        np.clip(along / FAINT.block_px, 0, most - 1).astype(np.int64)
+        for along, most in zip(display.T, n_blocks, strict=True)
+    )
+    return row * n_blocks[0] + column

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at
+from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken
 from . import interpolation
 from .interpolation import PARTS, bilinear
 from .points import in_triangles, is_in_image
@@ -89,9 +89,12 @@ class Lookup:
 
     def _pixel(self, xy: Floats) -> Ints:
         """Number (n,) of the viewer's pixel that holds viewer px (n, 2): row * width + column."""
-        w, h = self.view_size
-        column, row = np.clip(xy, 0, (w - 1, h - 1)).astype(np.int64).T
-        return row * w + column
+        # numpy is slow where rows are two numbers long
+        column, row = (
+            np.clip(along, 0, n - 1).astype(np.int64)
+            for along, n in zip(xy.T, self.view_size, strict=True)
+        )
+        return row * self.view_size[0] + column
 
     @cached_property
     def owner(self) -> Ints:
@@ -108,10 +111,16 @@ class Lookup:
     def _those_in(self, pieces: Ints, pixels: Ints) -> tuple[Ints, Ints]:
         """Pieces (n, k) in pixels (p,), by number, and the pixel (n,) of each, sorted."""
         w, h = self.view_size
-        is_asked = np.zeros(w * h, bool)
-        is_asked[pixels] = True
+        is_asked = np.zeros((h, w), bool)
+        is_asked.ravel()[pixels] = True
+        # most are told by one corner: it lies in the pixel, or on its right or lower border
+        is_near = is_asked.copy()
+        is_near[:, 1:] |= is_asked[:, :-1]
+        is_near[1:] |= is_near[:-1].copy()
+        corner = self._pixel(taken(self.points.view, pieces[:, 0]))
+        pieces = pieces[is_near.ravel()[corner]]
         of_piece = self._pixel(mean_at(self.points.view, pieces))
-        some = np.flatnonzero(is_asked[of_piece])
+        some = np.flatnonzero(is_asked.ravel()[of_piece])
         some = some[np.argsort(of_piece[some], kind="stable")]
         return pieces[some], of_piece[some]
 

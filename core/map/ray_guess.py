@@ -31,9 +31,10 @@ class RayGuess:
         borders are so many that a digit is found in a round
     of_lit_edge : and so many, in curved glass, where both its ends have a landing: of a pixel, a
         quarter of one, and a quarter of that; and of triangles, which are cut at the end
-    of_bent : a pixel on one branch whose middle is missed, and a quarter of one
+    of_bent : a pixel on one branch whose middle is missed, and a quarter of one: of a hundred
+        quarters of these three have a border
     n_bent : pixels of the smallest squares beside borders that are bent, too
-    of_quarters : share of their rays that look for the borders of quarters
+    of_quarters : share of these pixels' rays that look for the borders of quarters
     of_square : at the nodes that it does not share with those before
     cells_of_bent : and so many cells are put together for it, its quarters and theirs
     of_cell : until cells are counted, there is one for so many rays that are not searched with
@@ -187,7 +188,8 @@ def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> Rays:
     # all middles are traced beside a border
     n_bent = 0.0 if plan.is_flat else RAYS.n_bent
     n_bent *= is_mixed.sum() * RAYS.of_bent[0]
-    found = of_quarters(n_bent, _times_more(plan))
+    n_searched = RAYS.of_quarters * n_bent * _times_more(plan)
+    found = Rays((1 - RAYS.of_quarters) * n_bent + n_searched, n_searched)
     found = found.and_more(Rays(searched + is_mixed.sum() * PARTS**2, searched, N_SEARCHES))
 
     # on one branch all pixels are bent, or none
@@ -195,13 +197,7 @@ def rays_of_finest(plan: Plan, branch: Words, xy: Floats) -> Rays:
     sag = interpolation.sag(one)
     error = interpolation.expected_error(one)
     is_bent = (sag > tolerance) & (error > np.maximum(tolerance, sag / 4**CUT.quarterings))
-    return found.and_more(of_quarters(is_bent.sum() * PARTS**2 * RAYS.of_bent[0]))
-
-
-def of_quarters(n_rays: float, times_more: float = 1.0) -> Rays:
-    """Those of quarters, by their number where borders are found by a digit in each round."""
-    searched = RAYS.of_quarters * n_rays * times_more
-    return Rays((1 - RAYS.of_quarters) * n_rays + searched, searched)
+    return found.and_more(Rays(is_bent.sum() * PARTS**2 * RAYS.of_bent[0]))
 
 
 def rays_of_cut(

@@ -148,7 +148,9 @@ class Sampling:
             if len(finest) or not len(todo):
                 self._expect_of_squares(todo, checking, finest)
                 cells = smooth.and_more(checking)
-                self.ahead.smooth = smooth_ahead(self.plan, self.points, cells, self._at_nodes)
+                self.ahead.smooth = smooth_ahead(
+                    self.plan, self.points, cells, len(smooth), self._at_nodes
+                )
             else:
                 self.begun = begun(self.first_size, int(todo.size.max()))
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
 from ..light.plan import Plan
+from . import interpolation
 from .cells import area_within
 from .doubts import Doubts
 from .points import Points, bounds_of
@@ -142,16 +143,22 @@ def is_within(
 
 
 def smooth_ahead(
-    plan: Plan, points: Points, squares: Squares, nodes: Callable[[Squares], Ints]
+    plan: Plan, points: Points, squares: Squares, n_passed: int, nodes: Callable[[Squares], Ints]
 ) -> CellsAndShares:
-    """Of squares (n,), the nodes (n, 25) of which can be asked for, that are smooth cells, or will
-    be: told by some.
+    """Of squares (n,), the nodes (n, 25) of which can be asked for, that are smooth cells, so many
+    of them, or will be, the others: told by some.
+
+    Of those others the ones that look bent, as only the smallest may, do not pass their checks for
+    the most part. As cells they would be of very many quads.
     """
     step = 1 + len(squares) // FEW_SQUARES
     squares = squares.at(slice(None, None, step))
     viewer, display = plan.viewer, plan.rig.display
     display_size = (display.width, display.height)
     number = nodes(squares)
+    is_cell = np.arange(len(squares)) * step < n_passed
+    is_cell |= interpolation.expected_error(taken(points.xy, number)) <= plan.settings.tolerance
+    squares, number = squares.at(is_cell), number[is_cell]
     xy = taken(points.xy, number)
     is_inside = is_within(xy, squares, (viewer.width, viewer.height), display_size)
     parts = n_parts(xy, squares.size, is_inside, plan.settings.tolerance)

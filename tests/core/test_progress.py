@@ -9,9 +9,12 @@ import pytest
 from kiriko.core import kernel
 from kiriko.core.image.source_image import Painting
 from kiriko.core.light.planning import make_plan
-from kiriko.core.map.ray_guess import Rays, RaysAhead
+from kiriko.core.map.points import Points
+from kiriko.core.map.ray_guess import Rays, RaysAhead, rays_of_finest
 from kiriko.core.map.sampling import Sampling
 from kiriko.core.map.share_batches import ShareBatches
+from kiriko.core.map.share_guess import CellsAndShares, smooth_ahead
+from kiriko.core.map.squares import Squares
 from kiriko.core.settings import Settings
 from kiriko.core.solve import pace, painting, picture_coverage, progress, reach
 from kiriko.core.solve.pace import GlassPace, Pace, Seconds
@@ -225,3 +228,34 @@ def test_how_much_of_the_picture_is_shown_is_found_with_pauses(monkeypatch):
         one.plan.rig.picture_place, one.plan.viewer, one.view_map, one.view_coverage
     )
     assert finish(again) == (one.picture_coverage, one.misses)
+
+
+def test_a_square_that_is_only_bent_takes_no_search():
+    """Quarters of its pixels lie on its branch: they take rays, but hardly one has a border."""
+    plan = make_plan(cube_rig(pixels=64), Settings())
+    bent = np.random.default_rng(0).uniform(10, 50, (3, 25, 2))
+    found = rays_of_finest(plan, np.ones((3, 25), np.uint64), bent)
+    assert found.every >= 3 * 16 * 10
+    assert found.searched == 0
+
+
+def test_a_small_square_that_looks_bent_is_no_cell_before_it_has_passed():
+    """It would be one of very many quads; most such squares do not pass."""
+    plan = make_plan(cube_rig(pixels=64), Settings())
+    x, y = np.meshgrid(np.arange(5.0), np.arange(5.0))
+    even = 10 + 3 * np.stack([x, y], axis=-1).reshape(25, 2)
+    bent = np.random.default_rng(0).uniform(10, 50, (25, 2))
+    xy = np.concatenate([bent, even])
+    branch = np.ones(50, np.uint64)
+    points = Points(xy, xy, branch, np.zeros(50, np.uint8), np.ones(50))
+    squares = Squares(np.array([[0, 0], [4, 0]]), np.array([4, 4]))
+
+    def ahead(some: Squares, n_passed: int) -> CellsAndShares:
+        return smooth_ahead(
+            plan, points, some, n_passed, lambda of: 25 * (of.corner[:, :1] // 4) + np.arange(25)
+        )
+
+    alone = ahead(squares.at(np.array([1])), 0)
+    assert alone.n_cells > 0
+    assert ahead(squares, 0) == alone
+    assert ahead(squares, 1).n_cells > 10 * alone.n_cells
