@@ -138,6 +138,10 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
     np.maximum.at(lift, faces.vertex.ravel(), np.repeat(HIGHER * sag, 3))
     lifted = lift[:, None] * faces.vertex_normal
 
+    # put together bit by bit: of many faces that takes most of a second
+    n = sum(len(face) for face, _, _ in portions)
+    hull = Hull(np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32))
+    last = 0
     for face, places, points in portions:
         vertex = faces.vertex[face]
         raised = taken(lifted, vertex)
@@ -147,11 +151,11 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
             _hold_edges(raised, weights, is_held[vertex], on_edge[face])
         else:
             raised[is_held[vertex]] = 0.0
-        points += raised
+        some = slice(last, last := last + len(face))
+        hull.corners[some] = points + raised
+        hull.triangle[some], hull.places[some] = faces.triangle[face], places / UNITS
         yield 0
-
-    face, places, points = map(np.concatenate, zip(*portions, strict=True))
-    return Hull(points, faces.triangle[face], (places / UNITS).astype(np.float32))
+    return hull
 
 
 def _count_halvings(faces: CurvedFaces, turns: Floats, at_edge: Bools) -> Ints:
