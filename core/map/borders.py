@@ -27,6 +27,7 @@ from .doubts import (
     missed_by_corners,
     missed_by_pieces,
     n_branches,
+    worth_rays,
 )
 from .known_borders import Borders
 from .points import Points, trace_points
@@ -243,7 +244,8 @@ class _Cutting:
         simple = again & (found.n_met < CUT.many_branches) & (not is_last)
 
         if depth > 0:
-            most = 4.0 ** (self.quarterings - depth) * max(CUT.least_error_px, tolerance)
+            least = worth_rays(tolerance, self.plan.settings.effort)
+            most = 4.0 ** (self.quarterings - depth) * least
             simple &= np.isinf(found.off) | (found.off < most)
 
         # their quarters want rays, too

@@ -16,8 +16,9 @@ class CutRule:
     """When pixels are cut, quartered, sampled (docs/design.md, decision 5).
 
     quarterings : of a pixel, at the most
-    least_error_px : display px; an error that cannot get as small
-        as this is left to the larger viewer that it takes
+    least_error_px : display px; an error that cannot get as small as this is left to more Effort,
+        or to the larger viewer that it takes
+    of_effort : this much Effort; with n times as much it may be n^2 times as large
     new_share : of the middles of a square's mixed pixels: where more lie
         on new branches its borders are not looked for
     n_doubtful : pixels of a square that are in doubt: as where edges meet, which is no chaos
@@ -31,6 +32,7 @@ class CutRule:
 
     quarterings: int = 2
     least_error_px: float = 0.1
+    of_effort: int = 16
     new_share: float = 0.25
     n_doubtful: int = 1
     gap_share: float = 1 / 16
@@ -58,6 +60,15 @@ class Doubts(NamedTuple):
     lacks: Bools
     pieces: Ints
     owner: Ints
+
+
+def worth_rays(tolerance: float, effort: int) -> float:
+    """Display px: an error that can get as small as this is worth the rays.
+
+    Where faces bend light in every pixel, an error halves where it would fall to a quarter if the
+    map were smooth: rays are better spent where light is chaotic, until that has enough of them.
+    """
+    return max(tolerance, CUT.least_error_px * max(1.0, effort / CUT.of_effort) ** 2)
 
 
 def is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
