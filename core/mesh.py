@@ -25,7 +25,8 @@ FLAT_THICKNESS = (
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles in world coordinates.
+    """Triangles in world coordinates. Arrays stay as they are once it is made: what is found for
+    them is kept. A mesh that differs is another one.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.blender.checklist import entries
-from ..core.blender.look import LookedMesh, is_checked, look_at, look_at_mesh
+from ..core.blender.look import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
 from ..core.blender.to_do import Entry
 from ..core.blender.units import length_text
 from ..core.messages import Message
@@ -122,6 +122,8 @@ def tick() -> float:
         _turn()
     except Exception as error:
         telling.sentence(error, Message("The checklist"))  # prints errors that were not foreseen
+        for looked in _looked.values():  # nothing is known to be looked at next
+            looked.is_whole = True
         return watch.PATIENCE
     return TICK
 
@@ -157,8 +159,10 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         block = update.id.original
         if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
             for looked in _looked.values():
-                looked.meshes.pop(block.session_uid, None)
-                looked.changed_at, looked.asked, looked.is_whole = monotonic(), True, False
+                looked.asked = True
+                if block.kiriko.role in CHECKED:
+                    looked.meshes.pop(block.session_uid, None)
+                    looked.changed_at, looked.is_whole = monotonic(), False
 
 
 @persistent

@@ -139,8 +139,11 @@ def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
 
 
 def is_deleted(camera: bpy.types.Object) -> bool:
-    """Is a camera in no scene any more, and only kept by what has chosen it?"""
-    return not camera.users_scene and camera.library is None
+    """Is a camera in no collection any more, and only kept by what has chosen it?
+
+    One that an empty instances with its collection is in no scene.
+    """
+    return not camera.users_collection and camera.library is None
 
 
 def seats_of(scene: bpy.types.Scene) -> list[Seat]:

@@ -774,6 +774,38 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     assert not look_over.is_looking(scene)
     assert drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
 
+    # a shape that is no part of a rig is nobody's to wait for
+    other = new_object(primitive("cube", size=0.1))
+    other.data.update_tag()
+    bpy.context.view_layer.update()
+    assert not look_over.is_looking(scene)
+
+
+def test_a_look_that_fails_is_not_waited_for(
+    look: Callable[[], list],
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """It is told, and tried again when something changes."""
+    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    glass = small_rig()["GLASS"]
+    assert look() == []
+    glass.data.update_tag()
+    bpy.context.view_layer.update()
+
+    def fails(*_: object) -> None:
+        raise ValueError("no such mesh")
+
+    for name, value in (("look_at_mesh", fails), ("QUIET", 0.0), ("SHARE", 0.0), ("RESTING", 0.0)):
+        monkeypatch.setattr(look_over, name, value)
+    look_over.look_again(scene)
+    assert look_over.is_looking(scene)
+    look_over.tick()
+    assert not look_over.is_looking(scene)
+    assert "no such mesh" in "".join(capfd.readouterr())
+
 
 def test_glass_of_modifiers_is_not_flat_after_undo(
     look: Callable[[], list], drawn: Callable[..., Layout]

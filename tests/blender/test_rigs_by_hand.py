@@ -117,6 +117,15 @@ def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.typ
     assert scene.kiriko.viewer not in (None, viewer)
     assert needed.lacking(scene) == []
 
+    # in a collection that an empty stands for it is in no scene, and seen
+    apart = bpy.data.collections.new("apart")
+    apart.objects.link(viewer)
+    stand_in = bpy.data.objects.new("stand-in", None)
+    stand_in.instance_type, stand_in.instance_collection = "COLLECTION", apart
+    scene.collection.objects.link(stand_in)
+    scene.camera, scene.kiriko.viewer = viewer, None
+    assert needed.lacking(scene) == []
+
 
 def test_a_rig_goes_on_without_its_collection(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
     """As long as it is the only one; around other glass a new one is made."""

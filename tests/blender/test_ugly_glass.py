@@ -775,6 +775,15 @@ def test_a_body_twice_beside_another_is_a_double(look: Callable[[], list]) -> No
     assert not any(t in text for text in told(look()) for t in ("twice", "not closed"))
 
 
+def test_fine_faces_far_from_the_origin_are_no_doubles(look: Callable[[], list]) -> None:
+    """Around the poles their corners lie as near to each other there as numbers are rounded."""
+    mesh = primitive("uvsphere", u_segments=256, v_segments=128, radius=0.02)
+    mesh.transform(Matrix.Translation((30.0, 30.0, 0.0)))
+    new_object(mesh, "GLASS").kiriko.use_ior = True
+    assert told(look())
+    assert "twice" not in " ".join(told(look()))
+
+
 @pytest.mark.parametrize("mend", ["remove_doubles", "merge_flat"])
 def test_where_nothing_is_left_to_mend_nothing_is_changed(mend: str) -> None:
     """As by a button of a list that is out of date: no modifier is made."""
