@@ -244,7 +244,7 @@ class _Cutting:
         simple = again & (found.n_met < CUT.many_branches) & (not is_last)
 
         if depth > 0:
-            least = worth_rays(tolerance, self.plan.settings.samples_along**2)
+            least = worth_rays(tolerance, self.plan.settings.effort)
             most = 4.0 ** (self.quarterings - depth) * least
             simple &= np.isinf(found.off) | (found.off < most)
 

@@ -164,11 +164,6 @@ def test_more_effort_takes_no_more_rays_of_a_smooth_ball():
     assert rays[0] <= rays[1] < 1.01 * rays[0]
 
 
-def test_effort_between_two_squares_is_the_smaller_one():
-    rays = [solve(rough_ball(), effort=effort).n_rays for effort in (16, 24, 25)]
-    assert rays[0] == rays[1] < rays[2]
-
-
 @cache
 def by_default(name):
     return solve(hard(name))
