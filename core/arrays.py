@@ -42,6 +42,17 @@ def mean_at(values: Floats, corners: Ints) -> Floats:
     return sum(taken(values, corner) for corner in corners.T) / corners.shape[1]
 
 
+def whole_within(places: Floats, most: tuple[int, int]) -> tuple[Ints, Ints]:
+    """Columns and rows (n,) of places (n, 2): whole numbers, from 0 to the most of each.
+
+    Axis by axis: numpy is slow where rows are two numbers long.
+    """
+    column, row = (
+        np.clip(along, 0, last).astype(np.int64) for along, last in zip(places.T, most, strict=True)
+    )
+    return column, row
+
+
 def in_blocks(image: NDArray, side: int) -> NDArray:
     """An image (h, w) with each pixel so many times along both axes; `repeat` goes one by one."""
     h, w = image.shape

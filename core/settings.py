@@ -29,7 +29,7 @@ class Settings:
     effort : rays that sample a viewer pixel where light is chaotic, rounded down to a square;
         up to ten times as many where the display is faint (core/map/faint.py). No pixel takes more
         than 24 times as many, for each display pixel that there is for it (core/map/allowance.py);
-        more than 16 also cut finer where faces bend light in each pixel (core/map/doubts.py);
+        with more than 16 cells are cut finer where faces bend light, too (core/map/doubts.py);
         1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m

@@ -336,11 +336,14 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
             return super().mend(context, thing)
         (screw,) = turning  # all the faces are its own
         screw.use_normal_flip = not screw.use_normal_flip
-        return Message("The faces of '{name}' look out now.", name=thing.name)
+        return self._done(thing)
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
         mesh.flip_normals()
         mesh.update()
+        return self._done(thing)
+
+    def _done(self, thing: bpy.types.Object) -> Message:
         return Message("The faces of '{name}' look out now.", name=thing.name)
 
 

@@ -117,8 +117,8 @@ def missing(scene: bpy.types.Scene) -> list[str]:
 
 
 def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
-    """Is a viewer one of a scene's objects? A camera that was deleted stays chosen, as the scene's
-    own, too, which may lie in another scene.
+    """Is a viewer one of a scene's objects? A camera that was deleted stays chosen. The scene's own
+    camera may lie in another scene.
     """
     if viewer is None or is_deleted(viewer):
         return False

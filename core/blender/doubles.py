@@ -31,7 +31,7 @@ def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:
     following = np.roll(corners, -1)
     lasts = starts + column(mesh.polygons, "loop_total", 1, np.int32) - 1
     following[lasts] = corners[starts]
-    # with an edge so short that its ends are one place a face is a line, as its neighbours are
+    # where both ends of an edge are one place, the faces beside it would be doubles of each other
     is_face &= ~np.logical_or.reduceat(corners == following, starts)
 
     # edges by random numbers: sums over them are the same for the same edges, wherever they begin

@@ -141,7 +141,7 @@ def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
 def is_deleted(camera: bpy.types.Object) -> bool:
     """Is a camera in no collection any more, and only kept by what has chosen it?
 
-    One that an empty instances with its collection is in no scene.
+    A camera whose collection an empty stands for is in no scene, and is not deleted.
     """
     return not camera.users_collection and camera.library is None
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Bools, Floats, Ints, whole_within
 from ..light.plan import Plan
 
 
@@ -83,9 +83,5 @@ class Allowance:
 
     def _pixel(self, view: Floats) -> Ints:
         """Numbers (n,) of the pixels of viewer px (n, 2)."""
-        # numpy is slow where rows are two numbers long
-        column, row = (
-            np.clip(along.astype(np.int64), 0, most)
-            for along, most in zip(view.T, self.size, strict=True)
-        )
+        column, row = whole_within(view, self.size)
         return row * (self.size[0] + 1) + column

@@ -17,8 +17,8 @@ class CutRule:
 
     quarterings : of a pixel, at the most
     least_error_px : display px; an error that cannot get as small as this is left to more Effort,
-        or to the larger viewer that it takes
-    of_effort : this much Effort; with n times as much it may be n^2 times as large
+        or to a larger viewer
+    of_effort : Effort for which that holds; n times as much makes it n^2 times as large
     new_share : of the middles of a square's mixed pixels: where more lie
         on new branches its borders are not looked for
     n_doubtful : pixels of a square that are in doubt: as where edges meet, which is no chaos
@@ -63,10 +63,10 @@ class Doubts(NamedTuple):
 
 
 def worth_rays(tolerance: float, effort: int) -> float:
-    """Display px: an error that can get as small as this is worth the rays.
+    """Display px: a cell is quartered again if its error can get as small as this.
 
-    Where faces bend light in every pixel, an error halves where it would fall to a quarter if the
-    map were smooth: rays are better spent where light is chaotic, until that has enough of them.
+    Where the map is smooth an error falls to a quarter then. Where faces bend light in each pixel
+    it only halves, and a large error stays too large: what that is worth is a matter of Effort.
     """
     return max(tolerance, CUT.least_error_px * max(1.0, effort / CUT.of_effort) ** 2)
 

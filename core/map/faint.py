@@ -20,7 +20,7 @@ from itertools import product
 
 import numpy as np
 
-from ..arrays import Floats, Ints, taken
+from ..arrays import Floats, Ints, taken, whole_within
 from ..light.landings import Reason
 from ..light.plan import Plan
 from .allowance import Allowance
@@ -180,10 +180,6 @@ def _blocks(display_size: tuple[int, int]) -> tuple[int, int]:
 
 def _block_of(display: Floats, display_size: tuple[int, int]) -> Ints:
     """Numbers (n,) of the blocks of display px (n, 2) in the image, its far borders included."""
-    n_blocks = _blocks(display_size)
-    # numpy is slow where rows are two numbers long
-    column, row = (
-        np.clip(along / FAINT.block_px, 0, most - 1).astype(np.int64)
-        for along, most in zip(display.T, n_blocks, strict=True)
-    )
-    return row * n_blocks[0] + column
+    columns, rows = _blocks(display_size)
+    column, row = whole_within(display / FAINT.block_px, (columns - 1, rows - 1))
+    return row * columns + column

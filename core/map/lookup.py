@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken
+from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
 from . import interpolation
 from .interpolation import PARTS, bilinear
 from .points import in_triangles, is_in_image
@@ -89,12 +89,9 @@ class Lookup:
 
     def _pixel(self, xy: Floats) -> Ints:
         """Number (n,) of the viewer's pixel that holds viewer px (n, 2): row * width + column."""
-        # numpy is slow where rows are two numbers long
-        column, row = (
-            np.clip(along, 0, n - 1).astype(np.int64)
-            for along, n in zip(xy.T, self.view_size, strict=True)
-        )
-        return row * self.view_size[0] + column
+        w, h = self.view_size
+        column, row = whole_within(xy, (w - 1, h - 1))
+        return row * w + column
 
     @cached_property
     def owner(self) -> Ints:

@@ -97,8 +97,8 @@ def test_parts_of_no_rig_say_so(
 
 
 def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
-    """Blender's Delete leaves it chosen, where nobody sees it: the rig says that it has none, where
-    it is the scene's camera, too, as in a scene that had none; the one that is made is that, then.
+    """Blender's Delete leaves it chosen, where nobody sees it: the rig says that it has none, even
+    if it is the scene's camera. The viewer that is made then becomes the scene's camera.
     """
     needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
     rig = add(cube())

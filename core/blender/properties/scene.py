@@ -155,9 +155,9 @@ class KirikoScene(ViewersBefore, bpy.types.PropertyGroup):
     )
     effort: IntProperty(
         name="Effort",
-        description="Rays for a viewer pixel of chaotic light, a square number; up to ten times"
-        " where the display is faint, at most 24 times unless it is finer. Less is faster and"
-        " rougher; four times halve the noise, and cut facets finer, in up to four times the time",
+        description="Rays for a viewer pixel of chaotic light, a square number; up to ten times as"
+        " many where the display is faint, at most 24 times unless it is finer. Less is rougher;"
+        " four times as many halve the noise and cut facets finer, in up to four times the time",
         default=16,
         min=1,
         max=4096,
