@@ -10,6 +10,7 @@ from ..core.bench.picture_room import fit_picture
 from ..core.bench.placement import rectangle
 from ..core.bench.room import fit_display
 from ..core.blender.objects import Workbench
+from ..core.blender.overridden import overridden
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.rig_objects import (
     in_units,
@@ -140,8 +141,11 @@ class KIRIKO_OT_use_part(MendsPart, bpy.types.Operator):
     bl_idname = "kiriko.use_part"
     bl_label = "Use as Glass"
 
+    may_be_linked = True
+
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        thing.kiriko.role = "GLASS"
+        (own,) = overridden(context.scene, (thing,))
+        own.kiriko.role = "GLASS"
         return Message("'{name}' is glass of the rig now.", name=thing.name)
 
 

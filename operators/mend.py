@@ -36,10 +36,12 @@ class MendsPart(NamesPart):
     """Mix-in for an operator that mends an object: `mend` does it and returns the sentence.
 
     changes_light : or does it only show where the fault is?
+    may_be_linked : does it mend an object of another file, too?
     """
 
     bl_options = {"REGISTER", "UNDO"}
     changes_light = True
+    may_be_linked = False
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         raise NotImplementedError
@@ -47,7 +49,8 @@ class MendsPart(NamesPart):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             thing = self.found(context)
-            _check_own(thing)
+            if not self.may_be_linked:
+                _check_own(thing)
             telling.report(self, "INFO", self.mend(context, thing))
             result = context.scene.kiriko.result
             if result.source is None and self.changes_light:

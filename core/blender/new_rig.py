@@ -19,6 +19,7 @@ from .elements import DEFAULT_IOR
 from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
+from .overridden import overridden, take_away
 from .parts import Part, parts_by_role, read_parts, role_label
 from .rig_names import RIG
 from .rig_objects import in_units, make_display, make_picture, make_plate, make_viewer
@@ -223,7 +224,7 @@ def make_rig(
     viewer_resolution: tuple[int, int] | None,
     display_resolution: tuple[int, int],
 ) -> tuple[Record, tuple[bpy.types.Object, ...]]:
-    """Make the proposal's objects, and give the glasses their role.
+    """Make the proposal's objects, and give the glasses their role, in overrides of linked ones.
 
     Returns the record of all that was changed, and the glasses.
 
@@ -232,17 +233,18 @@ def make_rig(
     viewer_resolution : None: the viewer has the pixels of the scene's render
     """
     before = scene.camera
+    own = overridden(scene, bench.glasses)
     made = Workbench(scene, RIG)
     made.collection.kiriko.has_plate = proposal.placement.plate is not None
     record = Record(scene, made.collection)
 
     try:
-        glasses = bench.glasses or (_make_ball(scene, made),)
-        for thing in bench.glasses:
+        for thing in own:
             record.take_in(thing)
             record.change(thing, {"kiriko.role": "GLASS"})
-            for owner, values in see_through(thing, bench.glasses):
+            for owner, values in see_through(thing, own):
                 record.change(owner, values)
+        glasses = own or (_make_ball(scene, made),)
 
         record.change(scene, {"kiriko.picture_source": "PLANE"})
         _make_parts(scene, made, proposal, display_resolution)
@@ -253,6 +255,7 @@ def make_rig(
         scene.camera = before
         record.take_back()
         made.clear()
+        take_away(set(own) - set(bench.glasses))
         raise
 
     return record, glasses

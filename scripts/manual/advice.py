@@ -384,6 +384,14 @@ GLASS = Section(
             "その面はすでに修正されたか、チェックリストの表示後にメッシュが編集されています。",
         ),
         Advice(
+            "'{name}' is linked from another file with its collection, and would not stay glass in"
+            " this file: make it a library override first, by Object > Library Override > Make.",
+            "The override has settings of its own, and follows its file in all else. Glass that is"
+            " linked by itself becomes one by Add Rig.",
+            "オーバーライドは自分の設定を持ち、それ以外は元のファイルに従います。単独でリンクした"
+            "ガラスは、リグを追加するとオーバーライドになります。",
+        ),
+        Advice(
             "'{name}' is linked from another file: mend it there.",
             "Or make it local: Object > Relations > Make Local.",
             "または、オブジェクト > 関係 > ローカル化 を使います。",

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import CollectionProperty, PointerProperty
 
 from ...messages import CONTEXT
+from ..overridden import OVERRIDE, be_overridable, on_save
 from ..own_words import in_own_words
 from . import view
 from .calibration import KirikoCalibration
@@ -31,10 +32,13 @@ classes = (
     KirikoOther,
     KirikoView,
 )
+OF_OBJECTS = (KirikoPlate, KirikoPicture, KirikoDisplay, KirikoObject)
 
 
 def register() -> None:
     """Give objects and scenes their Kiriko settings."""
+    for cls in OF_OBJECTS:
+        be_overridable(cls)
     for cls in classes:
         bpy.utils.register_class(in_own_words(cls))
     # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has
@@ -45,6 +49,7 @@ def register() -> None:
         description="The picture, which the plane's material shows, too",
         type=bpy.types.Image,
         update=show_image,
+        override=OVERRIDE,
     )
     KirikoScene.viewer = PointerProperty(
         name="Viewer",
@@ -66,7 +71,10 @@ def register() -> None:
     )
     view.add()
     bpy.types.Object.kiriko = PointerProperty(
-        name="Kiriko", description="This object's part in the rig", type=KirikoObject
+        name="Kiriko",
+        description="This object's part in the rig",
+        type=KirikoObject,
+        override=OVERRIDE,
     )
     bpy.types.Material.kiriko = PointerProperty(
         name="Kiriko", description="What Kiriko keeps of the material", type=KirikoMaterial
@@ -87,10 +95,12 @@ def register() -> None:
     bpy.types.WindowManager.kiriko = PointerProperty(
         name="Kiriko", description="What the interface shows of a rig", type=KirikoView
     )
+    bpy.app.handlers.save_pre.append(on_save)
 
 
 def unregister() -> None:
     """Take the settings away again."""
+    bpy.app.handlers.save_pre.remove(on_save)
     del bpy.types.WindowManager.kiriko
     del bpy.types.Scene.kiriko_others
     del bpy.types.Scene.kiriko

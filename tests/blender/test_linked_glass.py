@@ -1,0 +1,122 @@
+"""Glass of another file: its part in a rig stays when the file is opened again."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import pytest
+
+from test_ugly_glass import glass_material
+
+
+def suzanne() -> bpy.types.Object:
+    """A monkey's head of glass, smooth."""
+    bpy.ops.mesh.primitive_monkey_add(size=0.06)
+    thing = bpy.context.object
+    thing.data.materials.append(glass_material("Glass", 1.5))
+    thing.modifiers.new("Subdivision", "SUBSURF").levels = 1
+    return thing
+
+
+def add_rig(thing: bpy.types.Object) -> None:
+    """A small one, around an object."""
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = thing
+    thing.select_set(True)
+    bpy.ops.kiriko.add_rig(viewer_resolution=16, display_resolution=(16, 16), picture_size=0.005)
+
+
+def reopened(path: Path) -> bpy.types.Scene:
+    """The scene after its file was saved and opened."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    return bpy.context.scene
+
+
+@pytest.fixture
+def theirs(scene: bpy.types.Scene, linked: Callable) -> bpy.types.Object:
+    """A linked glass in the scene."""
+    own = suzanne()
+    thing = linked(own)
+    bpy.data.objects.remove(own)
+    scene.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    return thing
+
+
+def test_a_rig_around_linked_glass_has_it_in_the_next_session(
+    theirs: bpy.types.Object, tmp_path: Path
+) -> None:
+    """Twice: what Blender reads of the other file has no settings, each time anew."""
+    add_rig(theirs)
+    for _ in range(2):
+        scene = reopened(tmp_path / "scene.blend")
+        (glass,) = (thing for thing in scene.objects if thing.kiriko.role == "GLASS")
+        assert (glass.name, glass.override_library is None) == ("Suzanne", False)
+        assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    bpy.ops.kiriko.remove_rig()
+    assert glass.kiriko.role == "NONE"
+    assert not glass.kiriko.rigs
+    assert [thing.name for thing in scene.objects] == ["Suzanne"]
+
+
+def test_settings_of_an_override_are_saved(theirs: bpy.types.Object, tmp_path: Path) -> None:
+    """Those within the groups of plate, picture and display, too."""
+    own = theirs.override_create(remap_local_usages=True)
+    own.kiriko.surface, own.kiriko.use_ior, own.kiriko.ior = "SMOOTH", True, 1.7
+    own.kiriko.resolution = (7, 8)
+    own.kiriko.plate.pitch = 2.0
+    own.kiriko.picture.gamma = 1.5
+    own.kiriko.display.black_level = 0.25
+    own.kiriko.image = bpy.data.images.new("mine", 4, 4)
+    for _ in range(2):
+        (own,) = reopened(tmp_path / "scene.blend").objects
+        ours = own.kiriko
+        assert (ours.surface, ours.use_ior, ours.image.name) == ("SMOOTH", True, "mine")
+        assert tuple(ours.resolution) == (7, 8)
+        assert ours.ior == pytest.approx(1.7)
+        assert (ours.plate.pitch, ours.picture.gamma) == (2.0, 1.5)
+        assert ours.display.black_level == 0.25
+
+
+def test_glass_in_a_linked_collection_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """No override takes its place there. All is as it was."""
+    group = bpy.data.collections.new("Group")
+    own = suzanne()
+    scene.collection.objects.unlink(own)
+    group.objects.link(own)
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {group})
+    bpy.data.batch_remove([own, group])
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.collections = ["Group"]
+    scene.collection.children.link(wanted.collections[0])
+    (thing,) = scene.objects
+    with pytest.raises(RuntimeError, match="'Suzanne' is linked from another file with its"):
+        add_rig(thing)
+    assert list(scene.objects) == [thing] == list(bpy.data.objects)
+    assert not bpy.data.collections.get("Kiriko Rig")
+
+    thing.select_set(True)
+    bpy.context.view_layer.objects.active = thing
+    group = wanted.collections[0]
+    assert bpy.ops.object.make_override_library(collection=group.session_uid) == {"FINISHED"}
+    (own,) = (thing for thing in scene.objects if thing.library is None)
+    add_rig(own)
+    scene = reopened(tmp_path / "scene.blend")
+    assert [one.kiriko.role for one in scene.objects if one.name == "Suzanne"] == ["GLASS"]
+
+
+def test_linked_glass_that_lost_its_role_is_used_again(
+    theirs: bpy.types.Object, tmp_path: Path, look: Callable
+) -> None:
+    """As in a file that was saved before: the checklist's button."""
+    add_rig(theirs)
+    (glass,) = (thing for thing in bpy.context.scene.objects if thing.override_library)
+    glass.override_library.destroy()
+    scene = bpy.context.scene
+    thing = scene.objects["Suzanne"]
+    assert thing.library is not None
+    bpy.ops.kiriko.use_part(part=thing.name, library=thing.library.filepath)
+    scene = reopened(tmp_path / "scene.blend")
+    assert scene.objects["Suzanne"].kiriko.role == "GLASS"
