@@ -49,12 +49,12 @@ def take_away(overrides: set[bpy.types.Object]) -> None:
 
 @persistent
 def on_save(*_: object) -> None:
-    """Have linked objects have all groups of settings that overrides of them have: Blender 5 does
-    not save the settings of a group that the override alone has.
+    """Have overrides and their linked objects have the same groups of settings: Blender 5 does not
+    save the settings of a group that one of both alone has.
     """
     for thing in bpy.data.objects:
         override = thing.override_library
         if override is None or override.reference is None or not thing.is_property_set("kiriko"):
             continue
-        theirs = override.reference
-        change(theirs, {path: value_of(theirs, path) for path in OF_GROUPS})
+        for one in (thing, override.reference):
+            change(one, {path: value_of(one, path) for path in OF_GROUPS})
