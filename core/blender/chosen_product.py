@@ -12,9 +12,10 @@ import numpy as np
 from ..catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
 from ..errors import RigError
 from ..messages import Message, as_message
+from .bodies import shows_instances_alone
 from .elements import DEFAULT_IOR, mirrors
 from .layout import give_size, size_of
-from .look_parts import materials_as_shown
+from .look_parts import evaluated, materials_as_shown
 from .material import is_refractive, material_output, read_refraction, shaders
 from .resize import RESIZED_WITHIN, give_side, has_side
 from .units import length_of_unit, length_text
@@ -189,8 +190,10 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
 
 def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
     """The product that a glass is by the index that light is bent with; None if no known one."""
-    ours = glass.kiriko
-    shown = materials_as_shown(bpy.context.scene, glass)
+    ours, scene = glass.kiriko, bpy.context.scene
+    shown = materials_as_shown(scene, glass)
+    if not shown and not ours.use_ior and shows_instances_alone(evaluated(scene, glass)):
+        return None  # which each have their own
     readings = (read_refraction(material) for material in shown)
     ior = next((found.ior for found in readings if found is not None), DEFAULT_IOR)
     if ours.use_ior:
@@ -205,6 +208,8 @@ def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -
 
     shown = materials_as_shown(bpy.context.scene, glass)
     materials = [m for m in shown if read_refraction(m) is not None]
+    if not shown and shows_instances_alone(evaluated(bpy.context.scene, glass)):
+        return Message("it shows other objects")
     if not materials:
         return Message("its material does not refract")
 

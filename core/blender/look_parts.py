@@ -52,7 +52,12 @@ def refracts_as_shown(
 
 
 def materials_as_shown(scene: bpy.types.Scene, thing: bpy.types.Object) -> list[bpy.types.Material]:
-    """The materials on an object's faces as its modifiers make them, those on most faces first."""
+    """The materials on an object's faces as its modifiers make them, those on most faces first; of
+    an instance of a collection those of its objects.
+    """
+    if thing.instance_type == "COLLECTION" and thing.instance_collection is not None:
+        members = thing.instance_collection.all_objects
+        return [one for member in members for one in materials_as_shown(scene, member)]
     if not _has_made_faces(scene, thing):
         return own_materials(thing)
     shown = evaluated(scene, thing)

@@ -155,6 +155,80 @@ def test_a_turned_profile_has_its_material_though_its_mesh_has_no_face(
     assert chosen.glass_product(glass).name == "Water"
 
 
+def instances_by_nodes(glass: bpy.types.Object) -> bpy.types.Object:
+    """An object that shows a glass at its one vertex."""
+    mesh = bpy.data.meshes.new("point")
+    mesh.from_pydata([(0.0, 0.0, 0.0)], [], [])
+    thing = bpy.data.objects.new("Nodes", mesh)
+    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    start, info, on_points, end = map(
+        tree.nodes.new,
+        (
+            "NodeGroupInput",
+            "GeometryNodeObjectInfo",
+            "GeometryNodeInstanceOnPoints",
+            "NodeGroupOutput",
+        ),
+    )
+    info.inputs["Object"].default_value = glass
+    info.inputs["As Instance"].default_value = True
+    tree.links.new(start.outputs[0], on_points.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], on_points.inputs["Instance"])
+    tree.links.new(on_points.outputs[0], end.inputs[0])
+    thing.modifiers.new("nodes", "NODES").node_group = tree
+    return thing
+
+
+def instance_of(glass: bpy.types.Object) -> bpy.types.Object:
+    """An instance of a collection that has a glass in another one within it."""
+    group, inner = (bpy.data.collections.new(name) for name in ("Group", "Inner"))
+    group.children.link(inner)
+    inner.objects.link(glass)
+    thing = bpy.data.objects.new("Instance", None)
+    thing.instance_type, thing.instance_collection = "COLLECTION", group
+    return thing
+
+
+@pytest.mark.parametrize(
+    ("make", "name", "why"),
+    [
+        (instance_of, "Water", "others have its material 'Kiriko Glass', too"),
+        (instances_by_nodes, None, "it shows other objects"),
+    ],
+)
+def test_glass_that_shows_other_objects_is_the_product_that_these_are(
+    scene: bpy.types.Scene,
+    kiriko: ModuleType,
+    read: Callable,
+    capfd: pytest.CaptureFixture,
+    make: Callable[[bpy.types.Object], bpy.types.Object],
+    name: str | None,
+    why: str,
+) -> None:
+    """Not acrylic, whose index is taken where no material refracts; what geometry nodes show may
+    have many.
+    """
+    own = activate(small_rig()["GLASS"])
+    own.kiriko.use_ior = False
+    bpy.ops.kiriko.make_glass()
+    bpy.ops.kiriko.glass_preset(preset="Water")
+    own.kiriko.role = "NONE"
+    glass = make(own)
+    scene.collection.objects.link(glass)
+    glass.kiriko.role = "GLASS"
+    activate(glass)
+    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
+    found = chosen.glass_product(glass)
+    assert (found and found.name) == name
+    assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.3333, abs=1e-6)
+
+    bpy.ops.kiriko.glass_preset(preset="Acrylic")
+    assert f"its Override IOR is 1.49, for {why}." in capfd.readouterr().out
+    assert chosen.glass_product(glass).name == "Acrylic"
+
+
 @pytest.mark.parametrize(
     ("way", "why"),
     [
