@@ -171,8 +171,9 @@ def on_save(*_: object) -> None:
 
 
 @persistent
-def on_load(*_: object) -> None:
-    """Another file takes the place of all that was followed, so nothing need be packed.
+def on_load(path: str, *_: object) -> None:
+    """Another file takes the place of all that was followed, or the same one as it was saved, so
+    nothing need be packed.
 
     Reports on the file before are of no use in the next.
     """
@@ -180,7 +181,13 @@ def on_load(*_: object) -> None:
     for live in _lives:
         _left[live.uid] = live.is_unpacked
         live.is_unpacked = False
-    stop(Message("Live stopped: another file was loaded.") if _lives else "")
+    is_same = bool(path) and path == bpy.data.filepath  # as by Revert
+    why = (
+        Message("Live stopped: the file was loaded again.")
+        if is_same
+        else Message("Live stopped: another file was loaded.")
+    )
+    stop(why if _lives else "")
 
 
 @persistent

@@ -24,7 +24,7 @@ from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
-from .viewer import Seat, no_camera, read_viewer, seats_of, shown_first
+from .viewer import Seat, is_deleted, no_camera, read_viewer, seats_of, shown_first
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
     if camera is None:
         raise no_camera()
 
-    if not is_placed(camera, depsgraph):
+    if is_deleted(camera) or not is_placed(camera, depsgraph):
         if not camera.users_scene:
             raise RigError(
                 "The viewer '{viewer}' is in no scene any more, as after deleting it: take it out"

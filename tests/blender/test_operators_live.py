@@ -776,6 +776,38 @@ def test_why_it_stopped_is_told_until_the_next_rig(live: ModuleType) -> None:
     assert live.status(scene) == ("", False)
 
 
+@pytest.mark.usefixtures("no_remedies")
+def test_revert_stops_it_and_the_panel_names_no_other_file(
+    live: ModuleType, tmp_path: Path
+) -> None:
+    """The file is the same one; one by another path is another, also after it was saved as such."""
+    path = str(tmp_path / "rig.blend")
+    follow(live)
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.revert_mainfile()
+    assert not live.is_on()
+    assert live.status()[0] == "Live stopped: the file was loaded again."
+    bpy.ops.kiriko.live()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert live.status()[0] == "Live stopped: another file was loaded."
+
+
+def test_live_stops_at_a_camera_that_was_deleted(live: ModuleType) -> None:
+    """It stays the scene's camera, and Solve misses a viewer: so does Live, and the image stays."""
+    rig = follow(live)
+    viewer = bpy.context.scene.kiriko.viewer
+    bpy.context.scene.camera = viewer
+    before = shown()
+    for group in viewer.users_collection:
+        group.objects.unlink(viewer)
+    rig["GLASS"].location.x += 0.003
+    bpy.context.view_layer.update()
+    settle(live)
+    assert "is in no scene any more" in live.followed().problem
+    assert np.array_equal(shown(), before)
+
+
 def test_deleted_scene_stops_it(live: ModuleType) -> None:
     """A scene that is gone is followed no more."""
     follow(live)
