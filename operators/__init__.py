@@ -161,6 +161,7 @@ def unregister() -> None:
     look_over.unregister()
     watch.unregister()
     open_manual.unregister()
+    open_example.unregister()
     choose_rig.unregister()
     show_window.unregister()
     look_through.unregister()

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import bpy
+from bpy.app.handlers import persistent
 
-from . import framing, needed, telling
+from . import framing, needed, telling, work
 from .windows import all_windows
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"
@@ -28,6 +29,32 @@ def _frame() -> None:
         with bpy.context.temp_override(window=window):
             if needed.has_rig(window.scene):
                 framing.frame_rig(bpy.context)
+
+
+@persistent
+def on_load(path: str, *_: object) -> None:
+    """An example is there: also after the question whether to save changes, which comes before. It
+    has no name, as a new file has none, in which nothing is found.
+    """
+    work.stop_listening(HANDLERS)
+    if path:
+        return
+    for scene in bpy.data.scenes:
+        glass = next((thing for thing in scene.objects if thing.kiriko.role == "GLASS"), None)
+        for layer in scene.view_layers:
+            if glass is not None and layer.objects.active is None:
+                layer.objects.active = glass
+                glass.select_set(True, view_layer=layer)
+    frame_soon()
+
+
+def frame_soon() -> None:
+    """Frame the rig once there are windows."""
+    if not bpy.app.background:
+        bpy.app.timers.register(_frame, first_interval=WAIT)
+
+
+HANDLERS = (("load_post", on_load),)
 
 
 class KIRIKO_OT_open_example(bpy.types.Operator):
@@ -57,8 +84,13 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
         path = path_of(self.example)
         with telling.told(self):
             # as a startup file: Save asks for a name, and the example stays as it is
+            work.stop_listening(HANDLERS)
+            work.listen(HANDLERS)
             bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)
-            if not bpy.app.background:
-                bpy.app.timers.register(_frame, first_interval=WAIT)
             return {"FINISHED"}
         return {"CANCELLED"}
+
+
+def unregister() -> None:
+    """Wait for no example any more."""
+    work.stop_listening(HANDLERS)

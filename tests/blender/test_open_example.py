@@ -1,4 +1,5 @@
 import importlib
+from pathlib import Path
 from types import ModuleType
 
 import bpy
@@ -30,6 +31,35 @@ def test_example_is_a_rig_that_can_be_solved(
     display.kiriko.resolution = (96, 54)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert opened.kiriko.result.coverage > 0.95
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_glass_of_an_example_is_active(scene: bpy.types.Scene, name: str) -> None:
+    """So that the panel Object shows it, as after Add Rig; a new file has nothing to choose."""
+    bpy.ops.kiriko.open_example(example=name)
+    glass = bpy.context.view_layer.objects.active
+    assert glass.kiriko.role == "GLASS"
+    assert glass.select_get()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert bpy.context.view_layer.objects.active is None
+
+
+def test_an_example_is_framed_after_the_question_whether_to_save(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once its file is there, and no file of the artist's that is opened in its place."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.open_example")
+    framed = []
+    monkeypatch.setattr(module, "frame_soon", lambda: framed.append(1))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
+
+    module.work.listen(module.HANDLERS)  # as while Blender asks
+    bpy.ops.wm.read_homefile(filepath=str(module.path_of("BALL")), load_ui=False)
+    assert framed == [1]
+    module.work.listen(module.HANDLERS)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "mine.blend"))
+    assert framed == [1]
+    assert module.on_load not in bpy.app.handlers.load_post
 
 
 @pytest.mark.parametrize("name", NAMES)
