@@ -18,10 +18,11 @@ NOTHING = Message("Select glass whose material does not refract")
 
 def can_be_given(thing: bpy.types.Object) -> bool:
     """Is it glass whose own material does not refract, and can it have another?"""
-    has_slots = hasattr(thing.data, "materials") and (
-        bool(thing.material_slots) or thing.data.is_editable
+    # a linked mesh without slots has it by a modifier
+    has_place = hasattr(thing.data, "materials") and (
+        bool(thing.material_slots) or thing.data.is_editable or thing.type == "MESH"
     )
-    is_glass = thing.kiriko.role == "GLASS" and thing.is_editable and has_slots
+    is_glass = thing.kiriko.role == "GLASS" and thing.is_editable and has_place
     scene = bpy.context.scene
     return is_glass and not refracts_as_shown(scene, thing) and has_own_faces(scene, thing)
 
@@ -107,7 +108,11 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
             )
             if own:
                 by = quoted(dict.fromkeys(one.name for before in own.values() for one in before))
-                why = Message("A modifier sets it, after {by}, which set another.", by=by)
+                why = (
+                    Message("A modifier sets it, after {by}, which set another.", by=by)
+                    if by
+                    else Message("A modifier sets it, for the linked mesh has no place for it.")
+                )
                 text = joined([text, why])
             telling.report(self, "INFO", text)
 

@@ -10,7 +10,7 @@ from .rig_record import keep
 from .rigs import rig_of, rigs_of
 from .viewport_look import draw_as_solid
 
-GIVEN_MARK = "kiriko_given"  # on the material; and on an object: key of the rig, and its own slots
+GIVEN_MARK = "kiriko_given"  # on the material; on an object in files of before, as `given` now is
 
 
 def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
@@ -20,7 +20,7 @@ def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Mater
     """
     rig = rig_of(scene, thing)
     has_slots = bool(thing.material_slots)
-    if not has_slots:
+    if not has_slots and thing.data.is_editable:
         thing.data.materials.append(None)
 
     kept, slots = [], []
@@ -34,11 +34,16 @@ def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Mater
         slot.link = "OBJECT"
         slot.material = glass
 
-    if rig is not None and GIVEN_MARK not in thing:
+    if rig is not None and not _noted(thing):
         glass[GIVEN_MARK] = True
-        thing[GIVEN_MARK] = json.dumps([rig.kiriko.key, slots if has_slots else []])
+        thing.kiriko.given = json.dumps([rig.kiriko.key, slots if has_slots else []])
     draw_as_solid(thing)
     return kept
+
+
+def _noted(thing: bpy.types.Object) -> str:
+    """Key of the rig and the slots of an object that was made glass, '' of others."""
+    return thing.kiriko.given or thing.get(GIVEN_MARK, "")
 
 
 def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
@@ -64,14 +69,15 @@ def take_back(scene: bpy.types.Scene, key: str) -> None:
     keys = rigs_of(scene)
     given = set()
     for thing in scene.objects:
-        of_rig, slots = json.loads(thing.get(GIVEN_MARK, '["", []]'))
+        of_rig, slots = json.loads(_noted(thing) or '["", []]')
         if of_rig != key or not thing.is_editable:
             continue
         heirs = keys(thing) - {key}
         if heirs:  # it is another rig's glass, too
-            thing[GIVEN_MARK] = json.dumps([min(heirs), slots])
+            thing.kiriko.given = json.dumps([min(heirs), slots])
             continue
-        del thing[GIVEN_MARK]
+        thing.kiriko.given = ""
+        thing.pop(GIVEN_MARK, None)
         _take_modifiers(thing)
         given |= {slot.material for slot in thing.material_slots if _is_given(slot.material)}
         _take_back(thing, slots)

@@ -123,3 +123,58 @@ def test_linked_glass_that_lost_its_role_is_used_again(
     bpy.ops.kiriko.use_part(part=thing.name, library=thing.library.filepath)
     scene = reopened(tmp_path / "scene.blend")
     assert scene.objects["Suzanne"].kiriko.role == "GLASS"
+
+
+@pytest.mark.parametrize("is_local", [True, False])
+def test_linked_glass_without_a_material_is_made_glass(
+    scene: bpy.types.Scene,
+    linked: Callable,
+    tmp_path: Path,
+    look: Callable,
+    capfd: pytest.CaptureFixture,
+    is_local: bool,
+) -> None:
+    """Its mesh has no slot, and can get none in this file: a modifier of the object sets it. Remove
+    Rig takes that away. The object may be one of this file.
+    """
+    bpy.ops.mesh.primitive_monkey_add(size=0.06)
+    own = bpy.context.object
+    if is_local:
+        own.data = linked(own.data)
+    else:
+        theirs = linked(own)
+        bpy.data.objects.remove(own)
+        scene.collection.objects.link(theirs)
+        bpy.context.view_layer.update()
+        own = theirs
+    add_rig(own)
+    (glass,) = (thing for thing in scene.objects if thing.kiriko.role == "GLASS")
+    assert "material" in " ".join(str(entry.text) for entry in look())
+    bpy.ops.kiriko.make_glass(part=glass.name)
+    assert "A modifier sets it, for the linked mesh has no place for it." in capfd.readouterr().out
+    assert not any("does not refract" in str(entry.text) for entry in look())
+
+    scene = reopened(tmp_path / "scene.blend")
+    (glass,) = (thing for thing in scene.objects if thing.kiriko.role == "GLASS")
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert "does not refract" not in scene.kiriko.result.notes
+    bpy.ops.kiriko.remove_rig()
+    assert not glass.modifiers
+
+
+def test_an_override_that_was_made_glass_has_its_material_back(
+    scene: bpy.types.Scene, linked: Callable, tmp_path: Path
+) -> None:
+    """Also when the rig is removed in another session."""
+    own = suzanne()
+    own.material_slots[0].material = bpy.data.materials.new("Matt")
+    theirs = linked(own)
+    bpy.data.objects.remove(own)
+    scene.collection.objects.link(theirs)
+    bpy.context.view_layer.update()
+    add_rig(theirs)
+    bpy.ops.kiriko.make_glass(part="Suzanne")
+    (glass,) = (t for t in reopened(tmp_path / "a.blend").objects if t.kiriko.role == "GLASS")
+    assert [slot.material.name for slot in glass.material_slots] == ["Kiriko Glass"]
+    bpy.ops.kiriko.remove_rig()
+    assert [(slot.link, slot.material.name) for slot in glass.material_slots] == [("DATA", "Matt")]

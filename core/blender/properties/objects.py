@@ -244,6 +244,12 @@ class KirikoObject(bpy.types.PropertyGroup):
         description="The name that it had then, which tells it from its copies",
         options={"HIDDEN"},
     )
+    given: StringProperty(
+        name="Given",
+        description="Key of the rig in which the object was made glass, and its own material slots,"
+        " as JSON",
+        options={"HIDDEN"},
+    )
     # image: see `register`
     is_image_shown: BoolProperty(
         name="Image Is Shown",
