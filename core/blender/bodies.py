@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..errors import RigError
 from ..messages import Message
 
 EMPTY = Message("an empty has no surface")
@@ -81,3 +82,21 @@ def shows_instances_alone(shown: bpy.types.Object) -> bool:
     """Does an evaluated object show nothing but instances of others, by its nodes?"""
     has_nodes = any(m.type == "NODES" and m.show_viewport for m in shown.modifiers)
     return has_nodes and shown.type == "MESH" and not len(shown.data.polygons)
+
+
+def faceless(thing: bpy.types.Object) -> RigError:
+    """The error that an object shows nothing which could be glass by its role."""
+    group = thing.instance_collection if thing.instance_type == "COLLECTION" else None
+    members = () if group is None else group.all_objects
+    for member in members:
+        if member.kiriko.role != "NONE":
+            return RigError(
+                "'{name}' shows '{member}', which has a role of its own: set that to None first, in"
+                " its file where it is linked.",
+                name=thing.name,
+                member=member.name,
+            )
+    return RigError(
+        "'{name}' has no faces and cannot be glass: give it some, or deselect it.",
+        name=thing.name,
+    )

@@ -14,7 +14,7 @@ from ..bench.placement import Proposal
 from ..errors import RigError
 from ..messages import Message, joined, quoted
 from ..rig import ROLES, ConstantIndex, Glass, Rig
-from .bodies import bodiless, tools_of, use_of
+from .bodies import bodiless, faceless, tools_of, use_of
 from .elements import DEFAULT_IOR
 from .looked_through import bounds_of, looked_through
 from .mesh import in_world, read_local
@@ -178,10 +178,7 @@ def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown
             )
         # the surface of a family of metaballs is that of one of them
         if thing not in met and (thing.type != "META" or not met):
-            raise RigError(
-                "'{name}' has no faces and cannot be glass: give it some, or deselect it.",
-                name=thing.name,
-            )
+            raise faceless(thing)
 
     for part in parts:
         name = (

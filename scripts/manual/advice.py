@@ -126,6 +126,12 @@ RIG = Section(
             "カーブはベベルやスクリューで面になります。点群は面になりません。",
         ),
         Advice(
+            "'{name}' shows '{member}', which has a role of its own: set that to None first, in its"
+            " file where it is linked.",
+            "Or make it an object of the scene: Object > Apply > Make Instances Real.",
+            "または、オブジェクト > 適用 > インスタンスを実体化 でシーンのオブジェクトにします。",
+        ),
+        Advice(
             "{name} is no closed body, but flat: give it a thickness, as by a Solidify modifier, or"
             " deselect it.",
             "Thicken, in the first panel, adds the modifier.",

@@ -178,3 +178,23 @@ def test_an_override_that_was_made_glass_has_its_material_back(
     assert [slot.material.name for slot in glass.material_slots] == ["Kiriko Glass"]
     bpy.ops.kiriko.remove_rig()
     assert [(slot.link, slot.material.name) for slot in glass.material_slots] == [("DATA", "Matt")]
+
+
+@pytest.mark.parametrize("is_of_rig", [False, True])
+def test_an_instance_of_glass_with_a_role_says_why_it_cannot_be_glass(
+    scene: bpy.types.Scene, is_of_rig: bool
+) -> None:
+    """The role of the object itself counts, and it may be in a rig of another file."""
+    own = suzanne()
+    own.kiriko.role, own.kiriko.rigs = "GLASS", "abc" if is_of_rig else ""
+    group = bpy.data.collections.new("Group")
+    scene.collection.objects.unlink(own)
+    group.objects.link(own)
+    thing = bpy.data.objects.new("Instance", None)
+    thing.instance_type, thing.instance_collection = "COLLECTION", group
+    scene.collection.objects.link(thing)
+    with pytest.raises(RuntimeError, match="'Instance' shows 'Suzanne', which has a role of its"):
+        add_rig(thing)
+    own.kiriko.role, own.kiriko.rigs = "NONE", ""
+    add_rig(thing)
+    assert thing.kiriko.role == "GLASS"
