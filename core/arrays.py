@@ -37,6 +37,24 @@ def taken(values: NDArray, which: Bools | Ints) -> NDArray:
     return values.compress(which, axis=0) if which.dtype == np.bool_ else values.take(which, axis=0)
 
 
+def greatest(rows: Floats) -> Floats:
+    """The greatest number (n,) of each row (n, ...), NaN where one is; of short rows `max` is
+    several times as slow.
+    """
+    columns = np.ascontiguousarray(np.moveaxis(rows, 0, -1))
+    return np.maximum.reduce(columns, axis=tuple(range(rows.ndim - 1)))
+
+
+def in_order(numbers: Ints) -> Ints:
+    """The same as a stable `argsort` of numbers (n,), none of which is below 0: numpy sorts whole
+    numbers up to ten times as fast as it finds their order.
+    """
+    bits = len(numbers).bit_length()
+    if int(numbers.max(initial=0)) >> (63 - bits):
+        return np.argsort(numbers, kind="stable")
+    return np.sort(numbers << bits | np.arange(len(numbers))) & ((1 << bits) - 1)
+
+
 def mean_at(values: Floats, corners: Ints) -> Floats:
     """`values[corners].mean(axis=1)`, (n, ...), of values (m, ...) at corners (n, k)."""
     return sum(taken(values, corner) for corner in corners.T) / corners.shape[1]

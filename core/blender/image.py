@@ -66,7 +66,8 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     """
     height, width, channels = pixels.shape
     rgba = np.ones((height, width, 4), np.float32)
-    rgba[..., :channels] = pixels[::-1]
+    for channel in range(channels):  # numpy is slow where rows are a few numbers long
+        rgba[..., channel] = pixels[::-1, :, channel]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
     _read.pop(image.session_uid, None)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..arrays import Bools, Floats, Ints, greatest, in_order, taken
 from ..mesh import SAME_NORMAL
 from ..vectors import dot, normalise
 
@@ -63,7 +63,7 @@ def find_edges(triangles: Ints) -> Edges:
     start = triangles.astype(np.int64).ravel()
     end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
     key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
-    order = np.argsort(key, kind="stable")
+    order = in_order(key)
     ordered = key[order]
     begins = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
     counts = np.diff(np.r_[begins, len(ordered)])
@@ -82,8 +82,9 @@ def box_of(corners: Floats) -> Floats:
 
 def boxes_of(corners: Floats) -> Floats:
     """Lower and upper corners (t, 2, 3) of the axis-aligned box of each triangle (t, 3, 3)."""
-    a, b, c = corners.swapaxes(0, 1)  # numpy is slow along rows of three
-    return np.stack([np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)], axis=1)
+    # numpy is slow along rows of three
+    by_corner = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    return np.stack([of.reduce(by_corner) for of in (np.minimum, np.maximum)]).transpose(2, 0, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +179,7 @@ def find_joined(normals: Floats, edges: Edges) -> Bools:
     normals : (t, 3, 3) unit normals at the corners (a flat triangle has its own three times).
     """
     first, second = edge_corners(normals, edges)
-    return np.abs(first - second).max(axis=(1, 2)) < SAME_NORMAL
+    return greatest(np.abs(first - second)) < SAME_NORMAL
 
 
 def interpolate(values: Floats, u: Floats, v: Floats) -> Floats:

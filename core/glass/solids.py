@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..arrays import Bools, Floats, Ints, in_order, taken
 from ..rig import Mesh
 from ..steps import Pauses, finish
 from ..vectors import dot
@@ -77,7 +77,7 @@ def _split(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
         is_flipped = as_drawn >= turned
 
     label = components(n, edges.first, edges.second)
-    order = np.argsort(label, kind="stable")
+    order = in_order(label)
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     return [(drawn[chosen], is_flipped[chosen]) for chosen in np.split(order, cuts)], edges
 

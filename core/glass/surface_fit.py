@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..arrays import Bools, Floats, Ints, greatest, taken
 from ..steps import Pauses
 from ..vectors import length_of
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
@@ -245,7 +245,7 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
     edges = drawn.edges
     first = edges.first
     second = edges.second
-    turn = np.abs(taken(drawn.facets, first) - taken(drawn.facets, second)).max(axis=1)
+    turn = greatest(np.abs(taken(drawn.facets, first) - taken(drawn.facets, second)))
     is_flat = drawn.is_joined & (turn < FIT.coplanar)
     flat_face = components(len(wanted), first[is_flat], second[is_flat])
     wanted = wanted & ~np.isin(flat_face, flat_face[asked & ~wanted])
@@ -273,7 +273,7 @@ def _put_together(
 
     # terms of normals that are not the faces' own
     at_corners = taken(normal, vertex)
-    off = length_of(np.concatenate([agreed.normals, at_corners], axis=1) - faces.own).max(axis=1)
+    off = greatest(length_of(np.concatenate([agreed.normals, at_corners], axis=1) - faces.own))
     with_terms = np.flatnonzero(is_straight.any(axis=1) | (off > AGREEMENT.agree))
     normal_row = np.full(len(vertex), -1, np.int32)
     normal_row[with_terms] = np.arange(len(with_terms))
@@ -290,7 +290,7 @@ def _put_together(
         vertex_normal=normal,
         normal_row=normal_row,
         normal_terms=by_term(normal_terms),
-        jump=agreed.jump[:, 1::3].max(axis=1),  # in the middles of edges
+        jump=greatest(agreed.jump[:, 1::3]),  # in the middles of edges
         bent_row=bent_row,
         bent=bent,
     )

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..arrays import Bools, Floats, Ints, greatest, taken
 from ..mesh import SAME_NORMAL
 from ..rig import Mesh
 from ..steps import Pauses, finish
@@ -101,7 +101,7 @@ def _bent_normals(
 
     # a smooth-shaded face whose normals are its own is flat,
     # and its own normal is the more exact one
-    is_own = np.abs(corner_normals - by_corner).max(axis=(1, 2)) <= SAME_NORMAL
+    is_own = greatest(np.abs(corner_normals - by_corner)) <= SAME_NORMAL
     is_bent = is_smooth & is_usable & ~is_own
     by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
     return by_corner, is_bent, int((is_smooth & ~is_usable).sum())

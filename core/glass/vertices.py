@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, each_once, taken
+from ..arrays import Bools, Floats, Ints, each_once, in_order, taken
 from ..vectors import dot
 from .curved import FACES_AT_ONCE
 from .meshes import Edges, components
@@ -93,7 +93,7 @@ def find_vertices(
     start = np.concatenate([a, b[lone]])
     end = np.concatenate([b, a[lone]])
 
-    order = np.argsort(start, kind="stable")
+    order = in_order(start)
     start = start[order]
     end = end[order]
     first = np.searchsorted(start, np.arange(len(used) + 1))

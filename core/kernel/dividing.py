@@ -183,10 +183,12 @@ def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
     """
     n = len(polygons)
     some = polygons[:: 1 + n // GUESSED]
-    low, high = some.min(axis=1, initial=np.inf), some.max(axis=1, initial=-np.inf)
+    by_corner = np.ascontiguousarray(some.transpose(1, 2, 0))
+    low, high = np.minimum.reduce(by_corner), np.maximum.reduce(by_corner)
+    size = np.array(display_size)[:, None]
     with np.errstate(invalid="ignore"):
-        width, height = (np.clip(high, 0, display_size) - np.clip(low, 0, display_size)).T
-        is_seen = ((high > 0) & (low < display_size)).all(axis=1)
+        width, height = np.clip(high, 0, size) - np.clip(low, 0, size)
+        is_seen = ((high > 0) & (low < size)).all(axis=0)
         touched = np.where(is_seen, (width + 1) * (height + 1), 0)
     return int(ROOMIER * n * np.nan_to_num(touched).sum() / max(len(some), 1))
 

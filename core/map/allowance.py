@@ -70,8 +70,8 @@ class Allowance:
         pixel = self._pixel(view)
         n_rays = np.broadcast_to(n_rays, len(view))
         # only where all that a pixel is asked for is too much does it matter which comes first
-        in_all = np.bincount(pixel, n_rays, len(self.left))
-        some = np.flatnonzero((in_all > self.left - self.kept)[pixel])
+        in_all = np.bincount(pixel, n_rays)
+        some = np.flatnonzero(in_all[pixel] > self.left[pixel] - self.kept)
         order = some[np.lexsort((*view[some].T, pixel[some]))]
         pixel = pixel[order]
         asked = np.cumsum(n_rays[order])

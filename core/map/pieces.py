@@ -1,5 +1,6 @@
 """Quads and triangles, of which a view map is made where shares are asked for."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -67,36 +68,40 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     """
     # landings and throughput on a grid of each cell
     values = np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
-    *xy, throughput = np.moveaxis(interpolation.on_grid(values, m), 3, 0)
+    landed = interpolation.on_grid(values, m)
 
     # where light falls steeply, quartics swing beyond their nodes, and might swing below nothing
     faintest, brightest = (of(values[..., 2], axis=1)[:, None, None] for of in (np.min, np.max))
-    throughput = np.clip(throughput, faintest / SWING, brightest * SWING)
+    throughput = np.clip(landed[..., 2], faintest / SWING, brightest * SWING)
 
-    side = np.arange(m + 1) / m
-    x, y = np.meshgrid(side, side)
-    place = np.stack([x, y], axis=2)
-    view = corner[:, None, None] + size[:, None, None, None] * place
+    along = size[:, None] * (np.arange(m + 1) / m)
+    view = np.empty((len(size), m + 1, m + 1), complex)
+    view.real = (corner[:, :1] + along)[:, None]
+    view.imag = (corner[:, 1:] + along)[:, :, None]
 
     return Piece(
         view=_quads_between(view),
-        display=_quads_between(np.stack(xy, axis=3)),
+        display=_quads_between(landed[..., :2].view(complex)[..., 0]),
         throughput=sum(_corners_of(throughput)).ravel() / 4,
         branch=np.repeat(points.branch[nodes[:, 0]], m * m),
     )
 
 
-def _quads_between(grid: Floats) -> Floats:
-    """Quads (n m^2, 4, 2) between the points of grids (n, m + 1, m + 1, 2), corners in order.
+def _quads_between(points: NDArray[np.complex128]) -> Floats:
+    """Quads (n m^2, 4, 2) between the points x + i y of grids (n, m + 1, m + 1), corners in order.
 
     numpy copies points as complex numbers several times as fast as pairs of numbers.
     """
-    points = np.ascontiguousarray(grid).view(complex)[..., 0]
-    n, rows, columns = points.shape
-    quads = np.empty((n, rows - 1, columns - 1, 4), complex)
-    for k, corner in enumerate(_corners_of(points)):
-        quads[..., k] = corner
+    n, m = len(points), points.shape[1] - 1
+    quads = points.reshape(n, (m + 1) ** 2).take(_corners_between(m), axis=1, mode="wrap")
     return quads.view(float).reshape(-1, 4, 2)
+
+
+@lru_cache(8)
+def _corners_between(m: int) -> Ints:
+    """Numbers (4 m^2,) of the corners, in order, of the quads between the points of a grid."""
+    number = np.arange((m + 1) ** 2).reshape(1, m + 1, m + 1)
+    return np.stack(_corners_of(number), axis=3).ravel()
 
 
 def _corners_of(grid: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, fields
-from functools import reduce
 
 import numpy as np
 
@@ -216,5 +215,6 @@ def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
 
 def bounds_of(xy: Floats) -> tuple[Floats, Floats]:
     """Least and greatest x and y (n, 2) of display pixels (n, k, 2), NaN without a landing."""
-    by_corner = np.moveaxis(xy, 1, 0)  # numpy is slow where it reduces rows of two numbers
-    return reduce(np.fmin, by_corner), reduce(np.fmax, by_corner)
+    # numpy is slow where it reduces rows of two numbers
+    by_corner = np.ascontiguousarray(xy.transpose(1, 2, 0))
+    return np.fmin.reduce(by_corner).T, np.fmax.reduce(by_corner).T

@@ -113,9 +113,10 @@ class Sampling:
         while len(todo) or len(checking):
             # nodes that were not traced, and checks of squares that were found smooth before
             column, row = todo.nodes()
-            is_asked = np.zeros(self.number.size, bool)  # np.unique would sort them
-            is_asked[row * self.number.shape[1] + column] = True
-            missing = np.flatnonzero(is_asked & (self.number.ravel() < 0))
+            at = row * self.number.shape[1] + column
+            is_missing = np.zeros(self.number.size, bool)  # np.unique would sort them
+            is_missing[at[self.number.take(at) < 0]] = True
+            missing = np.flatnonzero(is_missing)
             nodes = np.stack(
                 [missing % self.number.shape[1], missing // self.number.shape[1]], axis=1
             ).astype(float)
