@@ -273,7 +273,9 @@ def _put_together(
 
     # terms of normals that are not the faces' own
     at_corners = taken(normal, vertex)
-    off = greatest(length_of(np.concatenate([agreed.normals, at_corners], axis=1) - faces.own))
+    meant = agreed.normals, at_corners
+    own = np.split(faces.own, [agreed.normals.shape[1]], axis=1)
+    off = np.maximum(*(greatest(length_of(a - b)) for a, b in zip(meant, own, strict=True)))
     with_terms = np.flatnonzero(is_straight.any(axis=1) | (off > AGREEMENT.agree))
     normal_row = np.full(len(vertex), -1, np.int32)
     normal_row[with_terms] = np.arange(len(with_terms))

@@ -112,11 +112,11 @@ def sag(nodes: Floats) -> Floats:
     return _differences(nodes, DIFFERENCE_2) / 8
 
 
-def parts_for(nodes: Floats, allowed: float, most: int) -> Ints:
-    """Into how many parts (n,) a side is to be cut, a power of
-    two, so that bilinear cells are off by less.
+def parts_for(off: Floats, allowed: float, most: int) -> Ints:
+    """Into how many parts (n,) a side is to be cut, a power of two, so that bilinear cells are off
+    by less, which are off by so much (n,) between the nodes.
     """
-    parts = PARTS * np.sqrt(sag(nodes) / allowed)
+    parts = PARTS * np.sqrt(off / allowed)
     return 2 ** np.ceil(np.log2(np.clip(parts, 1, most))).astype(np.int64)
 
 

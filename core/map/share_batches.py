@@ -15,6 +15,7 @@ from .thinning import Thinning, in_pixels
 
 FEW_SHARES = 1 << 14
 LOTS_AT_ONCE = 8  # of cells, divided side by side: a step of the work
+LOTS_AT_FIRST = 2  # then twice as many each time, so that other threads are soon at work
 # shares, up to 64 bytes each: more of them are made again each time they are asked for. A ball
 # fills a display of 3840 x 2160 with 11 million.
 MOST_KEPT = 1 << 24
@@ -143,7 +144,7 @@ class ShareBatches:
 
         begun = (
             None if some is None else ([len(lot.view) for lot in some], divided(*sizes, some))
-            for some in _by_number(lots(), LOTS_AT_ONCE)
+            for some in _by_number(lots())
         )
         for some in _one_ahead(begun):
             yield None
@@ -187,8 +188,11 @@ class ShareBatches:
         self.n_made += n_shares
 
 
-def _by_number(things: Iterator[Lot], n: int) -> Iterator[list[Lot] | None]:
-    """n of them at a time; None is a pause while they are gathered."""
+def _by_number(things: Iterator[Lot]) -> Iterator[list[Lot] | None]:
+    """Ever more of them at a time, as far as LOTS_AT_ONCE; None is a pause while they are
+    gathered.
+    """
+    n = min(LOTS_AT_FIRST, LOTS_AT_ONCE)
     some: list[Lot] = []
     for thing in things:
         some.append(thing)
@@ -197,6 +201,7 @@ def _by_number(things: Iterator[Lot], n: int) -> Iterator[list[Lot] | None]:
             continue
         yield some
         some = []
+        n = min(2 * n, LOTS_AT_ONCE)
     if some:
         yield some
 

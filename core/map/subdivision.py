@@ -54,8 +54,9 @@ def n_parts(xy: Floats, size: Ints, is_inside: Bools, tolerance: float) -> Ints:
     knobs = SUBDIVISION
 
     # for the tolerance
+    off = interpolation.sag(xy)
     parts, parts_cheap = (
-        interpolation.parts_for(xy, allowed, knobs.most_parts)
+        interpolation.parts_for(off, allowed, knobs.most_parts)
         for allowed in (knobs.of_tolerance * tolerance, knobs.cheap_error_px)
     )
     parts = np.maximum(parts, np.minimum(parts_cheap, size))
