@@ -571,6 +571,21 @@ def test_other_cells_are_begun_before_shares_are_handed_on(monkeypatch):
     assert handed_on == [2, 3, 3]
 
 
+def test_threads_begin_with_few_lots(monkeypatch):
+    """Other threads do not wait until eight lots of cells are gathered: they begin with two."""
+    begun = []
+
+    def counted(*asked, divided=share_batches.divided):
+        begun.append(len(asked[-1]))
+        return divided(*asked)
+
+    monkeypatch.setattr(share_batches, "divided", counted)
+    view = grid(2)
+    pieces = [(view, view, np.ones(len(view)), None)] * 20
+    assert sum(map(len, ShareBatches((2, 2), (2, 2), False, lambda: iter(pieces)))) == 20 * 4
+    assert begun == [2, 4, 8, 6]
+
+
 def test_no_cells_have_no_shares():
     """A map without cells, or with none on the display, has no shares, and that is no error."""
     for pieces in ([], [(grid(3), grid(3) - 50, np.ones(9), None)]):

@@ -1,0 +1,26 @@
+"""Work on arrays that goes round numpy where it is slow."""
+
+import numpy as np
+import pytest
+
+from kiriko.core.arrays import greatest, in_order
+
+N = 1000
+
+
+@pytest.mark.parametrize("most", [3, 10**6, 2**62], ids=["few", "many", "too large to be packed"])
+def test_numbers_are_ordered_as_by_a_stable_argsort(most):
+    """Equal ones stay in their order; numbers that leave no bits free are ordered, too."""
+    numbers = np.random.default_rng(0).integers(0, most, N)
+    numbers[N // 2 :] = numbers[: N // 2]
+    assert np.array_equal(in_order(numbers), np.argsort(numbers, kind="stable"))
+    assert len(in_order(numbers[:0])) == 0
+
+
+@pytest.mark.parametrize("shape", [(N, 5), (N, 3, 3), (0, 3, 3)])
+def test_the_greatest_of_each_row_is_found(shape):
+    """Of rows of one axis or two, none too; NaN where one of them is."""
+    rows = np.random.default_rng(0).normal(size=shape)
+    rows[3:7, 1] = np.nan
+    expected = rows.max(axis=tuple(range(1, rows.ndim)))
+    assert np.array_equal(greatest(rows), expected, equal_nan=True)
