@@ -14,7 +14,9 @@ def redraw() -> None:
     """Have panels, viewports, image editors and show windows drawn again."""
     for window in all_windows():
         for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR", "TEXT_EDITOR"}:  # the last: show windows
+            # the last: show windows
+            is_ours = area.type in {"VIEW_3D", "IMAGE_EDITOR", "TEXT_EDITOR"}
+            if is_ours or (area.type == "PROPERTIES" and area.spaces.active.context == "OBJECT"):
                 area.tag_redraw()
 
 

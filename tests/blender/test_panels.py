@@ -619,3 +619,25 @@ def test_a_coarse_image_tells_of_no_loss(
     assert "kiriko.best_place" in drawn("result", "VIEW3D_PT_kiriko_result").operators
     result.is_coarse = True
     assert "kiriko.best_place" not in drawn("result", "VIEW3D_PT_kiriko_result").operators
+
+
+def test_the_panel_in_the_properties_editor_is_drawn_again(
+    kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As that in the sidebar, where a button gave an object another role; other tabs are not."""
+    windows = importlib.import_module(f"{kiriko.__name__}.operators.windows")
+    drawn = []
+
+    def area(kind: str, tab: str) -> SimpleNamespace:
+        space = SimpleNamespace(context=tab)
+        return SimpleNamespace(
+            type=kind,
+            spaces=SimpleNamespace(active=space),
+            tag_redraw=lambda: drawn.append((kind, tab)),
+        )
+
+    kinds = (("VIEW_3D", ""), ("PROPERTIES", "OBJECT"), ("PROPERTIES", "RENDER"), ("OUTLINER", ""))
+    screen = SimpleNamespace(areas=[area(*kind) for kind in kinds])
+    monkeypatch.setattr(windows, "all_windows", lambda: [SimpleNamespace(screen=screen)])
+    windows.redraw()
+    assert drawn == [("VIEW_3D", ""), ("PROPERTIES", "OBJECT")]
