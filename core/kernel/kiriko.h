@@ -278,10 +278,6 @@ static inline double clip(double number, double low, double high) {
     return at_least < high ? at_least : high;
 }
 
-static inline bool is_within(double u, double v, double slack) {
-    return u >= -slack && v >= -slack && u + v <= 1 + slack;
-}
-
 /* Distances at which a ray enters and leaves a box; enter > leave is a miss. A ray within a face of it gives NaN, which
    the comparisons pass over. */
 static inline void slab(const double *low, const double *high, const double *o, const double *inverse, double *enter,

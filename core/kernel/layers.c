@@ -56,14 +56,27 @@ static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     return true;
 }
 
-/* Where a ray meets the plane of a triangle, if it does between two distances. */
-static bool meet_plane(const Search *search, const double *frame, int64_t k, double least, double most, Hit *hit) {
+/* Two numbers that are reckoned with at once: a processor does so in the time that one takes. */
+typedef double Two __attribute__((vector_size(16)));
+typedef int64_t Truth __attribute__((vector_size(16))); /* of two comparisons */
+
+static Two dot_two(const Two *a, const Two *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void cross_two(const Two *a, const Two *b, Two *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static Truth are_within(Two u, Two v, double slack) { return (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack); }
+
+/* Where a ray meets the plane of a triangle; false where it runs along it. */
+static bool meet_plane(const Search *search, const double *frame, int64_t k, Hit *hit) {
     const double *corner = frame, *normal = frame + 3;
     const double *o = search->o, *d = search->d;
     double slope = dot(d, normal), away[3], inside[3];
     for (int j = 0; j < 3; j++) away[j] = corner[j] - o[j];
     double t = dot(away, normal) / slope;
-    if (!(t > least && t < most)) return false;
     for (int j = 0; j < 3; j++) inside[j] = o[j] + t * d[j] - corner[j];
     hit->distance = t;
     hit->u = dot(inside, frame + 6);
@@ -71,13 +84,7 @@ static bool meet_plane(const Search *search, const double *frame, int64_t k, dou
     hit->triangle = k;
     hit->enters = slope < 0;
     hit->is_curved = false;
-    return true;
-}
-
-/* Does a ray meet a triangle, with a slack around it, where a hit can be the nearest so far? */
-static bool meet_facet(const Search *search, const double *frame, int64_t k, double slack, Hit *hit) {
-    return meet_plane(search, frame, k, search->least, search->hit->distance, hit) &&
-           is_within(hit->u, hit->v, slack);
+    return isfinite(t);
 }
 
 /* Take a hit if it is true and the nearest so far. */
@@ -93,14 +100,45 @@ static void consider(Search *search, const Hit *found, double *far) {
     }
 }
 
-static void visit_face(void *context, int32_t position, double *far) {
-    Search *search = context;
-    int32_t k = search->layer->over_faces.items[position];
-    const Curved *curved = search->layer->curved;
+/* Meet n facets, with a slack around them, two at a time; a hit of `within` at the most is taken if it is true and the
+   nearest so far.
+
+   numbers : of their triangles; NULL: they are numbered by their order */
+static void meet_facets(Search *search, const double *frames, const int32_t *numbers, int64_t n, double within,
+                        double *far) {
+    const double *o = search->o, slack = search->slack;
+    Two d[3];
+    for (int j = 0; j < 3; j++) d[j] = (Two){search->d[j], search->d[j]};
+    for (int64_t i = 0; i < n; i += 2) {
+        const double *frame = frames + 12 * i, *other = i + 1 < n ? frame + 12 : frame;
+        Two corner[3], normal[3], axis_u[3], axis_v[3], away[3], inside[3];
+        for (int j = 0; j < 3; j++) {
+            corner[j] = (Two){frame[j], other[j]};
+            normal[j] = (Two){frame[3 + j], other[3 + j]};
+            axis_u[j] = (Two){frame[6 + j], other[6 + j]};
+            axis_v[j] = (Two){frame[9 + j], other[9 + j]};
+            away[j] = corner[j] - o[j];
+        }
+        Two slope = dot_two(d, normal), t = dot_two(away, normal) / slope;
+        for (int j = 0; j < 3; j++) inside[j] = o[j] + t * d[j] - corner[j];
+        Two u = dot_two(inside, axis_u), v = dot_two(inside, axis_v);
+        Truth is_met = (t > search->least) & (t < search->hit->distance) & (t <= within) & are_within(u, v, slack);
+        for (int k = 0; k < 2 && i + k < n && (is_met[0] | is_met[1]); k++) {
+            if (!is_met[k]) continue;
+            Hit found = {.distance = t[k], .u = u[k], .v = v[k], .enters = slope[k] < 0};
+            found.triangle = numbers ? numbers[i + k] : i + k;
+            consider(search, &found, far);
+        }
+    }
+}
+
+static void visit_face(Search *search, int32_t position, double *far) {
+    const Layer *layer = search->layer;
+    int32_t k = layer->over_faces.items[position];
+    const Curved *curved = layer->curved;
     Hit found;
-    if (!curved || curved->row[k] < 0) {
-        const double *frame = search->layer->facets + 12 * (int64_t)position;
-        if (meet_facet(search, frame, k, search->slack, &found)) consider(search, &found, far);
+    if (curved->row[k] < 0) {
+        meet_facets(search, layer->facets + 12 * (int64_t)position, &k, 1, INFINITY, far);
         return;
     }
     if (!is_in_box(curved, k, search->o, search->axes)) return;
@@ -110,6 +148,17 @@ static void visit_face(void *context, int32_t position, double *far) {
                         &found))
             consider(search, &found, far);
     }
+}
+
+static void visit_faces(void *context, int32_t first, int32_t last, double *far) {
+    Search *search = context;
+    const Layer *layer = search->layer;
+    if (!layer->curved) {
+        meet_facets(search, layer->facets + 12 * (int64_t)first, layer->over_faces.items + first, last - first,
+                    INFINITY, far);
+        return;
+    }
+    for (int32_t i = first; i < last; i++) visit_face(search, i, far);
 }
 
 /* Is the nearest that was found a face to be passed? What lies beyond is to be searched for then. */
@@ -136,7 +185,7 @@ static void search_faces(Search *search, double slack, double far) {
     if (layer->curved) tangents(search->d, search->axes);
     for (int j = 0; j < 3; j++) from[j] = (search->o[j] + search->start * search->d[j] - layer->centre[j]) / layer->radius;
     far = (far + search->tolerance - search->start) / layer->radius;
-    visit_tree(&layer->over_faces, from, search->d, &far, visit_face, search);
+    visit_tree(&layer->over_faces, from, search->d, &far, visit_faces, search);
 }
 
 /* A ray, and what it meets first of a hull: where on the triangle, and the triangle's normal, twice its area long. */
@@ -159,32 +208,50 @@ static bool only_leaves_hull(const Shot *shot, int32_t position, const double *n
     return is_steep && is_near && shot->hull->tree.items[position] >= shot->hull->n_whole;
 }
 
-static void visit_hull(void *context, int32_t position, double *far) {
-    Shot *shot = context;
-    const float *p = shot->hull->corners + 9 * (int64_t)position;
-    double e1[3], e2[3], away[3], normal[3], across[3];
-    for (int j = 0; j < 3; j++) {
-        e1[j] = (double)p[3 + j] - p[j];
-        e2[j] = (double)p[6 + j] - p[j];
-        away[j] = shot->o[j] - p[j];
-    }
-    cross(e1, e2, normal);
-    double slope = -dot(shot->d, normal), inverse = 1.0 / slope;
-    cross(away, shot->d, across);
-    double t = dot(away, normal) * inverse, u = dot(e2, across) * inverse, v = -dot(e1, across) * inverse;
-    if (!(t > 0 && t < *far && is_within(u, v, HULL_SLACK))) return;
-    if (shot->is_outside && only_leaves_hull(shot, position, normal, -slope, t)) return;
-    *far = t;
+/* Take the triangle at a position as that met first. */
+static void take_shot(Shot *shot, int32_t position, double u, double v, const double *normal) {
+    const Hull *hull = shot->hull;
     shot->position = position;
     shot->u = u;
     shot->v = v;
     copy(normal, shot->normal);
     if (!shot->layer) return;
     /* ask for the memory of the face behind it: it has come when the tree is done */
-    int64_t k = shot->hull->owner[position], part = shot->hull->tree.items[position] - shot->hull->n_whole;
-    if (part >= 0) __builtin_prefetch(shot->hull->places + 6 * part);
+    int64_t k = hull->owner[position], part = hull->tree.items[position] - hull->n_whole;
+    if (part >= 0) __builtin_prefetch(hull->places + 6 * part);
     __builtin_prefetch(shot->layer->numbers + k);
     fetch_face(shot->layer->curved, k);
+}
+
+static void visit_hull(void *context, int32_t first, int32_t last, double *far) {
+    Shot *shot = context;
+    const double *o = shot->o;
+    Two d[3];
+    for (int j = 0; j < 3; j++) d[j] = (Two){shot->d[j], shot->d[j]};
+    for (int32_t i = first; i < last; i += 2) {
+        int n = i + 1 < last ? 2 : 1;
+        const float *p = shot->hull->corners + 9 * (int64_t)i, *q = p + 9 * (n - 1);
+        Two e1[3], e2[3], away[3], normal[3], across[3];
+        for (int j = 0; j < 3; j++) {
+            Two corner = {p[j], q[j]};
+            e1[j] = (Two){p[3 + j], q[3 + j]} - corner;
+            e2[j] = (Two){p[6 + j], q[6 + j]} - corner;
+            away[j] = o[j] - corner;
+        }
+        cross_two(e1, e2, normal);
+        Two slope = -dot_two(d, normal), inverse = 1.0 / slope, t = dot_two(away, normal) * inverse;
+        cross_two(away, d, across);
+        Two u = dot_two(e2, across) * inverse, v = -dot_two(e1, across) * inverse;
+        Truth is_met = (t > 0.0) & (t < *far) & are_within(u, v, HULL_SLACK);
+        if (!(is_met[0] | is_met[1])) continue;
+        for (int k = 0; k < n; k++) {
+            if (!(is_met[k] && t[k] < *far)) continue;
+            double across_hull[3] = {normal[0][k], normal[1][k], normal[2][k]};
+            if (shot->is_outside && only_leaves_hull(shot, i + k, across_hull, -slope[k], t[k])) continue;
+            *far = t[k];
+            take_shot(shot, i + k, u[k], v[k], across_hull);
+        }
+    }
 }
 
 /* Many rays, and what they meet. */
@@ -250,7 +317,7 @@ static bool ask_hull(Search *search, double enter) {
         Hit found;
         bool is_met, is_wrong = false;
         if (curved->row[k] < 0) {
-            is_met = meet_plane(search, layer->frames + 12 * k, k, -INFINITY, INFINITY, &found);
+            is_met = meet_plane(search, layer->frames + 12 * k, k, &found);
         } else {
             double u = shot.u, v = shot.v;
             if (asked_for >= hull->n_whole) {
@@ -297,11 +364,8 @@ static bool ask_hull(Search *search, double enter) {
 /* Ask all of few triangles. */
 static void search_few(Search *search, double within) {
     const Layer *layer = search->layer;
-    for (int64_t k = 0; k < layer->n_triangles; k++) {
-        Hit found;
-        if (meet_facet(search, layer->frames + 12 * k, k, EDGE, &found) && found.distance <= within)
-            consider(search, &found, NULL);
-    }
+    search->slack = EDGE;
+    meet_facets(search, layer->frames, NULL, layer->n_triangles, within, NULL);
 }
 
 static void turn(const double *rotation, bool is_back, double *vector) {

@@ -8,8 +8,9 @@
 #define MOST_WAITING 256 /* boxes: three for each level of a tree, of which there are at most 80 */
 #define ROUNDING 1e-6f   /* in units of the tree's size: boxes are float32, and larger by this */
 
-/* What is done with the item at a position; it may lower `far`, beyond which nothing is visited any more. */
-typedef void (*Visit)(void *context, int32_t position, double *far);
+/* What is done with the items from one position to before another; it may lower `far`, beyond which nothing is visited
+   any more. */
+typedef void (*Visit)(void *context, int32_t first, int32_t last, double *far);
 
 /* Visit the items in whose boxes a ray is between 0 and far, all in units of the tree's size. */
 __attribute__((always_inline)) static inline void visit_tree(const Tree *tree, const double *o, const double *d,
@@ -31,7 +32,7 @@ __attribute__((always_inline)) static inline void visit_tree(const Tree *tree, c
         if (waiting[n].enter > least) continue;
         int32_t first = waiting[n].first;
         if (waiting[n].count) {
-            for (int32_t i = first; i < first + waiting[n].count; i++) visit(context, i, far);
+            visit(context, first, first + waiting[n].count, far);
             continue;
         }
         const Node *node = tree->nodes + first;
