@@ -270,23 +270,23 @@ class Layer:
                 hit &= ~again
 
             # where exactly, and is it a true hit?
-            asked = rays[hit]
-            lines = lines if hit.all() else lines.at(hit)
-            some, is_met = self.refine(found, hit, lines, question.leaves_at(asked))
-            enter_again(self, question, asked, (found, hit, far), (some, is_met), passed)
-            is_true, is_wrong = np.zeros((2, len(asked)), bool)
-            is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
-            is_true, passes = passed.count(asked, some, is_true, is_wrong)
-            if passes is not None:
-                step[hit] = np.where(passes, 3 * FLOAT32 * self.radius, step[hit])
-            good = np.flatnonzero(is_true)
-            hits.put(asked[good], some.at(good))
+            if len(asked := rays[hit]):
+                lines = lines if hit.all() else lines.at(hit)
+                some, is_met = self.refine(found, hit, lines, question.leaves_at(asked))
+                enter_again(self, question, asked, (found, hit, far), (some, is_met), passed)
+                is_true, is_wrong = np.zeros((2, len(asked)), bool)
+                is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
+                is_true, passes = passed.count(asked, some, is_true, is_wrong)
+                if passes is not None:
+                    step[hit] = np.where(passes, 3 * FLOAT32 * self.radius, step[hit])
+                hits.put(asked[is_true], some.at(is_true))
 
-            # the others go on; the true hit may lie a little further than the engine has it
-            again[hit] = ~is_true
-            if self.curved is None:
-                is_there = np.isfinite(some.distance)
-                far[hit] = np.where(is_there, np.fmax(some.distance, far[hit]), far[hit])
+                # the others go on; the true hit may lie a little further than the engine has it
+                again[hit] = ~is_true
+                if self.curved is None:
+                    is_there = np.isfinite(some.distance)
+                    far[hit] = np.where(is_there, np.fmax(some.distance, far[hit]), far[hit])
+
             # doubling: the loop ends once the ray has left the box
             start = np.maximum(far + step, start + step)[again]
             rays = rays[again]
