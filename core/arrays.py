@@ -52,7 +52,9 @@ def in_order(numbers: Ints) -> Ints:
     bits = len(numbers).bit_length()
     if int(numbers.max(initial=0)) >> (63 - bits):
         return np.argsort(numbers, kind="stable")
-    return np.sort(numbers << bits | np.arange(len(numbers))) & ((1 << bits) - 1)
+    # on Windows numpy's whole numbers may be of 32 bits
+    packed = numbers.astype(np.int64) << bits | np.arange(len(numbers), dtype=np.int64)
+    return np.sort(packed) & ((1 << bits) - 1)
 
 
 def mean_at(values: Floats, corners: Ints) -> Floats:

@@ -147,6 +147,7 @@ def register() -> None:
     _commands.append(bpy.utils.register_cli_command("kiriko", command_line.run))
     choose_rig.register()
     open_manual.register()
+    open_example.register()
     watch.register()
     sketcher.register()
     look_over.register()

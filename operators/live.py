@@ -201,15 +201,13 @@ def on_load_failed(*_: object) -> None:
 
 def register() -> None:
     """From now on forget with each file the reports on the one before."""
-    bpy.app.handlers.load_pre.append(on_load)
-    bpy.app.handlers.load_post_fail.append(on_load_failed)
+    work.listen(OF_FILES)
 
 
 def unregister() -> None:
     """Stop, and hear of no file any more."""
     stop()
-    bpy.app.handlers.load_pre.remove(on_load)
-    bpy.app.handlers.load_post_fail.remove(on_load_failed)
+    work.stop_listening(OF_FILES)
 
 
 # @persistent, so that it is `stop` that removes them, and not the file that is loaded
@@ -220,6 +218,7 @@ HANDLERS = (
     ("redo_post", on_undo),
     ("save_pre", on_save),
 )
+OF_FILES = (("load_pre", on_load), ("load_post_fail", on_load_failed))
 
 
 class KIRIKO_OT_live(bpy.types.Operator):

@@ -16,6 +16,7 @@ EXAMPLES = (
     ("BOTTLE", "Bottle", "A hollow bottle by Screw and Subdivision", "MESH_CYLINDER", 3),
 )
 WAIT = 0.1  # s until the new file's windows can be framed
+_asked: list[str] = []  # the example that is to be opened, once the artist has said so
 
 
 def path_of(example: str) -> Path:
@@ -34,10 +35,11 @@ def _frame() -> None:
 @persistent
 def on_load(path: str, *_: object) -> None:
     """An example is there: also after the question whether to save changes, which comes before. It
-    has no name, as a new file has none, in which nothing is found.
+    has no name, as a new file has none.
     """
-    work.stop_listening(HANDLERS)
-    if path:
+    is_example = bool(_asked) and not path
+    _asked.clear()
+    if not is_example:
         return
     for scene in bpy.data.scenes:
         glass = next((thing for thing in scene.objects if thing.kiriko.role == "GLASS"), None)
@@ -84,13 +86,18 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
         path = path_of(self.example)
         with telling.told(self):
             # as a startup file: Save asks for a name, and the example stays as it is
-            work.stop_listening(HANDLERS)
-            work.listen(HANDLERS)
+            _asked[:] = [self.example]
             bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)
             return {"FINISHED"}
         return {"CANCELLED"}
 
 
+def register() -> None:
+    """Begin to listen for new files."""
+    work.listen(HANDLERS)
+
+
 def unregister() -> None:
-    """Wait for no example any more."""
+    """Listen no more."""
     work.stop_listening(HANDLERS)
+    _asked.clear()

@@ -53,13 +53,13 @@ def test_an_example_is_framed_after_the_question_whether_to_save(
     monkeypatch.setattr(module, "frame_soon", lambda: framed.append(1))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
 
-    module.work.listen(module.HANDLERS)  # as while Blender asks
+    module._asked[:] = ["BALL"]  # as while Blender asks
     bpy.ops.wm.read_homefile(filepath=str(module.path_of("BALL")), load_ui=False)
     assert framed == [1]
-    module.work.listen(module.HANDLERS)
+    module._asked[:] = ["BALL"]
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "mine.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert framed == [1]
-    assert module.on_load not in bpy.app.handlers.load_post
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -8,10 +8,14 @@ from kiriko.core.arrays import greatest, in_order
 N = 1000
 
 
-@pytest.mark.parametrize("most", [3, 10**6, 2**62], ids=["few", "many", "too large to be packed"])
-def test_numbers_are_ordered_as_by_a_stable_argsort(most):
+@pytest.mark.parametrize(
+    ("most", "dtype"),
+    [(3, np.int64), (10**6, np.int64), (2**62, np.int64), (2**31 - 1, np.int32)],
+    ids=["few", "many", "too large to be packed", "of 32 bits"],
+)
+def test_numbers_are_ordered_as_by_a_stable_argsort(most, dtype):
     """Equal ones stay in their order; numbers that leave no bits free are ordered, too."""
-    numbers = np.random.default_rng(0).integers(0, most, N)
+    numbers = np.random.default_rng(0).integers(0, most, N, dtype)
     numbers[N // 2 :] = numbers[: N // 2]
     assert np.array_equal(in_order(numbers), np.argsort(numbers, kind="stable"))
     assert len(in_order(numbers[:0])) == 0
