@@ -2,6 +2,8 @@
 overrides.
 """
 
+from collections.abc import Iterable
+
 import bpy
 from bpy.app.handlers import persistent
 
@@ -38,6 +40,7 @@ def overridden(
                 " Override > Make.",
                 name=thing.name,
             )
+    have_same_groups(own)
     return tuple(own)
 
 
@@ -47,14 +50,52 @@ def take_away(overrides: set[bpy.types.Object]) -> None:
         one.override_library.destroy()
 
 
-@persistent
-def on_save(*_: object) -> None:
-    """Have overrides and their linked objects have the same groups of settings: Blender 5 does not
-    save the settings of a group that one of both alone has.
+def have_same_groups(things: Iterable[bpy.types.Object]) -> None:
+    """Have overrides and their linked objects have the same groups of settings: Blender 5 neither
+    saves nor reloads the settings of a group that one of both alone has.
     """
-    for thing in bpy.data.objects:
+    for thing in things:
         override = thing.override_library
         if override is None or override.reference is None or not thing.is_property_set("kiriko"):
             continue
         for one in (thing, override.reference):
             change(one, {path: value_of(one, path) for path in OF_GROUPS})
+        if thing.library is None:
+            _have_rules_of_settings(override)
+
+
+def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary) -> None:
+    """Have an override name each setting instead of whole groups, which Blender cannot set: so it
+    does while one of both alone has a group.
+    """
+    of_groups = {path.rpartition(".")[0] for path in OF_GROUPS}
+    rules = [rule for rule in override.properties if rule.rna_path in of_groups]
+    for rule in rules:
+        override.properties.remove(rule)
+    if rules:
+        override.operations_update()
+
+
+@persistent
+def _on_files(*_: object) -> None:
+    """What Blender reads of another file has no groups, each time anew."""
+    have_same_groups(bpy.data.objects)
+
+
+def _handlers() -> list[list]:
+    """Blender's lists for files; 4.2, which keeps all settings, has no last one."""
+    names = ("save_pre", "load_post", "blend_import_post")
+    return [getattr(bpy.app.handlers, name) for name in names if hasattr(bpy.app.handlers, name)]
+
+
+def register() -> None:
+    """Have overrides keep their settings whenever files are read and written."""
+    for handlers in _handlers():
+        handlers.append(_on_files)
+
+
+def unregister() -> None:
+    """Leave them alone again."""
+    for handlers in _handlers():
+        if _on_files in handlers:
+            handlers.remove(_on_files)

@@ -1,6 +1,8 @@
 """Glass of another file: its part in a rig stays when the file is opened again."""
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -33,6 +35,28 @@ def reopened(path: Path) -> bpy.types.Scene:
     return bpy.context.scene
 
 
+def glass_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """All that is glass in it."""
+    return [thing for thing in scene.objects if thing.kiriko.role == "GLASS"]
+
+
+@contextmanager
+def unsaid() -> Iterator[None]:
+    """No handler hears of a save within, as of Blender's auto-save."""
+    listening = list(bpy.app.handlers.save_pre)
+    bpy.app.handlers.save_pre.clear()
+    try:
+        yield
+    finally:
+        bpy.app.handlers.save_pre.extend(listening)
+
+
+def written(path: Path, *blocks: bpy.types.ID) -> None:
+    """Put datablocks into another file, and take them out of this one."""
+    bpy.data.libraries.write(str(path), set(blocks))
+    bpy.data.batch_remove(blocks)
+
+
 @pytest.fixture
 def theirs(scene: bpy.types.Scene, linked: Callable) -> bpy.types.Object:
     """A linked glass in the scene."""
@@ -61,6 +85,66 @@ def test_a_rig_around_linked_glass_has_it_in_the_next_session(
     assert glass.kiriko.role == "NONE"
     assert not glass.kiriko.rigs
     assert [thing.name for thing in scene.objects] == ["Suzanne"]
+
+
+@pytest.mark.parametrize("is_reopened", [False, True])
+def test_linked_glass_keeps_its_role_when_its_file_is_read_again(
+    theirs: bpy.types.Object, tmp_path: Path, is_reopened: bool, capfd: pytest.CaptureFixture
+) -> None:
+    """By Reload, twice; by Relocate; and Blender finds no fault in what it writes then."""
+    add_rig(theirs)
+    scene = reopened(tmp_path / "scene.blend") if is_reopened else bpy.context.scene
+    path = tmp_path / "Suzanne.blend"
+    other = shutil.copy(path, tmp_path / "Other.blend")
+    for _ in range(2):
+        glass_of(scene)[0].override_library.reference.library.reload()
+        assert [glass.name for glass in glass_of(scene)] == ["Suzanne"]
+
+    for verb, file in (("reload", path), ("relocate", Path(other))):
+        names = {"filepath": str(file), "directory": f"{file.parent}/", "filename": file.name}
+        getattr(bpy.ops.wm, f"lib_{verb}")(library="Suzanne.blend", **names)
+        (glass,) = glass_of(scene)
+        assert glass.override_library.reference.library.filepath.endswith(file.name)
+    (glass,) = glass_of(reopened(tmp_path / "scene.blend"))
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    out = capfd.readouterr()
+    assert "RNA_" not in out.out + out.err
+
+
+def test_linked_glass_keeps_its_role_in_an_auto_save(
+    theirs: bpy.types.Object, tmp_path: Path
+) -> None:
+    """Which tells no handler, and so is that of a session's end."""
+    add_rig(theirs)
+    for _ in range(3):
+        with unsaid():
+            scene = reopened(tmp_path / "auto.blend")
+        assert [glass.name for glass in glass_of(scene)] == ["Suzanne"]
+
+
+def test_glass_of_a_hierarchy_of_overrides_keeps_its_role_when_it_is_resynced(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """After opening, with no save between."""
+    group = bpy.data.collections.new("Group")
+    own = suzanne()
+    scene.collection.objects.unlink(own)
+    group.objects.link(own)
+    path = tmp_path / "library.blend"
+    written(path, group, own)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.collections = ["Group"]
+    (group,) = wanted.collections
+    scene.collection.children.link(group)
+    (thing,) = scene.objects
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.object.make_override_library(collection=group.session_uid)
+    add_rig(next(thing for thing in scene.objects if thing.library is None))
+    for _ in range(2):
+        scene = reopened(tmp_path / "scene.blend")
+        (glass,) = glass_of(scene)
+        assert glass.override_library.resync(scene)
+        assert len(glass_of(scene)) == 1
 
 
 def test_settings_of_an_override_are_saved(theirs: bpy.types.Object, tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ import bpy
 from bpy.props import CollectionProperty, PointerProperty
 
 from ...messages import CONTEXT
-from ..overridden import OVERRIDE, be_overridable, on_save
+from .. import overridden
+from ..overridden import OVERRIDE, be_overridable
 from ..own_words import in_own_words
 from . import view
 from .calibration import KirikoCalibration
@@ -95,12 +96,12 @@ def register() -> None:
     bpy.types.WindowManager.kiriko = PointerProperty(
         name="Kiriko", description="What the interface shows of a rig", type=KirikoView
     )
-    bpy.app.handlers.save_pre.append(on_save)
+    overridden.register()
 
 
 def unregister() -> None:
     """Take the settings away again."""
-    bpy.app.handlers.save_pre.remove(on_save)
+    overridden.unregister()
     del bpy.types.WindowManager.kiriko
     del bpy.types.Scene.kiriko_others
     del bpy.types.Scene.kiriko
