@@ -12,6 +12,7 @@ from ..core.bench.spread import MOST, Spread, part_of_picture
 from ..core.bench.squares import SEARCH
 from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
+from ..core.blender.given_glass import has_place
 from ..core.blender.kept import Sentences
 from ..core.blender.look import has_own_faces
 from ..core.blender.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
@@ -403,12 +404,19 @@ def _on_materials(bench: Bench) -> list[str]:
             " {remedy}, or set Override IOR.",
             name=thing.name,
             ior=DEFAULT_IOR,
-            remedy=Message("press Make It Glass")
-            if has_own_faces(bpy.context.scene, thing)
-            else Message("give its objects glass"),
+            remedy=_remedy(thing),
         )
         for thing in bench.opaque
     ]
+
+
+def _remedy(thing: bpy.types.Object) -> Message:
+    """What to do about an object whose material does not refract."""
+    if not has_own_faces(bpy.context.scene, thing):
+        return Message("give its objects glass")
+    if not has_place(thing):
+        return Message("give it glass in the file that it is linked from")
+    return Message("press Make It Glass")
 
 
 def _on_camera(scene: bpy.types.Scene) -> list[str]:

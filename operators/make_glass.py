@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.given_glass import give, set_by_modifier
+from ..core.blender.given_glass import give, has_place, set_by_modifier
 from ..core.blender.look import has_own_faces
 from ..core.blender.look_parts import refracts_as_shown
 from ..core.blender.viewport_look import be_seen_as_glass
@@ -18,11 +18,7 @@ NOTHING = Message("Select glass whose material does not refract")
 
 def can_be_given(thing: bpy.types.Object) -> bool:
     """Is it glass whose own material does not refract, and can it have another?"""
-    # a linked mesh without slots has it by a modifier
-    has_place = hasattr(thing.data, "materials") and (
-        bool(thing.material_slots) or thing.data.is_editable or thing.type == "MESH"
-    )
-    is_glass = thing.kiriko.role == "GLASS" and thing.is_editable and has_place
+    is_glass = thing.kiriko.role == "GLASS" and thing.is_editable and has_place(thing)
     scene = bpy.context.scene
     return is_glass and not refracts_as_shown(scene, thing) and has_own_faces(scene, thing)
 

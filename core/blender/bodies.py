@@ -1,5 +1,7 @@
 """Which objects have a surface, so that they can be a part of a rig?"""
 
+from collections.abc import Iterator
+
 import bpy
 
 from ..errors import RigError
@@ -84,11 +86,23 @@ def shows_instances_alone(shown: bpy.types.Object) -> bool:
     return has_nodes and shown.type == "MESH" and not len(shown.data.polygons)
 
 
+def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """The objects that an instance of a collection shows, once each, those of instances within it,
+    too; none of other objects.
+    """
+    todo, met = [thing], set()
+    while todo:
+        one = todo.pop()
+        group = one.instance_collection if one.instance_type == "COLLECTION" else None
+        new = [] if group is None else [o for o in dict.fromkeys(group.all_objects) if o not in met]
+        met.update(new)
+        todo += reversed(new)
+        yield from new
+
+
 def faceless(thing: bpy.types.Object) -> RigError:
     """The error that an object shows nothing which could be glass by its role."""
-    group = thing.instance_collection if thing.instance_type == "COLLECTION" else None
-    members = () if group is None else group.all_objects
-    for member in members:
+    for member in members_of(thing):
         if member.kiriko.role != "NONE":
             return RigError(
                 "'{name}' shows '{member}', which has a role of its own: set that to None first, in"

@@ -84,7 +84,14 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
 def _on_thing(thing: Thing) -> Iterator[Entry]:
     """The trouble with one part that is shown."""
     name = thing.named.name
-    if thing.is_opaque:
+    if thing.is_opaque and not thing.has_place:
+        text = Message(
+            "'{name}' is no glass: give it a material that refracts, in the file that it is linked"
+            " from.",
+            name=name,
+        )
+        yield Entry(text, PROBLEM, (select_part(thing.named),))
+    elif thing.is_opaque:
         text = Message("'{name}' is no glass: its material does not refract.", name=name)
         properties = naming(thing.named)
         button = Button("kiriko.make_glass", Message("Make It Glass"), properties, "MATSPHERE")

@@ -5,6 +5,7 @@ No object keeps the name of a product, so that none can be shown that is not the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import bpy
 import numpy as np
@@ -15,7 +16,7 @@ from ..messages import Message, as_message
 from .bodies import shows_instances_alone
 from .elements import DEFAULT_IOR, mirrors
 from .layout import give_size, size_of
-from .look_parts import evaluated, materials_as_shown
+from .look_parts import each_material, evaluated, materials_as_shown
 from .material import is_refractive, material_output, read_refraction, shaders
 from .resize import RESIZED_WITHIN, give_side, has_side
 from .units import length_of_unit, length_text
@@ -191,10 +192,11 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
 def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
     """The product that a glass is by the index that light is bent with; None if no known one."""
     ours, scene = glass.kiriko, bpy.context.scene
-    shown = materials_as_shown(scene, glass)
-    if not shown and not ours.use_ior and shows_instances_alone(evaluated(scene, glass)):
+    shown = each_material(scene, glass)  # of many objects the first that refracts is enough
+    first = next(shown, None)
+    if first is None and not ours.use_ior and shows_instances_alone(evaluated(scene, glass)):
         return None  # which each have their own
-    readings = (read_refraction(material) for material in shown)
+    readings = map(read_refraction, () if first is None else chain([first], shown))
     ior = next((found.ior for found in readings if found is not None), DEFAULT_IOR)
     if ours.use_ior:
         ior = ours.ior

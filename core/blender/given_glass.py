@@ -12,6 +12,15 @@ from .viewport_look import draw_as_solid
 
 GIVEN_MARK = "kiriko_given"  # on the material; on an object in files of before, as `given` now is
 
+SETTER = "GeometryNodeSetMaterial"
+
+
+def has_place(thing: bpy.types.Object) -> bool:
+    """Can an object be given a material? A linked mesh without slots has it by a modifier."""
+    return hasattr(thing.data, "materials") and (
+        bool(thing.material_slots) or thing.data.is_editable or thing.type == "MESH"
+    )
+
 
 def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
     """Link a material to an object in place of those of its mesh, which may be others', too.
@@ -54,9 +63,7 @@ def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
     tree[GIVEN_MARK] = True
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    start, setter, end = map(
-        tree.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput")
-    )
+    start, setter, end = map(tree.nodes.new, ("NodeGroupInput", SETTER, "NodeGroupOutput"))
     start.location.x, end.location.x = -200, 200
     setter.inputs["Material"].default_value = glass
     tree.links.new(start.outputs[0], setter.inputs["Geometry"])
@@ -78,7 +85,7 @@ def take_back(scene: bpy.types.Scene, key: str) -> None:
             continue
         thing.kiriko.given = ""
         thing.pop(GIVEN_MARK, None)
-        _take_modifiers(thing)
+        given |= _take_modifiers(thing)
         given |= {slot.material for slot in thing.material_slots if _is_given(slot.material)}
         _take_back(thing, slots)
 
@@ -87,14 +94,18 @@ def take_back(scene: bpy.types.Scene, key: str) -> None:
             bpy.data.materials.remove(material)
 
 
-def _take_modifiers(thing: bpy.types.Object) -> None:
-    """Take away the modifiers of `set_by_modifier`."""
+def _take_modifiers(thing: bpy.types.Object) -> set[bpy.types.Material]:
+    """Take away the modifiers of `set_by_modifier`. Returns the glass that they set."""
+    given = set()
     for modifier in list(thing.modifiers):
         tree = modifier.node_group if modifier.type == "NODES" else None
         if tree is not None and GIVEN_MARK in tree:
+            setters = [node for node in tree.nodes if node.bl_idname == SETTER]
+            given |= {node.inputs["Material"].default_value for node in setters}
             thing.modifiers.remove(modifier)
             if not tree.users:
                 bpy.data.node_groups.remove(tree)
+    return set(filter(_is_given, given))
 
 
 def _is_given(material: bpy.types.Material | None) -> bool:

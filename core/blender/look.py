@@ -14,6 +14,7 @@ from .cuts import cut_polygons
 from .doubles import doubled_polygons
 from .facets import n_facets
 from .faults import faults_of
+from .given_glass import has_place
 from .kept import Numbers
 from .look_parts import (
     BOXLESS,
@@ -151,6 +152,7 @@ def _thing(
         role=role,
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
+        has_place=has_place(thing),
         is_opaque=has_mesh and is_glass and not refracts_as_shown(scene, thing, bends),
         n_indices=_n_indices(scene, thing, looked.slots) if is_glass and looked is not None else 0,
         is_mesh=thing.type == "MESH",

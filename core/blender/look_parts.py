@@ -2,7 +2,7 @@
 and whether a viewer stands in it, where none can be.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 import bpy
 import numpy as np
@@ -14,6 +14,7 @@ from ..light.checks import check_viewer_outside
 from ..messages import Message
 from ..parts import Glass
 from ..viewer import Viewer
+from .bodies import members_of
 from .cuts import SEARCH
 from .material import Bends, bends_light, refracts
 from .mesh import in_world, read_local, used_slots
@@ -55,14 +56,36 @@ def materials_as_shown(scene: bpy.types.Scene, thing: bpy.types.Object) -> list[
     """The materials on an object's faces as its modifiers make them, those on most faces first; of
     an instance of a collection those of its objects.
     """
+    return list(each_material(scene, thing))
+
+
+def each_material(scene: bpy.types.Scene, thing: bpy.types.Object) -> Iterator[bpy.types.Material]:
+    """Those of `materials_as_shown`, one after the other."""
     if thing.instance_type == "COLLECTION" and thing.instance_collection is not None:
-        members = thing.instance_collection.all_objects
-        return [one for member in members for one in materials_as_shown(scene, member)]
-    if not _has_made_faces(scene, thing):
-        return own_materials(thing)
-    shown = evaluated(scene, thing)
-    found = used_materials(shown, used_slots(shown.data))
-    return [one.original for one in found if one is not None]
+        yield from _materials_of(scene, members_of(thing))
+    elif not _has_made_faces(scene, thing):
+        yield from own_materials(thing)
+    else:
+        shown = evaluated(scene, thing)
+        found = used_materials(shown, used_slots(shown.data))
+        yield from (one.original for one in found if one is not None)
+
+
+def _materials_of(
+    scene: bpy.types.Scene, members: Iterable[bpy.types.Object]
+) -> Iterator[bpy.types.Material]:
+    """Those of what an instance shows, each once. Meshes are asked for as modifiers make them only
+    where nodes may set materials: of many a Subdivision alone would take seconds.
+    """
+    found: set[bpy.types.Material | None] = {None}
+    for member in members:
+        if any(one.type == "NODES" and one.show_viewport for one in member.modifiers):
+            materials = materials_as_shown(scene, member)
+        else:
+            is_known = all(slot.material in found for slot in member.material_slots)
+            materials = [] if is_known else own_materials(member)
+        yield from (one for one in materials if one not in found)
+        found.update(materials)
 
 
 def _has_made_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:

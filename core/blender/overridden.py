@@ -2,7 +2,7 @@
 overrides.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import bpy
 from bpy.app.handlers import persistent
@@ -32,7 +32,8 @@ def overridden(
     for thing in things:
         one = thing if thing.library is None else thing.override_create(remap_local_usages=True)
         own += [] if one is None else [one]
-        if one not in set(scene.objects):
+        shown = set(scene.objects)
+        if one not in shown or (one != thing and thing in shown):
             take_away(set(own) - set(things))
             raise RigError(
                 "'{name}' is linked from another file with its collection, and would not stay"
@@ -40,14 +41,51 @@ def overridden(
                 " Override > Make.",
                 name=thing.name,
             )
+    _use_overrides(scene, set(own) - set(things))
     have_same_groups(own)
     return tuple(own)
 
 
+def _use_overrides(scene: bpy.types.Scene, new: set[bpy.types.Object]) -> None:
+    """Have new overrides use those of this scene that were made before them, as their parent and in
+    modifiers and constraints: Blender has the others use the new ones.
+    """
+    ours = {
+        one.override_library.reference: one
+        for one in scene.objects
+        if one.library is None and one.override_library is not None
+    }
+    for one in new:
+        stays = one.matrix_parent_inverse.copy()  # where setting a parent clears it
+        for owner in (one, *one.modifiers, *one.constraints):
+            for name, used in _objects_of(owner):
+                if used in ours:
+                    setattr(owner, name, ours[used])
+        one.matrix_parent_inverse = stays
+
+
+def _objects_of(owner: bpy.types.bpy_struct) -> Iterator[tuple[str, bpy.types.Object]]:
+    """Names of settings that are an object, and the objects."""
+    for setting in owner.bl_rna.properties:
+        if setting.type != "POINTER" or setting.is_readonly:
+            continue
+        used = getattr(owner, setting.identifier)
+        if isinstance(used, bpy.types.Object):
+            yield setting.identifier, used
+
+
 def take_away(overrides: set[bpy.types.Object]) -> None:
-    """Have linked objects in place of overrides of them."""
+    """Have linked objects in place of overrides of them, selected and active as these are."""
     for one in overrides:
+        theirs = one.override_library.reference
+        layers = [layer for scene in one.users_scene for layer in scene.view_layers]
+        selected = [layer for layer in layers if one.select_get(view_layer=layer)]
+        active = [layer for layer in layers if layer.objects.active == one]
         one.override_library.destroy()
+        for layer in selected:
+            theirs.select_set(True, view_layer=layer)
+        for layer in active:
+            layer.objects.active = theirs
 
 
 def have_same_groups(things: Iterable[bpy.types.Object]) -> None:

@@ -71,6 +71,7 @@ class Thing:
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
     has_facets : are facets wanted of it, by its setting Surface?
     has_ends : is it a bevelled curve whose ends are open?
+    has_place : can it be given a material in this file?
     shows_opaque : does it show a collection, none of whose objects refracts?
     """
 
@@ -80,6 +81,7 @@ class Thing:
     width: float = 0.0
     is_mesh: bool = True
     is_opaque: bool = False
+    has_place: bool = True
     n_indices: int = 0
     has_no_scale: bool = False
     is_flat: bool = False

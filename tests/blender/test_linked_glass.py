@@ -1,11 +1,14 @@
 """Glass of another file: its part in a rig stays when the file is opened again."""
 
+import importlib
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 import bpy
+import numpy as np
 import pytest
 
 from test_ugly_glass import glass_material
@@ -282,3 +285,149 @@ def test_an_instance_of_glass_with_a_role_says_why_it_cannot_be_glass(
     own.kiriko.role, own.kiriko.rigs = "NONE", ""
     add_rig(thing)
     assert thing.kiriko.role == "GLASS"
+
+
+def brought(scene: bpy.types.Scene, path: Path, *names: str) -> list[bpy.types.Object]:
+    """Objects of another file, linked into the scene in this order, and selected alone."""
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.objects = list(names)
+    for thing in wanted.objects:
+        scene.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    bpy.ops.object.select_all(action="DESELECT")
+    for thing in wanted.objects:
+        thing.select_set(True)
+    bpy.context.view_layer.objects.active = wanted.objects[0]
+    return list(wanted.objects)
+
+
+@pytest.mark.parametrize("is_one_first", [False, True])
+@pytest.mark.parametrize("names", [("Whole", "Part"), ("Part", "Whole")])
+def test_linked_glass_follows_linked_glass(
+    scene: bpy.types.Scene, tmp_path: Path, names: tuple[str, str], is_one_first: bool
+) -> None:
+    """Its parent, by a Boolean and by a constraint, whichever was made an override first."""
+    whole, part = suzanne(), suzanne()
+    whole.name, part.name = "Whole", "Part"
+    part.parent, part.location.x = whole, 0.07
+    part.matrix_parent_inverse.translation.z = 0.01
+    whole.modifiers.new("Boolean", "BOOLEAN").object = part
+    part.constraints.new("LIMIT_DISTANCE").target = whole
+    written(tmp_path / "library.blend", whole, part)
+    things = brought(scene, tmp_path / "library.blend", *names)
+    before = {thing.name: thing.matrix_world.copy() for thing in things}
+    if is_one_first:
+        things[0].override_create(remap_local_usages=True).kiriko.surface = "SMOOTH"
+    for thing in scene.objects:
+        thing.select_set(True)
+    bpy.context.view_layer.objects.active = scene.objects["Whole"]
+    bpy.ops.kiriko.add_rig(viewer_resolution=16, display_resolution=(16, 16), picture_size=0.005)
+    for _ in range(2):
+        bpy.context.view_layer.update()
+        found = {thing.name: thing for thing in glass_of(scene)}
+        whole, part = found["Whole"], found["Part"]
+        assert part.parent == whole
+        assert whole.modifiers["Boolean"].object == part
+        assert part.constraints[0].target == whole
+        for name, thing in found.items():
+            np.testing.assert_allclose(thing.matrix_world, before[name], atol=1e-6)
+        scene = reopened(tmp_path / "scene.blend")
+
+
+def test_glass_in_a_linked_collection_is_refused_where_it_is_linked_by_itself_too(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """It would be there twice."""
+    group = bpy.data.collections.new("Group")
+    own = suzanne()
+    scene.collection.objects.unlink(own)
+    group.objects.link(own)
+    path = tmp_path / "library.blend"
+    written(path, group, own)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.collections = ["Group"]
+    scene.collection.children.link(wanted.collections[0])
+    (thing,) = brought(scene, path, "Suzanne")
+    with pytest.raises(RuntimeError, match="'Suzanne' is linked from another file with its"):
+        add_rig(thing)
+    assert [*scene.objects] == [thing] == [*bpy.data.objects]
+    assert [*scene.collection.objects] == [thing] == [*wanted.collections[0].objects]
+    assert bpy.context.view_layer.objects.active == thing
+    assert bpy.context.selected_objects == [thing]
+
+
+def test_linked_glass_stays_selected_and_active_where_add_rig_fails(
+    theirs: bpy.types.Object, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Late, as all is made but the viewer."""
+    new_rig = importlib.import_module(f"{kiriko.__name__}.core.blender.new_rig")
+
+    def fail(*_: object) -> None:
+        raise ValueError
+
+    monkeypatch.setattr(new_rig, "make_viewer", fail)
+    with pytest.raises(RuntimeError):
+        add_rig(theirs)
+    (thing,) = bpy.context.scene.objects
+    assert thing.library is not None
+    assert bpy.context.view_layer.objects.active == thing
+    assert bpy.context.selected_objects == [thing]
+
+
+def test_remove_rig_leaves_no_glass_of_a_modifier(scene: bpy.types.Scene, linked: Callable) -> None:
+    """Nor do its nodes stay. One that others have stays."""
+    bpy.ops.mesh.primitive_monkey_add(size=0.06)
+    own = bpy.context.object
+    own.data = linked(own.data)
+    add_rig(own)
+    bpy.ops.kiriko.make_glass(part=own.name)
+    bpy.ops.kiriko.remove_rig()
+    assert not bpy.data.materials
+    assert not bpy.data.node_groups
+    add_rig(own)
+    bpy.ops.kiriko.make_glass(part=own.name)
+    bpy.data.objects.new("Other", bpy.data.meshes.new("Other")).data.materials.append(
+        bpy.data.materials["Kiriko Glass"]
+    )
+    bpy.ops.kiriko.remove_rig()
+    assert [material.name for material in bpy.data.materials] == ["Kiriko Glass"]
+
+
+def test_an_instance_of_an_instance_says_why_it_cannot_be_glass(scene: bpy.types.Scene) -> None:
+    """By the object that has a role."""
+    thing = suzanne()
+    thing.kiriko.role = "GLASS"
+    for name in ("Inner", "Outer"):
+        group = bpy.data.collections.new(name)
+        scene.collection.objects.unlink(thing)
+        group.objects.link(thing)
+        thing = bpy.data.objects.new(name, None)
+        thing.instance_type, thing.instance_collection = "COLLECTION", group
+        scene.collection.objects.link(thing)
+    with pytest.raises(RuntimeError, match="'Outer' shows 'Suzanne', which has a role of its"):
+        add_rig(thing)
+
+
+@pytest.mark.parametrize("kind", ["curve", "text", "surface"])
+def test_what_is_told_of_linked_glass_without_a_material_can_be_done(
+    scene: bpy.types.Scene, linked: Callable, look: Callable, kind: str
+) -> None:
+    """Make It Glass is told of what it can do alone."""
+    if kind == "curve":
+        bpy.ops.curve.primitive_bezier_circle_add(radius=0.03)
+        bpy.context.object.data.bevel_depth = 0.01
+    elif kind == "text":
+        bpy.ops.object.text_add()
+        bpy.context.object.data.size, bpy.context.object.data.extrude = 0.1, 0.01
+    else:
+        bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=0.03)
+    own = bpy.context.object
+    theirs = linked(own)
+    bpy.data.objects.remove(own)
+    scene.collection.objects.link(theirs)
+    bpy.context.view_layer.update()
+    add_rig(theirs)
+    assert "give it glass in the file that it is linked from" in scene.kiriko.result.notes
+    (entry,) = (one for one in look() if "is no glass" in str(one.text))
+    assert "in the file that it is linked from" in str(entry.text)
+    assert [button.operator for button in entry.buttons] == ["kiriko.select_part"]

@@ -229,6 +229,32 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     assert chosen.glass_product(glass).name == "Acrylic"
 
 
+def test_the_product_of_an_instance_is_found_without_meshes_as_modifiers_make_them(
+    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A panel asks for it as it is drawn. Where nodes may set a material they are asked for."""
+    own = small_rig()["GLASS"]
+    own.kiriko.role, own.kiriko.use_ior = "NONE", False
+    own.data.materials.clear()
+    own.modifiers.new("Subdivision", "SUBSURF")
+    thing = instance_of(own)
+    scene.collection.objects.link(thing)
+    look_parts = importlib.import_module(f"{kiriko.__name__}.core.blender.look_parts")
+    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
+    asked = []
+    before = look_parts.evaluated
+    monkeypatch.setattr(
+        look_parts, "evaluated", lambda scene, one: asked.append(one) or before(scene, one)
+    )
+    bpy.context.view_layer.update()
+    assert chosen.glass_product(thing).name == "Acrylic"
+    assert own not in asked
+    own.modifiers.new("nodes", "NODES")
+    bpy.context.view_layer.update()
+    chosen.glass_product(thing)
+    assert own in asked
+
+
 @pytest.mark.parametrize(
     ("way", "why"),
     [
