@@ -37,12 +37,16 @@ def taken(values: NDArray, which: Bools | Ints) -> NDArray:
     return values.compress(which, axis=0) if which.dtype == np.bool_ else values.take(which, axis=0)
 
 
-def greatest(rows: Floats) -> Floats:
-    """The greatest number (n,) of each row (n, ...), NaN where one is; of short rows `max` is
-    several times as slow.
+def columns_of(rows: NDArray) -> NDArray:
+    """Rows (n, ...) of a few numbers as columns (..., n): numpy goes along them several times as
+    fast.
     """
-    columns = np.ascontiguousarray(np.moveaxis(rows, 0, -1))
-    return np.maximum.reduce(columns, axis=tuple(range(rows.ndim - 1)))
+    return np.ascontiguousarray(np.moveaxis(rows, 0, -1))
+
+
+def greatest(rows: Floats) -> Floats:
+    """The greatest number (n,) of each row (n, ...), NaN where one is."""
+    return np.maximum.reduce(columns_of(rows), axis=tuple(range(rows.ndim - 1)))
 
 
 def in_order(numbers: Ints) -> Ints:

@@ -10,8 +10,7 @@ from .rig_record import keep
 from .rigs import rig_of, rigs_of
 from .viewport_look import draw_as_solid
 
-GIVEN_MARK = "kiriko_given"  # on the material; on an object in files of before, as `given` now is
-
+GIVEN_MARK = "kiriko_given"  # on the material; in files of before on objects, for their `given`
 SETTER = "GeometryNodeSetMaterial"
 
 

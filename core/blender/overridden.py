@@ -28,25 +28,30 @@ def overridden(
 
     Raises RigError where none can take an object's place, as in a collection that is linked, too.
     """
-    own: list[bpy.types.Object] = []
+    made: dict[bpy.types.Object, bpy.types.Object] = {}
     for thing in things:
-        one = thing if thing.library is None else thing.override_create(remap_local_usages=True)
-        own += [] if one is None else [one]
+        if thing.library is None:
+            continue
+
+        override = thing.override_create(remap_local_usages=True)
+        if override is not None:
+            made[thing] = override
         shown = set(scene.objects)
-        if one not in shown or (one != thing and thing in shown):
-            take_away(set(own) - set(things))
+        if override not in shown or thing in shown:
+            take_away(made.values())
             raise RigError(
                 "'{name}' is linked from another file with its collection, and would not stay"
                 " glass in this file: make it a library override first, by Object > Library"
                 " Override > Make.",
                 name=thing.name,
             )
-    _use_overrides(scene, set(own) - set(things))
+    _use_overrides(scene, made.values())
+    own = tuple(made.get(thing, thing) for thing in things)
     have_same_groups(own)
-    return tuple(own)
+    return own
 
 
-def _use_overrides(scene: bpy.types.Scene, new: set[bpy.types.Object]) -> None:
+def _use_overrides(scene: bpy.types.Scene, new: Iterable[bpy.types.Object]) -> None:
     """Have new overrides use those of this scene that were made before them, as their parent and in
     modifiers and constraints: Blender has the others use the new ones.
     """
@@ -74,7 +79,7 @@ def _objects_of(owner: bpy.types.bpy_struct) -> Iterator[tuple[str, bpy.types.Ob
             yield setting.identifier, used
 
 
-def take_away(overrides: set[bpy.types.Object]) -> None:
+def take_away(overrides: Iterable[bpy.types.Object]) -> None:
     """Have linked objects in place of overrides of them, selected and active as these are."""
     for one in overrides:
         theirs = one.override_library.reference

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, greatest, in_order, taken
+from ..arrays import Bools, Floats, Ints, columns_of, greatest, in_order, taken
 from ..mesh import SAME_NORMAL
 from ..vectors import dot, normalise
 
@@ -82,8 +82,7 @@ def box_of(corners: Floats) -> Floats:
 
 def boxes_of(corners: Floats) -> Floats:
     """Lower and upper corners (t, 2, 3) of the axis-aligned box of each triangle (t, 3, 3)."""
-    # numpy is slow along rows of three
-    by_corner = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    by_corner = columns_of(corners)
     return np.stack([of.reduce(by_corner) for of in (np.minimum, np.maximum)]).transpose(2, 0, 1)
 
 

@@ -10,7 +10,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, columns_of
 from .loading import library, loaded, n_threads
 from .structures import DivisionStructure, Made, SumStructure
 
@@ -183,7 +183,7 @@ def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
     """
     n = len(polygons)
     some = polygons[:: 1 + n // GUESSED]
-    by_corner = np.ascontiguousarray(some.transpose(1, 2, 0))
+    by_corner = columns_of(some)
     low, high = np.minimum.reduce(by_corner), np.maximum.reduce(by_corner)
     size = np.array(display_size)[:, None]
     with np.errstate(invalid="ignore"):

@@ -56,7 +56,7 @@ static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     return true;
 }
 
-/* Two numbers that are reckoned with at once: a processor does so in the time that one takes. */
+/* Two numbers, with which a processor reckons at once, in the time that it takes for one. */
 typedef double Two __attribute__((vector_size(16)));
 typedef int64_t Truth __attribute__((vector_size(16))); /* of two comparisons */
 
@@ -67,6 +67,8 @@ static void cross_two(const Two *a, const Two *b, Two *out) {
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
+
+static bool any(Truth is) { return is[0] | is[1]; }
 
 static Truth are_within(Two u, Two v, double slack) { return (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack); }
 
@@ -110,7 +112,8 @@ static void meet_facets(Search *search, const double *frames, const int32_t *num
     Two d[3];
     for (int j = 0; j < 3; j++) d[j] = (Two){search->d[j], search->d[j]};
     for (int64_t i = 0; i < n; i += 2) {
-        const double *frame = frames + 12 * i, *other = i + 1 < n ? frame + 12 : frame;
+        int n_here = i + 1 < n ? 2 : 1;
+        const double *frame = frames + 12 * i, *other = frame + 12 * (n_here - 1);
         Two corner[3], normal[3], axis_u[3], axis_v[3], away[3], inside[3];
         for (int j = 0; j < 3; j++) {
             corner[j] = (Two){frame[j], other[j]};
@@ -123,7 +126,8 @@ static void meet_facets(Search *search, const double *frames, const int32_t *num
         for (int j = 0; j < 3; j++) inside[j] = o[j] + t * d[j] - corner[j];
         Two u = dot_two(inside, axis_u), v = dot_two(inside, axis_v);
         Truth is_met = (t > search->least) & (t < search->hit->distance) & (t <= within) & are_within(u, v, slack);
-        for (int k = 0; k < 2 && i + k < n && (is_met[0] | is_met[1]); k++) {
+        if (!any(is_met)) continue;
+        for (int k = 0; k < n_here; k++) {
             if (!is_met[k]) continue;
             Hit found = {.distance = t[k], .u = u[k], .v = v[k], .enters = slope[k] < 0};
             found.triangle = numbers ? numbers[i + k] : i + k;
@@ -229,8 +233,8 @@ static void visit_hull(void *context, int32_t first, int32_t last, double *far) 
     Two d[3];
     for (int j = 0; j < 3; j++) d[j] = (Two){shot->d[j], shot->d[j]};
     for (int32_t i = first; i < last; i += 2) {
-        int n = i + 1 < last ? 2 : 1;
-        const float *p = shot->hull->corners + 9 * (int64_t)i, *q = p + 9 * (n - 1);
+        int n_here = i + 1 < last ? 2 : 1;
+        const float *p = shot->hull->corners + 9 * (int64_t)i, *q = p + 9 * (n_here - 1);
         Two e1[3], e2[3], away[3], normal[3], across[3];
         for (int j = 0; j < 3; j++) {
             Two corner = {p[j], q[j]};
@@ -243,13 +247,13 @@ static void visit_hull(void *context, int32_t first, int32_t last, double *far) 
         cross_two(away, d, across);
         Two u = dot_two(e2, across) * inverse, v = -dot_two(e1, across) * inverse;
         Truth is_met = (t > 0.0) & (t < *far) & are_within(u, v, HULL_SLACK);
-        if (!(is_met[0] | is_met[1])) continue;
-        for (int k = 0; k < n; k++) {
-            if (!(is_met[k] && t[k] < *far)) continue;
-            double across_hull[3] = {normal[0][k], normal[1][k], normal[2][k]};
-            if (shot->is_outside && only_leaves_hull(shot, i + k, across_hull, -slope[k], t[k])) continue;
+        if (!any(is_met)) continue;
+        for (int k = 0; k < n_here; k++) {
+            if (!(is_met[k] && t[k] < *far)) continue; /* the first of both may be nearer */
+            double own_normal[3] = {normal[0][k], normal[1][k], normal[2][k]};
+            if (shot->is_outside && only_leaves_hull(shot, i + k, own_normal, -slope[k], t[k])) continue;
             *far = t[k];
-            take_shot(shot, i + k, u[k], v[k], across_hull);
+            take_shot(shot, i + k, u[k], v[k], own_normal);
         }
     }
 }

@@ -8,8 +8,8 @@
 #define MOST_WAITING 256 /* boxes: three for each level of a tree, of which there are at most 80 */
 #define ROUNDING 1e-6f   /* in units of the tree's size: boxes are float32, and larger by this */
 
-/* What is done with the items from one position to before another; it may lower `far`, beyond which nothing is visited
-   any more. */
+/* What is done with the items from position `first` to before `last`; it may lower `far`, beyond which nothing is
+   visited any more. */
 typedef void (*Visit)(void *context, int32_t first, int32_t last, double *far);
 
 /* Visit the items in whose boxes a ray is between 0 and far, all in units of the tree's size. */

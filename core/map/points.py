@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..arrays import Bools, Floats, Ints, columns_of, taken
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
 from ..light.trace import TRACED_AT_ONCE, Step, recording, tracing
@@ -215,6 +215,5 @@ def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
 
 def bounds_of(xy: Floats) -> tuple[Floats, Floats]:
     """Least and greatest x and y (n, 2) of display pixels (n, k, 2), NaN without a landing."""
-    # numpy is slow where it reduces rows of two numbers
-    by_corner = np.ascontiguousarray(xy.transpose(1, 2, 0))
+    by_corner = columns_of(xy)
     return np.fmin.reduce(by_corner).T, np.fmax.reduce(by_corner).T

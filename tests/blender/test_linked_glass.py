@@ -60,15 +60,33 @@ def written(path: Path, *blocks: bpy.types.ID) -> None:
     bpy.data.batch_remove(blocks)
 
 
+def link_in_place(linked: Callable, own: bpy.types.Object) -> bpy.types.Object:
+    """An object written to another file, and linked from there in its own place."""
+    theirs = linked(own)
+    bpy.data.objects.remove(own)
+    bpy.context.scene.collection.objects.link(theirs)
+    bpy.context.view_layer.update()
+    return theirs
+
+
 @pytest.fixture
 def theirs(scene: bpy.types.Scene, linked: Callable) -> bpy.types.Object:
     """A linked glass in the scene."""
+    return link_in_place(linked, suzanne())
+
+
+def link_group(scene: bpy.types.Scene, path: Path) -> bpy.types.Collection:
+    """A linked collection in the scene, with a glass that is linked with it."""
+    group = bpy.data.collections.new("Group")
     own = suzanne()
-    thing = linked(own)
-    bpy.data.objects.remove(own)
-    scene.collection.objects.link(thing)
-    bpy.context.view_layer.update()
-    return thing
+    scene.collection.objects.unlink(own)
+    group.objects.link(own)
+    written(path, group, own)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.collections = ["Group"]
+    (group,) = wanted.collections
+    scene.collection.children.link(group)
+    return group
 
 
 def test_a_rig_around_linked_glass_has_it_in_the_next_session(
@@ -80,7 +98,7 @@ def test_a_rig_around_linked_glass_has_it_in_the_next_session(
     add_rig(theirs)
     for _ in range(2):
         scene = reopened(tmp_path / "scene.blend")
-        (glass,) = (thing for thing in scene.objects if thing.kiriko.role == "GLASS")
+        (glass,) = glass_of(scene)
         assert (glass.name, glass.override_library is None) == ("Suzanne", False)
         assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert "RNA_" not in capfd.readouterr().out
@@ -129,16 +147,7 @@ def test_glass_of_a_hierarchy_of_overrides_keeps_its_role_when_it_is_resynced(
     scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
     """After opening, with no save between."""
-    group = bpy.data.collections.new("Group")
-    own = suzanne()
-    scene.collection.objects.unlink(own)
-    group.objects.link(own)
-    path = tmp_path / "library.blend"
-    written(path, group, own)
-    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
-        wanted.collections = ["Group"]
-    (group,) = wanted.collections
-    scene.collection.children.link(group)
+    group = link_group(scene, tmp_path / "library.blend")
     (thing,) = scene.objects
     bpy.context.view_layer.objects.active = thing
     bpy.ops.object.make_override_library(collection=group.session_uid)
@@ -171,16 +180,7 @@ def test_settings_of_an_override_are_saved(theirs: bpy.types.Object, tmp_path: P
 
 def test_glass_in_a_linked_collection_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """No override takes its place there. All is as it was."""
-    group = bpy.data.collections.new("Group")
-    own = suzanne()
-    scene.collection.objects.unlink(own)
-    group.objects.link(own)
-    path = str(tmp_path / "library.blend")
-    bpy.data.libraries.write(path, {group})
-    bpy.data.batch_remove([own, group])
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.collections = ["Group"]
-    scene.collection.children.link(wanted.collections[0])
+    group = link_group(scene, tmp_path / "library.blend")
     (thing,) = scene.objects
     with pytest.raises(RuntimeError, match="'Suzanne' is linked from another file with its"):
         add_rig(thing)
@@ -189,7 +189,6 @@ def test_glass_in_a_linked_collection_is_refused(scene: bpy.types.Scene, tmp_pat
 
     thing.select_set(True)
     bpy.context.view_layer.objects.active = thing
-    group = wanted.collections[0]
     assert bpy.ops.object.make_override_library(collection=group.session_uid) == {"FINISHED"}
     (own,) = (thing for thing in scene.objects if thing.library is None)
     add_rig(own)
@@ -229,20 +228,16 @@ def test_linked_glass_without_a_material_is_made_glass(
     if is_local:
         own.data = linked(own.data)
     else:
-        theirs = linked(own)
-        bpy.data.objects.remove(own)
-        scene.collection.objects.link(theirs)
-        bpy.context.view_layer.update()
-        own = theirs
+        own = link_in_place(linked, own)
     add_rig(own)
-    (glass,) = (thing for thing in scene.objects if thing.kiriko.role == "GLASS")
+    (glass,) = glass_of(scene)
     assert "material" in " ".join(str(entry.text) for entry in look())
     bpy.ops.kiriko.make_glass(part=glass.name)
     assert "A modifier sets it, for the linked mesh has no place for it." in capfd.readouterr().out
     assert not any("does not refract" in str(entry.text) for entry in look())
 
     scene = reopened(tmp_path / "scene.blend")
-    (glass,) = (thing for thing in scene.objects if thing.kiriko.role == "GLASS")
+    (glass,) = glass_of(scene)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert "does not refract" not in scene.kiriko.result.notes
     bpy.ops.kiriko.remove_rig()
@@ -255,13 +250,9 @@ def test_an_override_that_was_made_glass_has_its_material_back(
     """Also when the rig is removed in another session."""
     own = suzanne()
     own.material_slots[0].material = bpy.data.materials.new("Matt")
-    theirs = linked(own)
-    bpy.data.objects.remove(own)
-    scene.collection.objects.link(theirs)
-    bpy.context.view_layer.update()
-    add_rig(theirs)
+    add_rig(link_in_place(linked, own))
     bpy.ops.kiriko.make_glass(part="Suzanne")
-    (glass,) = (t for t in reopened(tmp_path / "a.blend").objects if t.kiriko.role == "GLASS")
+    (glass,) = glass_of(reopened(tmp_path / "a.blend"))
     assert [slot.material.name for slot in glass.material_slots] == ["Kiriko Glass"]
     bpy.ops.kiriko.remove_rig()
     assert [(slot.link, slot.material.name) for slot in glass.material_slots] == [("DATA", "Matt")]
@@ -338,20 +329,13 @@ def test_glass_in_a_linked_collection_is_refused_where_it_is_linked_by_itself_to
     scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
     """It would be there twice."""
-    group = bpy.data.collections.new("Group")
-    own = suzanne()
-    scene.collection.objects.unlink(own)
-    group.objects.link(own)
     path = tmp_path / "library.blend"
-    written(path, group, own)
-    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
-        wanted.collections = ["Group"]
-    scene.collection.children.link(wanted.collections[0])
+    group = link_group(scene, path)
     (thing,) = brought(scene, path, "Suzanne")
     with pytest.raises(RuntimeError, match="'Suzanne' is linked from another file with its"):
         add_rig(thing)
     assert [*scene.objects] == [thing] == [*bpy.data.objects]
-    assert [*scene.collection.objects] == [thing] == [*wanted.collections[0].objects]
+    assert [*scene.collection.objects] == [thing] == [*group.objects]
     assert bpy.context.view_layer.objects.active == thing
     assert bpy.context.selected_objects == [thing]
 
@@ -421,12 +405,7 @@ def test_what_is_told_of_linked_glass_without_a_material_can_be_done(
         bpy.context.object.data.size, bpy.context.object.data.extrude = 0.1, 0.01
     else:
         bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=0.03)
-    own = bpy.context.object
-    theirs = linked(own)
-    bpy.data.objects.remove(own)
-    scene.collection.objects.link(theirs)
-    bpy.context.view_layer.update()
-    add_rig(theirs)
+    add_rig(link_in_place(linked, bpy.context.object))
     assert "give it glass in the file that it is linked from" in scene.kiriko.result.notes
     (entry,) = (one for one in look() if "is no glass" in str(one.text))
     assert "in the file that it is linked from" in str(entry.text)

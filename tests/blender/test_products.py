@@ -10,6 +10,7 @@ import pytest
 
 from panel_layout import Layout
 from small_rigs import small_rig
+from test_ugly_glass import scatter
 
 SINGLE = 1e-6  # m: float32's rounding of places and sizes
 PHONE = (25.4 * np.array([2556, 1179]) / 460 / 1e3).tolist()  # m, by 460 pixels to the inch
@@ -160,24 +161,7 @@ def instances_by_nodes(glass: bpy.types.Object) -> bpy.types.Object:
     mesh = bpy.data.meshes.new("point")
     mesh.from_pydata([(0.0, 0.0, 0.0)], [], [])
     thing = bpy.data.objects.new("Nodes", mesh)
-    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    start, info, on_points, end = map(
-        tree.nodes.new,
-        (
-            "NodeGroupInput",
-            "GeometryNodeObjectInfo",
-            "GeometryNodeInstanceOnPoints",
-            "NodeGroupOutput",
-        ),
-    )
-    info.inputs["Object"].default_value = glass
-    info.inputs["As Instance"].default_value = True
-    tree.links.new(start.outputs[0], on_points.inputs["Points"])
-    tree.links.new(info.outputs["Geometry"], on_points.inputs["Instance"])
-    tree.links.new(on_points.outputs[0], end.inputs[0])
-    thing.modifiers.new("nodes", "NODES").node_group = tree
+    scatter(thing, glass, as_instance=True)
     return thing
 
 

@@ -125,6 +125,15 @@ def scattered() -> bpy.types.Object:
     pearl.data.materials.append(glass_material("Pearl", 1.5))
     pearl.location.x = 10.0
     grid = new_object(primitive("grid", x_segments=1, y_segments=1, size=0.5 * SIDE), "GLASS")
+    scatter(grid, pearl)
+    return grid
+
+
+def scatter(thing: bpy.types.Object, shown: bpy.types.Object, as_instance: bool = False) -> None:
+    """Have an object show another at each of its vertices, and itself not, by geometry nodes.
+
+    as_instance : with the materials of the other's slots, too, not of its mesh alone
+    """
     tree = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
@@ -138,12 +147,12 @@ def scattered() -> bpy.types.Object:
         )
     ]
     first, last, place, info = nodes
-    info.inputs["Object"].default_value = pearl
+    info.inputs["Object"].default_value = shown
+    info.inputs["As Instance"].default_value = as_instance
     tree.links.new(first.outputs[0], place.inputs["Points"])
     tree.links.new(info.outputs["Geometry"], place.inputs["Instance"])
     tree.links.new(place.outputs[0], last.inputs[0])
-    grid.modifiers.new("scatter", "NODES").node_group = tree
-    return grid
+    thing.modifiers.new("scatter", "NODES").node_group = tree
 
 
 def test_objects_that_nodes_scatter_are_no_fault_of_the_one_they_are_scattered_on(

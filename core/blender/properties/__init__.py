@@ -7,7 +7,6 @@ from bpy.props import CollectionProperty, PointerProperty
 
 from ...messages import CONTEXT
 from .. import overridden
-from ..overridden import OVERRIDE, be_overridable
 from ..own_words import in_own_words
 from . import view
 from .calibration import KirikoCalibration
@@ -39,7 +38,7 @@ OF_OBJECTS = (KirikoPlate, KirikoPicture, KirikoDisplay, KirikoObject)
 def register() -> None:
     """Give objects and scenes their Kiriko settings."""
     for cls in OF_OBJECTS:
-        be_overridable(cls)
+        overridden.be_overridable(cls)
     for cls in classes:
         bpy.utils.register_class(in_own_words(cls))
     # An annotation with a Python callback crashes the 4.2 module at exit, even when the class has
@@ -50,7 +49,7 @@ def register() -> None:
         description="The picture, which the plane's material shows, too",
         type=bpy.types.Image,
         update=show_image,
-        override=OVERRIDE,
+        override=overridden.OVERRIDE,
     )
     KirikoScene.viewer = PointerProperty(
         name="Viewer",
@@ -75,7 +74,7 @@ def register() -> None:
         name="Kiriko",
         description="This object's part in the rig",
         type=KirikoObject,
-        override=OVERRIDE,
+        override=overridden.OVERRIDE,
     )
     bpy.types.Material.kiriko = PointerProperty(
         name="Kiriko", description="What Kiriko keeps of the material", type=KirikoMaterial
