@@ -219,7 +219,10 @@ def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
         help="write what these viewers see, too, by their cameras' names, or 'all' of them",
     )
     pictures.add_argument(
-        "--samples", type=count, default=16, metavar="N", help="rays a pixel of the preview (16)"
+        "--samples",
+        type=count,
+        metavar="N",
+        help=f"rays a pixel of the preview ({solve_to_folder.SAMPLES})",
     )
     pictures.add_argument(
         "--format",

@@ -91,7 +91,12 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     context = bpy.context
     files = wanted(arguments, context.scene)
     yield from solve_to_folder.products_given(context, arguments)
-    yield Message("solving {n} frames of '{file}'", n=len(files), file=Path(bpy.data.filepath).name)
+    yield Message(
+        "solving {n} frame{s} of '{file}'",
+        n=len(files),
+        s="" if len(files) == 1 else "s",
+        file=Path(bpy.data.filepath).name,
+    )
     run = frames.Run(
         files,
         arguments.format,

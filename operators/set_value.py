@@ -2,15 +2,46 @@
 behind `bpy.data.` or `bpy.context.scene.`.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import isfinite
+from typing import NamedTuple
 
 import bpy
 import numpy as np
 
 from ..core.errors import RigError
 from ..core.messages import Message
+
+# a name in brackets, as shells leave it of ["Glass"], or in single quotes: no whole number
+UNQUOTED = re.compile(r"\[(?!-?\d+\])'?([^'\"\[\]]+)'?\]")
+ONE_OF_SEVERAL = re.compile(r"(\w+)(?:\[(\d+)\])?")
+
+
+class _Found(NamedTuple):
+    """A property that can be set: whose it is, its name there, and which of its numbers is meant,
+    None where it has but one value.
+    """
+
+    owner: bpy.types.bpy_struct
+    name: str
+    index: int | None
+
+    @property
+    def value(self) -> object:
+        """What it is now."""
+        value = getattr(self.owner, self.name)
+        return value if self.index is None else value[self.index]
+
+    def set_to(self, value: object) -> None:
+        """Give it a value of its kind."""
+        if self.index is None:
+            setattr(self.owner, self.name, value)
+            return
+        numbers = list(getattr(self.owner, self.name))
+        numbers[self.index] = value
+        setattr(self.owner, self.name, numbers)
 
 
 def set_values(pairs: Iterable[tuple[str, str]]) -> list[Message]:
@@ -32,7 +63,7 @@ def idle(paths: Iterable[str]) -> list[Message]:
     """
     told = []
     for path in dict.fromkeys(paths):
-        owner, name = _found(path)
+        owner, name, _ = _found(path)
         if isinstance(owner, bpy.types.PropertyGroup) and not getattr(owner, f"use_{name}", True):
             switch = f"{path.removesuffix(name)}use_{name}"
             told.append(
@@ -55,47 +86,60 @@ def check_values(path: str, texts: Iterable[str]) -> None:
 @contextmanager
 def having(path: str, text: str) -> Iterator[None]:
     """Have a property set to a value for a while."""
-    owner, name = _found(path)
-    was_set, before = owner.is_property_set(name), getattr(owner, name)
+    found = _found(path)
+    was_set, before = found.owner.is_property_set(found.name), found.value
     try:
         _set(path, text)
         yield
     finally:
         if was_set:
-            setattr(owner, name, before)
+            found.set_to(before)
         else:
-            owner.property_unset(name)
+            found.owner.property_unset(found.name)
 
 
 def _set(path: str, text: str) -> Message:
     """Set one: of the scene, else of the file's data."""
-    owner, name = _found(path)
-    known = owner.bl_rna.properties[name]
+    found = _found(path)
+    known = found.owner.bl_rna.properties[found.name]
     try:
         value = _read(known, text)
         _refuse_beyond(known, path, value)  # Blender would cut it without a word
-        setattr(owner, name, value)
+        found.set_to(value)
     except (TypeError, ValueError):
         raise RigError(
             "The property '{path}' cannot be '{text}': give it a value of its kind.",
             path=path,
             text=text,
         ) from None
-    return Message("'{path}' is {value} now", path=path, value=getattr(owner, name))
+    return Message("'{path}' is {value} now", path=path, value=found.value)
 
 
-def _found(path: str) -> tuple[bpy.types.bpy_struct, str]:
-    """Whose property it is, and its name there."""
-    place, _, name = path.rpartition(".")
+def _found(path: str) -> _Found:
+    """The property of a path."""
+    place, _, last = UNQUOTED.sub(r'["\1"]', path.removeprefix("bpy.data.")).rpartition(".")
+    words = ONE_OF_SEVERAL.fullmatch(last)
+    name, index = words.groups() if words else (last, None)
     owner = _owner(place)
     known = None if owner is None else owner.bl_rna.properties.get(name)
-    if known is None or known.is_readonly or getattr(known, "is_array", False):
+    n_numbers = getattr(known, "array_length", 0)
+    has_rows = sum(n > 0 for n in getattr(known, "array_dimensions", ())) > 1
+    if known is None or known.is_readonly or has_rows or (index and not n_numbers):
         raise RigError(
             "The file has no property '{path}' that could be set: name it as in"
             ' objects["Glass"].kiriko.ior, or kiriko.tolerance of the scene.',
             path=path,
         )
-    return owner, name
+    if n_numbers and not (index and int(index) < n_numbers):
+        whole = path.rpartition("[")[0] if index else path
+        raise RigError(
+            "The property '{path}' has {n} numbers: set one of them, '{path}[0]' to"
+            " '{path}[{last}]'.",
+            path=whole,
+            n=n_numbers,
+            last=n_numbers - 1,
+        )
+    return _Found(owner, name, int(index) if index else None)
 
 
 def _owner(place: str) -> bpy.types.bpy_struct | None:

@@ -24,6 +24,7 @@ from .export import gamma_of
 Result = TypeVar("Result")
 
 # the products that a part of the file may be changed for, by its role
+SAMPLES = 16  # rays a pixel of the preview
 PRODUCTS = {"plate": PLATES, "display": DISPLAYS, "glass": GLASSES}
 
 
@@ -105,7 +106,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.preview:
         yield "rendering the preview in Cycles"
         with Preview(
-            scene, reading, scene.kiriko.result.source, samples=arguments.samples
+            scene, reading, scene.kiriko.result.source, samples=arguments.samples or SAMPLES
         ) as preview:
             jobs.append(("preview", preview.render()[..., :3], "PNG8", None))
         numbers["preview_notes"] = preview.notes

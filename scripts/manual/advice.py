@@ -1358,6 +1358,8 @@ FARM = Section(
             "Copy Full Data Path, by a right click on the setting, has it behind bpy.data.",
             "設定を右クリックしてフルデータパスをコピーすると、bpy.data の後ろにあります。",
             alike=(
+                "The property '{path}' has {n} numbers: set one of them, '{path}[0]' to"
+                " '{path}[{last}]'.",
                 "The property '{path}' cannot be '{text}': give it a value of its kind.",
                 "The property '{path}' cannot be {value}: give it a value from {low} to {high}.",
                 "The property '{path}' has no room for {n} letters: give it {most} at most.",

@@ -142,6 +142,7 @@ def test_folder_that_cannot_be_written_is_one_sentence(
         ("solve", ("--movie", "FFV1"), "--frames"),
         ("solve", ("--placeholders",), "--frames"),
         ("solve", ("--log", "1"), "--frames"),
+        ("solve", ("--samples", "16"), "--preview"),
         ("solve", ("--name", "a_##"), "--frames"),
         ("solve", ("--frames", "1", "--test-card", "3"), "--movie"),
         ("solve", ("--name", "source_####"), "--frames"),
@@ -375,6 +376,56 @@ def test_values_are_set_of_the_rig_that_is_solved(run: Callable[..., int], two_s
     assert run("solve", "--out", two_saved / "all", "--rig", "all", *wanted) == 0
     for path in sorted((two_saved / "all").glob("*/report.json")):
         assert json.loads(path.read_text())["tolerance"] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        'objects["Cube"].rotation_euler[2]',
+        "objects['Cube'].rotation_euler[2]",
+        "objects[Cube].rotation_euler[2]",
+        'bpy.data.objects["Cube"].rotation_euler[2]',
+    ],
+)
+def test_one_number_of_several_is_set(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture, path: str
+) -> None:
+    """By the path that Copy Full Data Path gives, and as it is left where a shell takes quotes."""
+    assert run("drawing", "--out", saved, "--set", path, "0.25") == 0
+    assert f"'{path}' is 0.25 now" in capsys.readouterr().out
+    assert [*bpy.data.objects["Cube"].rotation_euler] == [0.0, 0.0, 0.25]
+
+
+def test_numbers_of_several_that_are_not_there_are_refused(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """And none is, where all are named at once; the scene stays."""
+    for path in ("location", "location[3]"):
+        assert run("drawing", "--out", saved, "--set", f"objects[Cube].{path}", "1") == 1
+        told = "has 3 numbers: set one of them, 'objects[Cube].location[0]' to "
+        assert f"{told}'objects[Cube].location[2]'" in refusal(capsys)
+    assert run("drawing", "--out", saved, "--set", "objects[Cube].location[0]", "nan") == 1
+    assert "cannot be 'nan': give it a value of its kind" in refusal(capsys)
+    for path in ("objects[Cube].matrix_world[0]", "kiriko.tolerance[0]", "objects[None].hide"):
+        assert run("drawing", "--out", saved, "--set", path, "1") == 1
+        assert f"no property '{path}' that could be set" in refusal(capsys)
+    assert [*bpy.data.objects["Cube"].location] == [0.0, 0.0, 0.0]
+
+
+def test_one_frame_is_no_frames(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """In the line that tells what is solved, too."""
+    assert run("solve", "--out", saved, "--frames", "1") == 0
+    assert "solving 1 frame of 'rig.blend'" in capsys.readouterr().out
+
+
+def test_a_job_varies_one_number_of_several(run: Callable[..., int], saved: Path) -> None:
+    """As a glass that turns; the file stays as it is."""
+    zipped = kiriko_zip(saved.parent / "kiriko-9.zip")
+    turn = ("--vary", 'objects["Cube"].rotation_euler[2]', "--values", "0.1", "0.2")
+    assert run("job", "--out", saved / "job", *turn, "--zip", zipped) == 0
+    assert [*bpy.data.objects["Cube"].rotation_euler] == [0.0, 0.0, 0.0]
 
 
 def test_a_job_of_all_rigs_has_the_values_in_each(run: Callable[..., int], two_saved: Path) -> None:
