@@ -327,7 +327,7 @@ def _merge_open(shape: bmesh.types.BMesh, distance: float) -> None:
 
 
 class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
-    """Turn all faces of the mesh round, so that they look out of the glass"""
+    """Turn faces of the mesh round that look into the glass, so that all look out of it"""
 
     bl_idname = "kiriko.turn_out"
     bl_label = "Turn Out"
@@ -342,12 +342,23 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
         return self._done(thing)
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
-        mesh.flip_normals()
-        mesh.update()
+        is_turned = faults_of(mesh).is_turned
+        if is_turned.any():
+            _turn(mesh, np.flatnonzero(is_turned))
+        if not is_turned.any() or faults_of(mesh).is_inside_out:
+            mesh.flip_normals()
+            mesh.update()
         return self._done(thing)
 
     def _done(self, thing: bpy.types.Object) -> Message:
         return Message("The faces of '{name}' look out now.", name=thing.name)
+
+
+def _turn(mesh: bpy.types.Mesh, chosen: Ints) -> None:
+    """Turn some polygons of a mesh round."""
+    with _edited(mesh) as shape:
+        shape.faces.ensure_lookup_table()
+        bmesh.ops.reverse_faces(shape, faces=[shape.faces[k] for k in chosen])
 
 
 class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):

@@ -48,7 +48,9 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     if n_cut:
         yield _on_cuts(thing, faults, own)
 
-    if is_inside_out and thing.role == "GLASS":
+    if faults.n_turned and thing.role == "GLASS":
+        yield _on_turned(thing, faults, own)
+    elif is_inside_out and thing.role == "GLASS":
         yield _on_inward(thing, n_open)
 
     if n_facets and not thing.has_facets:
@@ -59,10 +61,35 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         yield Entry(text, ADVICE, (button,))
 
 
+def _on_turned(thing: Thing, faults: Counts, own: Counts) -> Entry:
+    """Faces that look the other way than those beside them: the normals between them are wrong,
+    which costs nothing where they are flat.
+    """
+    n = own.n_turned or faults.n_turned
+    values = {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
+    mend = turn_out(thing) if own.n_turned else select_part(thing.named)
+    if faults.is_turned_smooth:
+        text = Message(
+            "'{name}' has {n} face{s} turned round beside others: light there is bent wrongly.",
+            **values,
+        )
+        return Entry(text, PROBLEM, (mend,))
+    text = Message(
+        "'{name}' has {n} face{s} turned round beside others: Kiriko knows it, Cycles does not.",
+        **values,
+    )
+    return Entry(text, ADVICE, (mend,))
+
+
+def turn_out(thing: Thing) -> Button:
+    """The button that has all faces look out of the glass."""
+    return Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
+
+
 def _on_inward(thing: Thing, n_open: int) -> Entry:
     """Faces that look into the glass. Of a closed one it is known where it is."""
     name = thing.named.name
-    button = Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
+    button = turn_out(thing)
     if n_open:
         text = Message("The faces of '{name}' look into the glass.", name=name)
         return Entry(text, PROBLEM, (button,))

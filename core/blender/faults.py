@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..glass.meshes import components, volume_of
-from ..glass.solids import is_one_sided
+from ..glass.solids import is_one_sided, turned_beside
 from .mesh import column, has_area, read_local
 
 MOUTH = 1 / 3  # of a mesh's width: a hole that is wider was meant, as the mouth of a vessel is
@@ -24,6 +24,9 @@ class Faults:
     one : (v,) the vertex that each counts as
     is_inside_out : do its faces look into it?
     is_vessel : is one of its holes as wide as a mouth?
+    is_turned : (p,) which polygons look the other way than most of those that they share vertices
+        with, so that normals between them are those of neither
+    is_turned_smooth : is one of these shaded smooth?
     is_one_sided : has a closed part of it one side only?
     """
 
@@ -34,6 +37,8 @@ class Faults:
     one: Ints
     is_inside_out: bool
     is_vessel: bool
+    is_turned: Bools
+    is_turned_smooth: bool
     is_one_sided: bool = False
 
     @property
@@ -49,7 +54,7 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     one = np.arange(len(mesh.vertices))
     if not n or not np.isfinite(local.vertices).all():
         empty = np.zeros(len(mesh.polygons), bool)
-        return Faults(n, empty, 0, np.zeros(len(edges), bool), one, False, False)
+        return Faults(n, empty, 0, np.zeros(len(edges), bool), one, False, False, empty, False)
 
     # one vertex for those that are welded
     mesh.calc_loop_triangles()
@@ -62,12 +67,25 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     polygons = column(mesh.loop_triangles, "polygon_index", 1, np.int32)
     is_flat[polygons[has_no_area]] = True
 
+    is_turned = np.zeros(len(mesh.polygons), bool)
+    is_turned[polygons[turned_beside(drawn)]] = True
+    is_smooth = column(mesh.polygons, "use_smooth", 1, bool)
+
     is_open = open_edges(one[edges], local.triangles)
     volume = volume_of(local.vertices[local.triangles])
     one_sided = is_one_sided(local.triangles)
     is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
     return Faults(
-        n, is_flat, int(has_no_area.sum()), is_open, one, volume < 0, is_vessel, one_sided
+        n_triangles=n,
+        is_flat=is_flat,
+        n_flat=int(has_no_area.sum()),
+        is_open=is_open,
+        one=one,
+        is_inside_out=volume < 0,
+        is_vessel=is_vessel,
+        is_turned=is_turned,
+        is_turned_smooth=bool(is_smooth[is_turned].any()),
+        is_one_sided=one_sided,
     )
 
 

@@ -175,11 +175,13 @@ def _shows_opaque(thing: bpy.types.Object, bends: Bends) -> bool:
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
-    """Faults, but for faces of closed glass that look inward where nobody looks at it by Cycles,
-    which alone does not know where the inside is.
+    """Faults, but for faces of closed glass that look inward, and flat ones that are turned round,
+    where nobody looks at it by Cycles, which alone does not know where the inside is.
     """
-    is_inward = faults.is_inside_out and bool(faults.n_open or scene.kiriko.looking)
-    return faults._replace(is_inside_out=is_inward)
+    is_looking = bool(scene.kiriko.looking)
+    is_inward = faults.is_inside_out and (faults.n_open > 0 or is_looking)
+    n_turned = faults.n_turned if faults.is_turned_smooth or is_looking else 0
+    return faults._replace(is_inside_out=is_inward, n_turned=n_turned)
 
 
 def has_open_ends(thing: bpy.types.Object) -> bool:
@@ -200,8 +202,12 @@ def has_open_ends(thing: bpy.types.Object) -> bool:
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     """Has an object a surface of its own, and not alone that of objects that it shows?"""
-    is_surface = thing.data is not None and thing.type not in {"EMPTY", "META"}
-    return is_surface and not shows_instances_alone(evaluated(scene, thing))
+    if thing.data is None or thing.type == "EMPTY":
+        return False
+    shown = evaluated(scene, thing)
+    if thing.type == "META":  # the surface of a family is that of one of them
+        return max(shown.dimensions) > 0
+    return not shows_instances_alone(shown)
 
 
 def sides_of(
@@ -289,4 +295,6 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         is_cut_curved=bool(column(mesh.polygons, "use_smooth", 1, bool)[is_cut].any()),
         n_double=int(np.count_nonzero(doubled_polygons(mesh))) if is_glass else 0,
         is_one_sided=faults.is_one_sided,
+        n_turned=int(np.count_nonzero(faults.is_turned)),
+        is_turned_smooth=faults.is_turned_smooth,
     )

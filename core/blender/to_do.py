@@ -24,6 +24,8 @@ class Counts(NamedTuple):
     is_cut_curved : are any of the polygons that others cut shaded smooth?
     n_double : polygons that lie on others
     is_one_sided : has a closed part of it one side only?
+    n_turned : polygons that look the other way than those beside them
+    is_turned_smooth : is one of these shaded smooth?
     """
 
     n_open: int = 0
@@ -35,6 +37,8 @@ class Counts(NamedTuple):
     is_cut_curved: bool = False
     n_double: int = 0
     is_one_sided: bool = False
+    n_turned: int = 0
+    is_turned_smooth: bool = False
 
 
 @dataclass(frozen=True)

@@ -107,6 +107,21 @@ def is_one_sided(triangles: Ints) -> bool:
     return bool(((as_drawn == turned) & ~has_hole).any())
 
 
+def turned_beside(triangles: Ints) -> Bools:
+    """Which of triangles (t, 3) look the other way than most of those that they hang together with:
+    none of a surface with one side only.
+    """
+    n = len(triangles)
+    edges = find_edges(triangles)
+    if not edges.is_same_way.any():
+        return np.zeros(n, bool)
+    as_drawn, turned = _joined_ways(edges, n)
+    shell = np.minimum(as_drawn, turned)
+    is_other = as_drawn > turned
+    are_most = np.bincount(shell, np.where(is_other, 1, -1), n) > 0
+    return (is_other ^ are_most[shell]) & (as_drawn != turned)
+
+
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:
     """Solids of a glass object, as by `making_solids`."""
     return finish(making_solids(mesh))

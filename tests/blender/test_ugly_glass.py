@@ -14,7 +14,7 @@ import pytest
 from mathutils import Matrix
 
 from panel_layout import Layout, told
-from small_rigs import SIDE, new_object, primitive, small_rig
+from small_rigs import SIDE, new_object, pixels, primitive, small_rig
 
 
 def labels_of(entries: list, words: str) -> list[str]:
@@ -458,6 +458,103 @@ def test_an_override_is_compared_with_the_material_itself(
         bpy.ops.kiriko.look_through()
         assert ("Override IOR" in seen_through(kiriko, drawn)) == is_told
         bpy.ops.kiriko.look_through()
+
+
+@pytest.mark.parametrize("is_family", [False, True])
+def test_metaballs_are_made_glass(look: Callable[[], list], is_family: bool) -> None:
+    """The one that has the surface of its family; the others have none, and are told nothing of."""
+    for name, x in (("ball", 0.0), ("ball.001", 0.01))[: 1 + is_family]:
+        balls = bpy.data.metaballs.new(name)
+        balls.resolution = 0.01
+        balls.elements.new().radius = 0.04
+        thing = new_object(balls)
+        thing.name, thing.location.x = name, x
+        thing.select_set(True)
+    small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
+    bpy.ops.kiriko.add_rig(**small)
+    assert [str(one.text) for one in look()] == [
+        "'ball' is no glass: its material does not refract."
+    ]
+    press(look(), "'ball' is no glass", "Make It Glass")
+    assert not look()
+    bpy.ops.kiriko.solve()
+    assert bpy.context.scene.objects["ball"].active_material.name == "Kiriko Glass"
+
+
+def ball_turned(which: Callable[[bmesh.types.BMFace], bool], is_smooth: bool) -> bpy.types.Object:
+    """A rig around a ball, some faces of which are turned round."""
+    glass = small_rig()["GLASS"]
+    shape = bmesh.new()
+    bmesh.ops.create_icosphere(shape, subdivisions=3, radius=SIDE / 2)
+    bmesh.ops.reverse_faces(shape, faces=[face for face in shape.faces if which(face)])
+    shape.to_mesh(glass.data)
+    shape.free()
+    glass.data.shade_smooth() if is_smooth else glass.data.shade_flat()
+    return glass
+
+
+@pytest.mark.parametrize(
+    "which",
+    [
+        lambda face: face.calc_center_median().y < -0.4 * SIDE,
+        lambda face: face.calc_center_median().x > 0.0,
+        lambda face: face.calc_center_median().y > -0.4 * SIDE,
+    ],
+    ids=["the front", "a half", "all but the front"],
+)
+def test_faces_that_are_turned_round_beside_others_are_told_and_turned(
+    look: Callable[[], list], which: Callable[[bmesh.types.BMFace], bool]
+) -> None:
+    """Smooth shading bends light wrongly at them: turned out, they give the source image of a ball
+    that was drawn so.
+    """
+    ball_turned(lambda face: False, is_smooth=True)
+    assert not [one for one in look() if "turned round" in one.text]
+    bpy.ops.kiriko.solve()
+    wanted = pixels(bpy.context.scene.kiriko.result.source)
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    glass = ball_turned(which, is_smooth=True)
+    bpy.ops.kiriko.solve()
+    off = pixels(bpy.context.scene.kiriko.result.source)
+    assert np.abs(off - wanted).max() > 0.1
+
+    press(look(), "faces turned round beside others: light there is bent wrongly", "Turn Out")
+    assert not [one for one in look() if "turned round" in one.text]
+    shape = bmesh.new()
+    shape.from_mesh(glass.data)
+    assert all(face.normal @ face.calc_center_median() > 0 for face in shape.faces)
+    shape.free()
+    bpy.ops.kiriko.solve()
+    solved = pixels(bpy.context.scene.kiriko.result.source)
+    assert np.allclose(solved, wanted, atol=1e-4)  # the vertices' order in a face is another
+
+
+def test_flat_faces_that_are_turned_round_cost_no_light(look: Callable[[], list]) -> None:
+    """Kiriko knows which way they look; Cycles does not, and who looks by it is told."""
+    ball_turned(lambda face: face.index < 9, is_smooth=False)
+    assert not [one for one in look() if "turned round" in one.text]
+    bpy.ops.kiriko.look_through()
+    press(
+        look(), "9 faces turned round beside others: Kiriko knows it, Cycles does not", "Turn Out"
+    )
+    assert not [one for one in look() if "turned round" in one.text]
+    bpy.ops.kiriko.look_through()
+
+
+def test_faces_turned_round_by_a_modifier_are_told(look: Callable[[], list]) -> None:
+    """There is nothing to turn in the mesh itself then."""
+    glass = ball_turned(lambda face: False, is_smooth=True)
+    group = bpy.data.node_groups.new("flip", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    begin, end = (group.nodes.new(f"NodeGroup{way}") for way in ("Input", "Output"))
+    flip, index = map(group.nodes.new, ("GeometryNodeFlipFaces", "GeometryNodeInputIndex"))
+    group.links.new(index.outputs[0], flip.inputs["Selection"])  # all but the face 0
+    group.links.new(begin.outputs[0], flip.inputs["Mesh"])
+    group.links.new(flip.outputs[0], end.inputs[0])
+    glass.modifiers.new("flip", "NODES").node_group = group
+    assert labels_of(look(), "has 1 face turned round beside others") == ["Select Part"]
 
 
 def test_sculpted_glass_is_waited_for(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
