@@ -183,7 +183,7 @@ def test_triangles_that_look_the_other_way_than_most_around_them_are_found():
     """Of each surface that hangs together, whichever way most of it looks; none of a strip with one
     side only, nor of triangles that hang together with none.
     """
-    one, other = icosphere(2, 1.0).triangles, icosphere(1, 1.0).triangles
+    one, other = icosphere(1.0, 2).triangles, icosphere(1.0, 1).triangles
     triangles = np.concatenate([one, other[:, ::-1] + one.max() + 1])
     is_turned = np.random.default_rng(5).random(len(triangles)) < 0.3
     triangles[is_turned] = triangles[is_turned, ::-1]
