@@ -54,7 +54,7 @@ class FitsPart(long_work.LongWork):
         if context.mode != "OBJECT":
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
         reasons = needed.lacking(context.scene)
-        if not reasons and cls.role not in needed.parts(context.scene):
+        if not reasons and not needed.has_part(context.scene, cls.role):
             noun = next(role.noun for role in ROLES if role.name == cls.role)
             reasons = [Message("The rig has no {role}", role=noun)]
         return needed.can_run(cls, reasons)

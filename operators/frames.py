@@ -307,7 +307,7 @@ def _news_for(kept: Kept) -> Iterator[None]:
     """Hand Blender's news of changes on, meanwhile."""
 
     def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        kept.notice(depsgraph.updates)
+        kept.notice(depsgraph)
 
     handlers = (("frame_change_post", on_update), ("depsgraph_update_post", on_update))
     work.listen(handlers)

@@ -33,7 +33,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        is_there = scene.kiriko.picture_source == "IMAGE" or needed.parts(scene).get("PICTURE")
+        is_there = scene.kiriko.picture_source == "IMAGE" or needed.has_part(scene, "PICTURE")
         return needed.can_run(
             cls, [] if is_there else [Message("No picture: set a plane's role to Picture")]
         )

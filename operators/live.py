@@ -150,7 +150,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     Whether it counts shows when the scene is read.
     """
     for live in _lives:
-        live.kept.notice(depsgraph.updates, live.ours)
+        live.kept.notice(depsgraph, live.ours)
         live.touch()
 
 

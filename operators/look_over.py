@@ -5,6 +5,7 @@ and Blender draws panels whenever something changes. Meshes are looked at one by
 been left alone for a while, and again only when Blender tells that they changed.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import monotonic, perf_counter
@@ -14,6 +15,7 @@ from bpy.app.handlers import persistent
 
 from ..core.blender.checklist import entries
 from ..core.blender.look import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
+from ..core.blender.shapes import reshaped
 from ..core.blender.to_do import Entry
 from ..core.blender.units import length_text
 from ..core.messages import Message
@@ -47,6 +49,12 @@ class Looked:
         """Have meshes been left alone for a while?"""
         return monotonic() - self.changed_at >= max(QUIET, SHARE * self.lasted)
 
+    def forget(self, uids: Iterable[int]) -> None:
+        """Have meshes of objects be looked at anew."""
+        for uid in uids:
+            self.meshes.pop(uid, None)
+        self.asked, self.is_whole = True, False
+
 
 _looked: dict[int, Looked] = {}  # by session uid of the scene
 
@@ -58,8 +66,7 @@ def found(context: bpy.types.Context) -> list[Entry]:
     """
     uid = context.scene.session_uid
     if uid not in _looked or bpy.app.background:
-        _look(_looked.setdefault(uid, Looked()), context.scene)
-        _looked[uid].is_whole = bpy.app.background
+        _look(_looked.setdefault(uid, Looked()), context.scene, is_whole=bpy.app.background)
     _looked[uid].asked = True
     return _looked[uid].entries
 
@@ -81,24 +88,27 @@ def look_now(context: bpy.types.Context) -> list[Entry]:
     context.view_layer.update()
     while _look_at_mesh(looked, context):
         pass
-    _look(looked, context.scene)
-    looked.is_whole = True
+    _look(looked, context.scene, is_whole=True)
     return looked.entries
 
 
-def _look(looked: Looked, scene: bpy.types.Scene) -> None:
-    """All but the meshes."""
+def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
+    """All but the meshes.
+
+    is_whole : is none of those left to be looked at? Else it is done again, drawn or not.
+    """
     started = perf_counter()
+    found = needed.parts(scene)
     look = look_at(
         scene,
-        needed.parts(scene),
-        needed.missing_by_role(scene),
+        found,
+        needed.missing_of(scene, found),
         looked.meshes,
         watch.is_told_changed(scene),
     )
     look = replace(look, is_followed=watch.is_followed(scene))
     looked.entries = entries(look, partial(length_text, scene))
-    looked.asked = False
+    looked.asked, looked.is_whole = not is_whole, is_whole
     looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
 
 
@@ -142,11 +152,8 @@ def _turn() -> None:
 
         with bpy.context.temp_override(window=window):
             is_more = looked.is_quiet and _look_at_mesh(looked, bpy.context)
-            is_waiting = not looked.is_quiet
             before = looked.entries, looked.is_whole
-            _look(looked, scene)
-        looked.asked = is_more or is_waiting  # come back, whether or not it is drawn
-        looked.is_whole = not looked.asked
+            _look(looked, scene, is_whole=looked.is_quiet and not is_more)
         if (looked.entries, looked.is_whole) != before:
             windows.redraw()
         return
@@ -155,22 +162,20 @@ def _turn() -> None:
 @persistent
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Forget the meshes that Blender evaluated anew."""
-    for update in depsgraph.updates:
-        block = update.id.original
-        if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
-            for looked in _looked.values():
-                looked.asked = True
-                if block.kiriko.role in CHECKED:
-                    looked.meshes.pop(block.session_uid, None)
-                    looked.changed_at, looked.is_whole = monotonic(), False
+    anew = reshaped(depsgraph) if _looked else []
+    uids = [thing.session_uid for thing in anew if thing.kiriko.role in CHECKED]
+    for looked in _looked.values():
+        looked.asked |= bool(anew)
+        if uids:
+            looked.changed_at = monotonic()
+            looked.forget(uids)
 
 
 @persistent
 def on_undo(*_: object) -> None:
     """Any mesh may be another one."""
     for looked in _looked.values():
-        looked.meshes.clear()
-        looked.asked, looked.is_whole = True, False
+        looked.forget(list(looked.meshes))
 
 
 @persistent

@@ -10,7 +10,7 @@ from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
 from ..core.blender.viewer import is_deleted, own_images, viewer_of
-from ..core.blender.visibility import Shown, instance_hidden_by
+from ..core.blender.visibility import Shown, instance_hidden_by, is_visible
 from ..core.messages import Message
 from ..core.rig import ROLES
 from ..languages import in_all
@@ -25,6 +25,7 @@ NEEDED = {
     "PICTURE": Message("No picture: set a textured plane's role to Picture, or choose an image"),
     "VIEWER": Message("No viewer: choose a camera"),
 }
+MISSED = {role.name for role in ROLES if role.is_missed}
 NO_PLATE = Message("The rig's plate is gone: make it anew, or go without")
 NO_MIRRORS = Message(
     "There is no plate whose mirrors could be simulated: Preview shows the viewer's image"
@@ -43,25 +44,53 @@ RESTING = 30.0  # times as long as it took
 _answers: dict[
     int, tuple[bool, float]
 ] = {}  # by session uid of the scene, and until when it counts
+# names of all that could be parts as a scene was last looked at as a whole, by its session uid
+_met: dict[int, list[str]] = {}
+Parts = dict[str, dict[bpy.types.Object, str]]  # by role, each with what hides it
 MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
-def parts(
-    scene: bpy.types.Scene, is_left_out: LeftOut | None = None
-) -> dict[str, dict[bpy.types.Object, str]]:
+def parts(scene: bpy.types.Scene, is_left_out: LeftOut | None = None) -> Parts:
     """Objects of the active rig by role, those in instanced
     collections too, each with what hides it, '' if shown.
 
     is_left_out : tells objects that are not looked at; None: those of other rigs
     """
+    things = [thing for thing in scene.objects if may_be_part(thing)]
+    _met[scene.session_uid] = [thing.name for thing in things]
+    return _parts_among(things, scene, is_left_out)
+
+
+def parts_met(scene: bpy.types.Scene) -> Parts:
+    """The parts that are shown of those that were there as all objects were last looked at, which
+    takes long among thousands.
+    """
+    layer = layer_of(scene)
+    things = map(bpy.data.objects.get, _met.get(scene.session_uid, ()))
+    return _parts_among([one for one in things if one and is_visible(one, layer)], scene)
+
+
+def has_part(scene: bpy.types.Scene, role: str) -> bool:
+    """Has any part of the active rig this role?"""
+    return role in parts_met(scene) or role in parts(scene)
+
+
+def may_be_part(thing: bpy.types.Object) -> bool:
+    """Has an object a role, or does it show a collection whose objects may have some?"""
+    return thing.kiriko.role != "NONE" or thing.instance_collection is not None
+
+
+def _parts_among(
+    candidates: list[bpy.types.Object], scene: bpy.types.Scene, is_left_out: LeftOut | None = None
+) -> Parts:
     is_left_out = is_left_out or elsewhere(scene)
-    found: dict[str, dict[bpy.types.Object, str]] = {}
+    found: Parts = {}
     shown = Shown(scene, layer_of(scene))
     seen: set[tuple[bpy.types.Object, bool]] = set()
-    todo = [(thing, True, "") for thing in scene.objects]
+    todo = [(thing, True, "") for thing in candidates]
     while todo:
         thing, is_itself, by = todo.pop()
-        if thing.kiriko.role == "NONE" and thing.instance_collection is None:
+        if not may_be_part(thing):
             continue
         if is_itself and is_left_out(thing):
             continue
@@ -122,11 +151,11 @@ def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
     """
     if viewer is None or is_deleted(viewer):
         return False
-    found = scene.objects.get(viewer.name)
-    if viewer in (scene.camera, found):
+    if viewer == scene.camera:
         return True
     # one of another file may have the same name: the name finds either
-    return found is not None and bool(found.library or viewer.library)
+    found = scene.objects.get(viewer.name)
+    return found is not None and (viewer == found or bool(found.library or viewer.library))
 
 
 def has_lost_plate(scene: bpy.types.Scene) -> bool:
@@ -143,8 +172,20 @@ def has_lost_plate(scene: bpy.types.Scene) -> bool:
 
 
 def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
-    """Parts that the rig lacks, by role, and a phrase on each."""
-    found = parts(scene)
+    """Parts that the rig lacks, by role, and a phrase on each.
+
+    Every button asks at each redraw. Where those that were met last are all that is needed, no
+    other object could change the answer; but a role that is missed where all of it is hidden has to
+    be among them.
+    """
+    met = parts_met(scene)
+    if met.keys() >= MISSED and not missing_of(scene, met):
+        return {}
+    return missing_of(scene, parts(scene))
+
+
+def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
+    """The same of a rig whose parts were found."""
     ours = scene.kiriko
     there = {role for role, things in found.items() if not all(things.values())}
     # of several viewers the reading tells which one is not there
@@ -152,10 +193,9 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
         there.add("VIEWER")
 
     lacks = {role: phrase for role, phrase in NEEDED.items() if role not in there}
-    missed = {role.name for role in ROLES if role.is_missed} - there
     lacks |= {
         role: hidden_words(*next(iter(found[role].items())))
-        for role in (*lacks, *missed)
+        for role in (*lacks, *(MISSED - there))
         if role in found
     }
 
@@ -174,7 +214,7 @@ def lacking(scene: bpy.types.Scene) -> list[str]:
     may instance objects from anywhere in a file.
     """
     lacks = missing_by_role(scene)
-    if lacks and any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers):
+    if lacks and has_makers(scene):
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
         lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
     return list(lacks.values())
@@ -195,10 +235,12 @@ def sculpting(context: bpy.types.Context) -> list[str]:
 
 def no_plate(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be told of a plate's mirrors, where there is no plate."""
-    is_made = any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers)
-    if parts(scene).get("PLATE") or is_made:
-        return []
-    return [NO_MIRRORS]
+    return [] if has_part(scene, "PLATE") or has_makers(scene) else [NO_MIRRORS]
+
+
+def has_makers(scene: bpy.types.Scene) -> bool:
+    """Has any object a modifier that may instance parts from anywhere in the file?"""
+    return any(m.type in MAKERS for thing in scene.objects for m in thing.modifiers)
 
 
 def linked(scene: bpy.types.Scene) -> list[str]:

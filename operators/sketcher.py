@@ -279,7 +279,7 @@ def _key(rig: Rig, *others: object) -> str:
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Blender evaluated a change; whether it counts shows when the scene is read."""
     for sketched in _sketched.values():
-        sketched.kept.notice(depsgraph.updates)
+        sketched.kept.notice(depsgraph)
         sketched.touch()
 
 

@@ -201,7 +201,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
 def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Blender evaluated a change; whether it counts shows when the scene is read."""
     for watched in _watched.values():
-        watched.kept.notice(depsgraph.updates, watched.ours)
+        watched.kept.notice(depsgraph, watched.ours)
         watched.touch()
 
 

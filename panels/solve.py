@@ -59,7 +59,7 @@ class VIEW3D_PT_kiriko_settings(OfRig, bpy.types.Panel):
         column.prop(ours, "ghosts")
         column.prop(ours, "only_through_glass")
         row = column.row()
-        row.active = "PLATE" in needed.parts(context.scene)
+        row.active = needed.has_part(context.scene, "PLATE")
         row.prop(ours, "only_through_plate")
         row = column.row()
         row.active = ours.only_through_glass

@@ -1,6 +1,6 @@
 """The meshes of objects, kept while their objects stay as they are."""
 
-from collections.abc import Container, Iterable
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -98,23 +98,19 @@ class Kept:
         """Are all pixels known to be as they were read?"""
         return bool(self._pixels) and self._pixels.keys() <= self._compared
 
-    def notice(
-        self, updates: Iterable[bpy.types.DepsgraphUpdate], ours: Container[int] = ()
-    ) -> None:
+    def notice(self, depsgraph: bpy.types.Depsgraph, ours: Container[int] = ()) -> None:
         """Take note of a depsgraph's updates, but for pixels of
         datablocks with the session uids `ours`.
         """
-        for update in updates:
-            block = update.id.original
-            if isinstance(block, bpy.types.Object) and update.is_updated_geometry:
-                self._shapes = {
-                    key: shape for key, shape in self._shapes.items() if key[0] != block.session_uid
-                }
-            elif (
-                isinstance(block, bpy.types.Image | bpy.types.Material)
-                and block.session_uid not in ours
-            ):
-                # a material, too: an image that is loaded again does not tell itself
+        anew = {thing.session_uid for thing in reshaped(depsgraph)}
+        if anew:
+            self._shapes = {key: one for key, one in self._shapes.items() if key[0] not in anew}
+
+        # a material, too: an image that is loaded again does not tell itself
+        if any(map(depsgraph.id_type_updated, ("IMAGE", "MATERIAL"))):
+            blocks = (update.id.original for update in depsgraph.updates)
+            images = (one for one in blocks if one.id_type in {"IMAGE", "MATERIAL"})
+            if any(one.session_uid not in ours for one in images):
                 self._compared.clear()
 
     def shape(self, instance: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> Shape:
@@ -186,6 +182,14 @@ class Kept:
         self._n_kept = len(self._shapes)
         self._pixels = {uid: one for uid, one in self._pixels.items() if uid in self._asked}
         self._asked.clear()
+
+
+def reshaped(depsgraph: bpy.types.Depsgraph) -> list[bpy.types.Object]:
+    """Objects whose shape Blender has evaluated anew. The others may be thousands, as while a scene
+    is dragged or played, and are asked for nothing else.
+    """
+    anew = (update.id.original for update in depsgraph.updates if update.is_updated_geometry)
+    return [block for block in anew if block.id_type == "OBJECT"]
 
 
 def used_materials(

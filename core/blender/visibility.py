@@ -37,12 +37,19 @@ class Shown:
                 thing, ("exclude", "hide_viewport"), Message(" in the viewport")
             )
 
-        if not (by := instance_hidden_by(thing)) and self._rendered.isdisjoint(
-            thing.users_collection
-        ):
+        by = instance_hidden_by(thing)
+        if not by and not self._is_rendered(thing):
             return self._by_collection(thing, ("exclude", "hide_render"), Message(" in renders"))
 
         return by
+
+    def _is_rendered(self, thing: bpy.types.Object) -> bool:
+        """Is an object in a collection that is rendered? Where one of its name is another object,
+        as one that is linked may be, Blender looks at all objects of all collections.
+        """
+        if any(group.objects.get(thing.name) == thing for group in self._rendered):
+            return True
+        return not self._rendered.isdisjoint(thing.users_collection)
 
     @cached_property
     def _in_scene(self) -> set[bpy.types.Object]:

@@ -2,7 +2,9 @@
 viewport and in renders is no part of the rig.
 """
 
+import importlib
 from collections.abc import Callable
+from types import ModuleType
 
 import bpy
 import pytest
@@ -98,6 +100,68 @@ def test_a_part_the_rig_needs(
         bpy.ops.kiriko.solve()
 
     assert told in str(error.value)
+
+
+def test_parts_that_were_met_answer_as_all_objects_do(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a rig lacks is that of all objects, whatever became of those that were parts before;
+    while it lacks nothing only these are looked at.
+    """
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    parts = small_rig()
+    plate, glass = parts["PLATE"], parts["GLASS"]
+    other = new_object(glass.data)
+
+    def lacks() -> dict[str, str]:
+        bpy.context.view_layer.update()
+        found = needed.missing_by_role(scene)
+        assert found == needed.missing_of(scene, needed.parts(scene))
+        return found
+
+    def is_met() -> bool:
+        with monkeypatch.context() as patch:
+            patch.setattr(needed, "parts", lambda scene: pytest.fail("all objects"))
+            return not needed.missing_by_role(scene)
+
+    assert not lacks()
+    assert is_met()
+    glass.kiriko.role = "NONE"
+    assert lacks().keys() == {"GLASS"}
+    other.kiriko.role = "GLASS"
+    assert not lacks()
+    other.name = "renamed"
+    assert not lacks()
+    assert is_met()
+    scene.collection.objects.unlink(other)
+    assert lacks().keys() == {"GLASS"}
+    bpy.data.objects.remove(other)
+    assert lacks().keys() == {"GLASS"}
+    glass.kiriko.role = "GLASS"
+    assert not lacks()
+    plate.hide_render = True
+    assert lacks().keys() == {"PLATE"}
+    plate.kiriko.role = "NONE"
+    assert not lacks()
+    new_object(plate.data, "PLATE").hide_viewport = True
+    assert lacks().keys() == {"PLATE"}
+
+
+def test_an_object_is_not_taken_for_one_of_its_name(
+    kiriko: ModuleType, scene: bpy.types.Scene, linked: Callable[..., bpy.types.ID]
+) -> None:
+    """A linked object in a collection that is not rendered is hidden, though a local one of the
+    same name is rendered.
+    """
+    visibility = importlib.import_module(f"{kiriko.__name__}.core.blender.visibility")
+    local = new_object(primitive("cube", size=1e-3))
+    theirs = linked(local)
+    assert theirs.name == local.name
+    scene.collection.objects.link(theirs)
+    own_collection(theirs).collection.hide_render = True
+    shown = visibility.Shown(scene, bpy.context.view_layer)
+    assert not shown.hidden_by(local)
+    assert shown.hidden_by(theirs) == " with its collection 'drawer' in renders"
 
 
 @every_way

@@ -1056,7 +1056,7 @@ def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
     for face in glass.data.polygons:
         face.use_smooth = face.index % 2 == 0
     kept = shapes.Kept()
-    told = lambda scene, depsgraph: kept.notice(depsgraph.updates)  # noqa: E731 - the list wants a name to remove
+    told = lambda scene, depsgraph: kept.notice(depsgraph)  # noqa: E731 - the list wants a name to remove
     bpy.app.handlers.depsgraph_update_post.append(told)
 
     try:

@@ -597,7 +597,8 @@ def test_pixels_are_read_once_a_change(kiriko: ModuleType, monkeypatch: pytest.M
         n_read += 1
 
     monkeypatch.setattr(picture, "check_free", counted)
-    news = [SimpleNamespace(id=SimpleNamespace(original=image))]
+    update = SimpleNamespace(id=SimpleNamespace(original=image), is_updated_geometry=False)
+    news = SimpleNamespace(updates=[update], id_type_updated=lambda kind: kind == image.id_type)
     kept = shapes.Kept()
     first = kept.pixels(image, "the picture")
 
