@@ -1,11 +1,37 @@
 """The settings of a scene by which its result may be another, read cheaply."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic, thread_time
+
 import bpy
 
 from ..core.blender.elements import tone_of
 from ..core.blender.moving import stamp_of
 from ..core.blender.viewer import frame_of, seats_of
 from . import needed, work
+
+POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
+
+
+@dataclass(eq=False)
+class Polled:
+    """Settings of a scene that are looked at again and again, for Blender does not tell of them.
+
+    due : when the next look is, s of `monotonic`
+    """
+
+    seen: tuple[object, ...] = ()
+    due: float = 0.0
+
+    def have_changed(self, read: Callable[[], tuple[object, ...]]) -> bool:
+        """Are they others than at the last look? Where that took long they are not read yet."""
+        if monotonic() < self.due:
+            return False
+        started = thread_time()
+        before, self.seen = self.seen, read()
+        self.due = monotonic() + POLLING * (thread_time() - started)
+        return self.seen != before
 
 
 def chosen_settings(scene: bpy.types.Scene) -> tuple[object, ...]:

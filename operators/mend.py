@@ -17,7 +17,7 @@ from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
 from ..core.blender.look import has_open_ends, sides_of
-from ..core.blender.mesh import column
+from ..core.blender.mesh import column, mesh_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
 from ..core.messages import Message, joined, quoted
@@ -122,14 +122,10 @@ def _as_shown(context: bpy.types.Context, thing: bpy.types.Object) -> tuple[Vect
     """The normal of an object's first face as modifiers make it, in its own space, None where they
     leave none; and whether its surface has one side only.
     """
-    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
-    mesh = shown.to_mesh()
-    try:
+    with mesh_of(thing.evaluated_get(context.evaluated_depsgraph_get())) as mesh:
         if not len(mesh.polygons):
             return None, False
         return mesh.polygons[0].normal.copy(), faults_of(mesh).is_one_sided
-    finally:
-        shown.to_mesh_clear()
 
 
 def _scale_along(thing: bpy.types.Object, normal: Vector) -> float:
@@ -404,12 +400,8 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
 
 def _shown_facets(context: bpy.types.Context, thing: bpy.types.Object) -> int:
     """How many faces of an object look flat where a curve seems meant, as its modifiers make it."""
-    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
-    mesh = shown.to_mesh()
-    try:
+    with mesh_of(thing.evaluated_get(context.evaluated_depsgraph_get())) as mesh:
         return n_facets(mesh, faults_of(mesh).one) if len(mesh.polygons) else 0
-    finally:
-        shown.to_mesh_clear()
 
 
 def _join(mesh: bpy.types.Mesh) -> int:

@@ -36,7 +36,6 @@ SHARE = 2.0  # times as long as the last sketch took there is none after it,
 MOST_PAUSE = 0.5  # but s at the most
 HEAVY = 0.1  # s: a sketch with a longer step waits until it is quiet, longer during a drag
 QUIET = 0.3  # s without a change, for one that waits
-POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
 PATIENCE = 10.0  # s after an error that was not foreseen
 DONE = object()
 
@@ -71,8 +70,7 @@ class Sketched:
     ended_at: float = 0.0
     lasted: dict[bool, float] = field(default_factory=dict)
     spent: float = 0.0
-    chosen: tuple[object, ...] = ()
-    polled_next: float = 0.0
+    polled: chosen.Polled = field(default_factory=chosen.Polled)
     is_short: bool = False
     key: str = ""
     rig: Rig | None = None
@@ -86,17 +84,13 @@ class Sketched:
 
     def poll(self, scene: bpy.types.Scene) -> None:
         """Look at the settings, of whose changes Blender does not tell."""
-        if monotonic() < self.polled_next:
-            return
-        started = thread_time()
 
-        units = scene.unit_settings
-        settings = (*chosen.chosen_settings(scene), length_of_unit(scene), units.length_unit)
-        if settings != self.chosen:
-            self.chosen = settings
+        def read() -> tuple[object, ...]:
+            unit = scene.unit_settings.length_unit
+            return (*chosen.chosen_settings(scene), length_of_unit(scene), unit)
+
+        if self.polled.have_changed(read):
             self.touch()
-
-        self.polled_next = monotonic() + POLLING * (thread_time() - started)
 
     def is_due(self, is_held: bool) -> bool:
         """Is it time to read the scene?

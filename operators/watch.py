@@ -9,7 +9,7 @@ no result and no such surface. Only numbers and session uids are remembered.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import monotonic, perf_counter, thread_time
+from time import monotonic, perf_counter
 
 import bpy
 from bpy.app.handlers import persistent
@@ -27,7 +27,6 @@ QUIET = 0.4  # s without a change before the scene is read
 TICK = 0.2  # s between two looks
 # times as long as the last reading of its kind took it has to be quiet before the next one
 SHARE = 5.0
-POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again
 # s after which an operator that only waits, as some add-ons' do, is no reason not to read
 PATIENCE = 10.0
 
@@ -44,27 +43,20 @@ class Watched:
 
     kept: Kept = field(default_factory=Kept)
     ours: frozenset[int] = frozenset()
-    chosen: tuple[object, ...] = ()
-    polled_next: float = 0.0
+    polled: chosen.Polled = field(default_factory=chosen.Polled)
     verdicts: dict[str, bool] = field(default_factory=dict)
     changed_at: float | None = field(default_factory=monotonic)
     lasted: dict[bool, float] = field(default_factory=dict)
 
     def poll(self, scene: bpy.types.Scene) -> None:
-        """Compare the parts that Blender does not tell of:
-        settings, and the result itself. It takes little time.
-        """
-        if monotonic() < self.polled_next:
-            return
-        started = thread_time()
+        """Compare the parts that Blender does not tell of: settings, and the result itself."""
 
-        texts = scene.kiriko.result.solved_for, surfaces.rigs_made_for(scene)
-        settings = (texts, chosen.chosen_settings(scene))
-        if settings != self.chosen:
-            self.chosen = settings
+        def read() -> tuple[object, ...]:
+            made_for = surfaces.rigs_made_for(scene)
+            return scene.kiriko.result.solved_for, made_for, chosen.chosen_settings(scene)
+
+        if self.polled.have_changed(read):
             self.touch()
-
-        self.polled_next = monotonic() + POLLING * (thread_time() - started)
 
     def touch(self) -> None:
         """Something has changed that may count."""

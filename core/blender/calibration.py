@@ -17,6 +17,7 @@ from ..light.display import display_pixel
 from ..rig import ROLES, WAVELENGTH, Display, Rig
 from ..viewer import Viewer
 from .kept import Offset
+from .resize import is_animated
 from .scene import Reading, length_of_unit, object_matrix
 
 # px of display and viewer: so near, in single precision, everything has to come to be as fitted
@@ -98,10 +99,7 @@ def _object(name: str) -> bpy.types.Object:
                 name=name,
             )
 
-        animation = None if block is None else block.animation_data
-        if animation is not None and (
-            animation.action or animation.drivers or animation.nla_tracks
-        ):
+        if block is not None and is_animated(block):
             raise RigError(
                 "'{name}' is animated, and would not stay as it is set: keep the offset instead.",
                 name=name,

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from .mesh import column, uv_layer
+from .mesh import column, mesh_of, uv_layer
 from .rectangle import sides, uv_axes
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 
@@ -61,18 +61,13 @@ def laid_out(
     if thing.type == "EMPTY":
         raise RigError("it is an instance")
 
-    shown = thing.evaluated_get(context.evaluated_depsgraph_get())
-    mesh = shown.to_mesh()
-
-    try:
+    with mesh_of(thing.evaluated_get(context.evaluated_depsgraph_get())) as mesh:
         layer = uv_layer(mesh, uv_map)
         if layer is None:
             raise RigError("it has no UV map")
         points = column(mesh.vertices, "co", 3, np.float32).astype(float)
         corners = points[column(mesh.loops, "vertex_index", 1, np.int32)]
         axes = uv_axes(corners, column(layer.uv, "vector", 2, np.float32).astype(float))
-    finally:
-        shown.to_mesh_clear()
 
     size = None if axes is None else sides(axes @ np.array(thing.matrix_world, float)[:3, :3].T)
     if size is None:

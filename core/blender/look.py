@@ -27,7 +27,7 @@ from .look_parts import (
     why_no_picture,
 )
 from .material import Bends, bends_light, read_refraction, refracts
-from .mesh import column, used_slots
+from .mesh import column, mesh_of, used_slots
 from .objects import OBJECT_MARK
 from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
@@ -265,15 +265,11 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
 def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> LookedMesh:
     """An object's mesh as it is read, and the faults of the one before modifiers."""
     is_glass = thing.kiriko.role == "GLASS"
-    shown = thing.evaluated_get(depsgraph)
-    try:
-        mesh = shown.to_mesh()
+    with mesh_of(thing.evaluated_get(depsgraph)) as mesh:
         as_read = counts_of(mesh, is_glass)
         points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
         sides = tuple(np.ptp(points, axis=0).tolist()) if len(points) else ()
         slots = used_slots(mesh)
-    finally:
-        shown.to_mesh_clear()
     if thing.type != "MESH":
         return LookedMesh(as_read, Counts(), sides, slots)
     if not any(m.show_viewport for m in thing.modifiers) and thing.data.shape_keys is None:

@@ -17,7 +17,7 @@ from ..viewer import Viewer
 from .bodies import members_of
 from .cuts import SEARCH
 from .material import Bends, bends_light, refracts
-from .mesh import in_world, read_local, used_slots
+from .mesh import in_world, mesh_of, read_local, used_slots
 from .parts import is_placed
 from .plane import check_shown, image_of, own_materials
 from .shapes import used_materials
@@ -171,10 +171,8 @@ def _why_not(scene: bpy.types.Scene, viewer: Viewer, thing: bpy.types.Object) ->
         return ""
 
     shown = evaluated(scene, thing)
-    try:
-        local = read_local(shown.to_mesh())
-    finally:
-        shown.to_mesh_clear()
+    with mesh_of(shown) as drawn:
+        local = read_local(drawn)
     is_sound = bool(np.isfinite(local.vertices).all())
     if not is_sound or len(local.triangles) > SEARCH.most_triangles:
         return ""

@@ -1,5 +1,7 @@
 """Turns Blender meshes into triangles in the world. Their float32 numbers are taken as exact."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,6 +21,15 @@ NO_AREA = 1e-12
 COPIED = 4 * 2.0**-23
 
 SAME_FLOAT32_NORMAL = 1e-6  # normals that differ by less are the same but for float32
+
+
+@contextmanager
+def mesh_of(shown: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
+    """The mesh of an evaluated object, as its modifiers make it; it is gone afterwards."""
+    try:
+        yield shown.to_mesh()
+    finally:
+        shown.to_mesh_clear()
 
 
 def column(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:

@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from ..arrays import Floats
 from ..errors import RigError
-from .mesh import column
+from .mesh import column, mesh_of
 
 # of its size: an object no thicker along an axis of its own is perpendicular to that axis
 FLAT_AXIS = 1e-5
@@ -101,8 +101,7 @@ def give_matrix(context: bpy.types.Context, thing: bpy.types.Object, matrix: Mat
     ------
     RigError : the reason why it cannot be, a clause for a sentence; it is where it was
     """
-    animation = thing.animation_data
-    if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
+    if is_animated(thing):
         raise RigError("it is animated")
     if any((*thing.lock_location, *thing.lock_rotation)):
         raise RigError("its place is locked")
@@ -195,10 +194,15 @@ def rescale(
         raise
 
 
+def is_animated(block: bpy.types.ID) -> bool:
+    """Has a datablock keyframes, drivers or strips, by which what is set might not stay?"""
+    kept = block.animation_data
+    return kept is not None and bool(kept.action or kept.drivers or kept.nla_tracks)
+
+
 def refuse_held(thing: bpy.types.Object) -> None:
     """Raise RigError where a scale would not stay as it is set, or is not meant to be set."""
-    animation = thing.animation_data
-    if animation is not None and (animation.action or animation.drivers or animation.nla_tracks):
+    if is_animated(thing):
         raise RigError("it is animated")
     if any(thing.lock_scale):
         raise RigError("its scale is locked")
@@ -209,11 +213,8 @@ def _points(context: bpy.types.Context, thing: bpy.types.Object) -> Floats:
     if thing.type == "EMPTY":
         raise RigError("it is an instance")
 
-    evaluated = thing.evaluated_get(context.evaluated_depsgraph_get())
-    try:
-        points = column(evaluated.to_mesh().vertices, "co", 3, np.float32).astype(float)
-    finally:
-        evaluated.to_mesh_clear()
+    with mesh_of(thing.evaluated_get(context.evaluated_depsgraph_get())) as mesh:
+        points = column(mesh.vertices, "co", 3, np.float32).astype(float)
 
     if not len(points) or not np.isfinite(points).all():
         raise RigError("it has no size")

@@ -13,7 +13,7 @@ from ..fingerprint import fingerprint
 from ..image.tone import Tone
 from ..rig import ROLES, Mesh
 from .material import Texture, read_texture
-from .mesh import LocalMesh, in_world, read_local, sharpen_creases, used_slots
+from .mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .moving import Reel, at_frame, stamp_of
 from .picture import decoded, stored_pixels
 from .plane import chosen_image
@@ -215,9 +215,7 @@ def used_materials(
 def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
     """Triangles, material slots and texture of an evaluated object with its owner's role."""
     role = owner.kiriko.role
-    mesh = shown.to_mesh()
-
-    try:
+    with mesh_of(shown) as mesh:
         if owner.kiriko.surface != "FACETS" and role in CURVED:
             sharpen_creases(mesh, shown.original)
 
@@ -233,7 +231,5 @@ def read_shape(shown: bpy.types.Object, owner: bpy.types.Object) -> Shape:
             has_uv=role in MAPPED,
             uv_map=texture.uv_map if is_shown else "",
         )
-    finally:
-        shown.to_mesh_clear()
 
     return Shape(local, slots, texture)

@@ -22,7 +22,7 @@ def sketcher(
     monkeypatch.setattr(module, "is_looked_at", lambda area: area.type == "VIEW_3D")
     monkeypatch.setattr(module, "SHARE", 0.0)
     monkeypatch.setattr(module, "QUIET", 0.0)
-    monkeypatch.setattr(module, "POLLING", 0.0)
+    monkeypatch.setattr(module.chosen, "POLLING", 0.0)
     yield module
     module.on_load()
 

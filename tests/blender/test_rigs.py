@@ -99,8 +99,9 @@ def test_a_result_is_stale_only_where_its_own_rig_has_changed(
 ) -> None:
     """The gem is moved: the cube's result is still of the scene as it is."""
     watch = importlib.import_module(f"{kiriko.__name__}.operators.watch")
-    for name in ("QUIET", "SHARE", "POLLING"):
+    for name in ("QUIET", "SHARE"):
         monkeypatch.setattr(watch, name, 0.0)
+    monkeypatch.setattr(watch.chosen, "POLLING", 0.0)
     first, second = two()
     for rig in (first, second):
         choose(rig)

@@ -31,8 +31,9 @@ def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
 def watch(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
     """Module operators.watch, which does not wait for quiet."""
     module = importlib.import_module(f"{kiriko.__name__}.operators.watch")
-    for name in ("QUIET", "SHARE", "POLLING"):
+    for name in ("QUIET", "SHARE"):
         monkeypatch.setattr(module, name, 0.0)
+    monkeypatch.setattr(module.chosen, "POLLING", 0.0)
     yield module
     kiriko.operators.live.stop()
 

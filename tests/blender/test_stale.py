@@ -28,7 +28,7 @@ def watch(
     module = importlib.import_module(f"{kiriko.__name__}.operators.watch")
     monkeypatch.setattr(module, "QUIET", 0.0)
     monkeypatch.setattr(module, "SHARE", 0.0)
-    monkeypatch.setattr(module, "POLLING", 0.0)
+    monkeypatch.setattr(module.chosen, "POLLING", 0.0)
     surfaces = importlib.import_module(f"{kiriko.__name__}.operators.surfaces")
     monkeypatch.setattr(surfaces, "PAUSE", 0.0)
     surfaces.forget()
