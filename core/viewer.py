@@ -77,12 +77,10 @@ class Viewer(Part):
         """Values as much as the viewer counts; the array itself at a weight of 1."""
         return values if self.weight == 1 else self.weight * values
 
-    def plane_from_pixels(self, xy: ArrayLike) -> Floats:
-        """Window coordinates (n, 2) of viewer pixels (n, 2)."""
-        return np.stack(self._on_plane(xy), axis=1)
-
     def _on_plane(self, xy: ArrayLike) -> tuple[Floats, Floats]:
-        """The same, column by column: numpy is slow where rows are short."""
+        """Window coordinates, both (n,), of viewer pixels (n, 2): numpy is slow where rows are
+        short.
+        """
         left, right, bottom, top = self.window
         x, y = np.asarray(xy, float).T
         return (

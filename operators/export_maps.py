@@ -120,7 +120,7 @@ def _written(
         start, stop = (SOLVED + (1 - SOLVED) * i / n for i in (k, k + 1))
         maps = yield from within(maps_of(channel, options), start, stop)
         write_maps(new, forms, maps, ABOUT, save)
-        told.append(description(channel, maps, forms, options))
+        told.append(description(channel, maps, forms))
         yield stop
     return told
 

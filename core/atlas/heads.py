@@ -14,7 +14,6 @@ from ..viewer import Viewer
 
 AXES = ("right", "up", "forward")
 IN_WORDS = Message("to the right"), Message("upwards"), Message("forward")
-MOST_HALVINGS = 8  # of one axis
 IS_ASIDE = 1e-6  # of the distance: a picture that is nearer to the head than this is at it
 Offset = tuple[float, float, float]
 

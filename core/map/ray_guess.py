@@ -72,9 +72,6 @@ class Rays(NamedTuple):
         return Rays(*(a + b for a, b in zip(self, other, strict=True)))
 
 
-NO_RAYS = Rays()
-
-
 class RaysAhead:
     """The rays of a view map: `done` so far, and about how many are still `to_come`.
 

@@ -88,7 +88,7 @@ def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark
     yield from _on_normals(rig, plan, accuracy.contradicted)
     yield from _on_doubted(rig, plan)
     yield from _on_cut_off(plan, channel.misses, accuracy.caught)
-    yield from _on_chaos(rig, plan, error)
+    yield from _on_chaos(rig, error)
     yield from _beyond_tolerance(rig, accuracy.tessellation, error)
     yield from _on_the_mesh(rig, plan, accuracy.tessellation)
     yield from _on_rounding(plan, accuracy.rounding)
@@ -199,7 +199,7 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
         )
 
 
-def _on_chaos(rig: Rig, plan: Plan, error: MapError) -> Iterator[Remark]:
+def _on_chaos(rig: Rig, error: MapError) -> Iterator[Remark]:
     if error.sampled <= BEYOND:
         return
 

@@ -68,7 +68,7 @@ def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, Cha
 
 
 def description(
-    channel: Channel, maps: ChannelMaps, names: dict[str, tuple[str, ...]], options: MapOptions
+    channel: Channel, maps: ChannelMaps, names: dict[str, tuple[str, ...]]
 ) -> dict[str, Any]:
     """Of a channel's maps, as plain data for a file beside them."""
     warp = maps.warp

@@ -73,7 +73,7 @@ def test_real_maps_make_the_source_image(tmp_path, make):
     channel = solution.first
     maps = drain(maps_of(channel, ALL))
     files = written(tmp_path, maps)
-    about = description(channel, maps, names_of("", ALL), ALL)
+    about = description(channel, maps, names_of("", ALL))
     places = maps.warp.st * [64, -64] + [0, 64]
     sure = (solution.display_coverage > 1 - 1e-9) & (maps.warp.multiplicity == 1)
     sure &= ((places > 3) & (places < 61)).all(axis=2)
@@ -123,7 +123,7 @@ def test_command_is_for_these_maps():
     channel = solve(ball_rig(3, pixels=32, display_pixels=33)).first
     options = MapOptions(formats=("FFMPEG",), times=2)
     maps = drain(maps_of(channel, options))
-    command = description(channel, maps, names_of("_a", options), options)["ffmpeg"]["command"]
+    command = description(channel, maps, names_of("_a", options))["ffmpeg"]["command"]
     assert "-i x_a.pgm -i y_a.pgm" in command
     assert "scale=1024x1024:flags=bicubic" in command
     assert re.search(r"scale=33x33:flags=area:[^,]*,format=yuv444p\[v\]", command)

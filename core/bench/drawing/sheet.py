@@ -60,10 +60,10 @@ class Sheet:
                 f' stroke-linecap="round"{dashes}/>'
             )
 
-    def dots(self, places: ArrayLike, radius: float, colour: str = "black") -> None:
+    def dots(self, places: ArrayLike, radius: float) -> None:
         """Draw discs at places (n, 2)."""
         self.parts += [
-            f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius}" fill="{colour}"/>'
+            f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius}" fill="black"/>'
             for x, y in np.asarray(places, float).tolist()
         ]
 
