@@ -173,6 +173,14 @@ def is_there(path: Path) -> bool:
         ) from None
 
 
+def check_new(path: Path, overwrite: bool) -> None:
+    """Raise ImageError where there is a file already, which is not to be replaced."""
+    if is_there(path) and not overwrite:
+        raise ImageError(
+            "The file '{path}' exists already: choose another name or allow overwriting.", path=path
+        )
+
+
 def check_folder(folder: Path) -> None:
     """Raise ImageError when no file can be made in a folder."""
     try:

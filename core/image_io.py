@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import png
-from .disk import is_there, together
+from .disk import check_new, together
 from .encoding import encode as encode  # scripts ask for it here
 from .encoding import quantised
 from .errors import ImageError
@@ -187,10 +187,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     """
     kind = FORMATS[form]
     path = named_for(path, form)
-    if is_there(path) and not overwrite:
-        raise ImageError(
-            "The file '{path}' exists already: choose another name or allow overwriting.", path=path
-        )
+    check_new(path, overwrite)
 
     is_plain = (
         save_png is not None

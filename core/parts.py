@@ -175,6 +175,14 @@ class PicturePlace(Part):
         """The picture of an image (h, w, 4) in this place."""
         return Picture(self.name, image, self.mesh)
 
+    def check_still(self) -> None:
+        """Raise RigError where it goes with the viewer, who is to look at it from elsewhere."""
+        if self.mesh is None:
+            raise RigError(
+                "The picture is in the viewer's own pixels and moves with it: choose a picture"
+                " plane."
+            )
+
     def check_shape(self, owner: str) -> None:
         """Raise MeshError when its plane has no place for an image."""
         _check_plane(self.mesh, owner)

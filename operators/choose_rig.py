@@ -81,7 +81,7 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = [] if rigs(context.scene) else [Message("The scene has no rig that Add Rig made")]
+        reasons = [] if rigs(context.scene) else [needed.NO_RIG]
         if work.is_busy():
             reasons.append(needed.AT_WORK)
         return needed.can_run(cls, reasons)

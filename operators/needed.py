@@ -30,6 +30,8 @@ NO_PLATE = Message("The rig's plate is gone: make it anew, or go without")
 NO_MIRRORS = Message(
     "There is no plate whose mirrors could be simulated: Preview shows the viewer's image"
 )
+UNSOLVED = Message("There is no source image yet: solve first")
+NO_RIG = Message("The scene has no rig that Add Rig made")
 NO_IMAGE = Message("No picture: choose an image, or set Picture to Plane")
 LEAVE_EDIT_MODE = Message("Leave edit mode first")
 LEAVE_SCULPT_MODE = Message("Leave sculpt mode first: Blender gives out no new shape before")
@@ -252,7 +254,7 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
     """The reason why nothing can be done with a source image, where there is none."""
     result = scene.kiriko.result
     if result.source is None:
-        return [Message("There is no source image yet: solve first")]
+        return [UNSOLVED]
     if lacks_numbers(result):
         return [NUMBERLESS]
     return [COARSE] if result.is_coarse else []

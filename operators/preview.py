@@ -170,12 +170,7 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
             )
 
         path = target(self.filepath, image_io.format_for(self.filepath, "PNG8"))
-        if not self.overwrite and disk.is_there(path):
-            raise ImageError(
-                "The file '{path}' exists already: choose another name or allow overwriting.",
-                path=path,
-            )
-
+        disk.check_new(path, self.overwrite)
         disk.check_folder(path.parent)
         return path
 

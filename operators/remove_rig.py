@@ -6,7 +6,6 @@ from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_to_remove
 from ..core.messages import Message, joined
 from . import compared, live, look_through, needed, telling, work
 
-NO_RIG = Message("The scene has no rig that Add Rig made")
 NO_COLLECTION = Message(
     "The rig has no collection of Add Rig: set the roles of its parts to None and delete them"
 )
@@ -24,7 +23,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
         reasons = [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE]
         if rig_to_remove(context.scene, context.active_object) is None:
             has_parts = any(thing.kiriko.role != "NONE" for thing in context.scene.objects)
-            reasons.append(NO_COLLECTION if has_parts else NO_RIG)
+            reasons.append(NO_COLLECTION if has_parts else needed.NO_RIG)
         if work.is_busy():
             reasons.append(needed.AT_WORK)
         return needed.can_run(cls, reasons)

@@ -201,7 +201,7 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
         if bpy.app.background:
             reasons.append(Message("It needs Blender's window: start Blender without --background"))
         elif shown_result(context.scene).source is None:
-            reasons.append(Message("There is no source image yet: solve first"))
+            reasons.append(needed.UNSOLVED)
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

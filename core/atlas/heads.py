@@ -124,10 +124,7 @@ def check_perspective(viewer: Viewer) -> None:
 def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
     """Raise RigError where a viewer has no head that could move before a picture."""
     check_perspective(viewer)
-    if place.mesh is None:
-        raise RigError(
-            "The picture is in the viewer's own pixels and moves with it: choose a picture plane."
-        )
+    place.check_still()
 
 
 def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import Bools, Floats
 from ..errors import RigError
-from ..image.flat_picture import way_to_mesh
+from ..image.flat_picture import not_flat, way_to_mesh
 from ..light.display import affine_fit
 from ..light.plan import Plan
 from ..rig import PicturePlace, Rig
@@ -66,10 +66,7 @@ def plane_of(rig: Rig) -> Plane:
             " plane."
         )
     if any(way_to_mesh(place.mesh, viewer) is None for viewer in rig.viewers):
-        raise RigError(
-            "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
-            picture=place.name,
-        )
+        raise not_flat(place)
 
     uv = place.mesh.uv.reshape(-1, 2)
     fit, _ = affine_fit(uv, place.mesh.corners.reshape(-1, 3))

@@ -71,10 +71,7 @@ def visible_range(plan: Plan, enough: float = 1.0) -> Generator[float, None, Vis
     RigError : the picture has no place of its own
     """
     picture = plan.rig.picture_place
-    if picture.mesh is None:
-        raise RigError(
-            "The picture is in the viewer's own pixels and moves with it: choose a picture plane."
-        )
+    picture.check_still()
 
     sphere = _Sphere(plan)
     if not sphere.distance > 0:

@@ -57,16 +57,21 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
     """
     way = flat_way(place, viewer)
     if way is None:
-        raise RigError(
-            "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
-            picture=place.name,
-        )
+        raise not_flat(place)
     if np.linalg.cond(way.matrix / np.abs(way.matrix).max(axis=0)) > EDGE_ON:
         raise RigError(
             "The picture '{picture}' is seen edge-on: turn it to the viewer.", picture=place.name
         )
     xyw = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(way.matrix).T
     return xyw[:, :2] / xyw[:, 2:]
+
+
+def not_flat(place: PicturePlace) -> RigError:
+    """The error of a picture that has to be a flat rectangle, and is none."""
+    return RigError(
+        "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
+        picture=place.name,
+    )
 
 
 def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:

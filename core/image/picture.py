@@ -139,14 +139,15 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
             hint=BY_MIRROR,
         )
 
+    outside = Message(
+        "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
+    )
     seen = viewer.project(corners)
     seen = seen[np.isfinite(seen).all(axis=1)]
     low = seen.min(axis=0)
     high = seen.max(axis=0)
     if (high <= 0).any() or (low >= (viewer.width, viewer.height)).any():
-        return Message(
-            "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
-        )
+        return outside
 
     _, across = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
     if across < EDGE_ON * np.linalg.norm(high - low):
@@ -155,9 +156,7 @@ def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
         return Message(
             "which is smaller than a viewer pixel: make it larger, or raise the viewer's resolution"
         )
-    return Message(
-        "which is outside its view: move it into the camera's frame{hint}", hint=BY_MIRROR
-    )
+    return outside
 
 
 def _set_flat(

@@ -11,9 +11,8 @@ from functools import reduce
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import RigError
 from ..image.asked import mapped, way_of
-from ..image.flat_picture import view_of_picture
+from ..image.flat_picture import not_flat, view_of_picture
 from ..image.picture import cover_in_view
 from ..image.pyramid import Pyramid
 from ..image.pyramids import pyramids_of
@@ -81,10 +80,7 @@ def viewer_reports(
     """
     has_own = solution.rig.has_own_images
     if solution.settled is None and len(solution.channels) > 1 and not has_own:
-        raise RigError(
-            "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
-            picture=solution.rig.picture_place.name,
-        )
+        raise not_flat(solution.rig.picture_place)
 
     if off is None:
         off, _ = yield from conflict_in_light(solution)
