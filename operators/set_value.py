@@ -65,7 +65,7 @@ def idle(paths: Iterable[str]) -> list[Message]:
     for path in dict.fromkeys(paths):
         owner, name, _ = _found(path)
         if isinstance(owner, bpy.types.PropertyGroup) and not getattr(owner, f"use_{name}", True):
-            switch = f"{path.removesuffix(name)}use_{name}"
+            switch = f"{path.rpartition('.')[0]}.use_{name}"
             told.append(
                 Message(
                     "'{path}' has no effect while '{switch}' is off: set that to true, too",

@@ -396,6 +396,18 @@ def test_one_number_of_several_is_set(
     assert [*bpy.data.objects["Cube"].rotation_euler] == [0.0, 0.0, 0.25]
 
 
+def test_one_number_of_several_that_is_switched_off_has_no_effect(
+    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """As the pixels of a display that has those of its image: the switch is named."""
+    place = 'objects["Kiriko Display"].kiriko.'
+    bpy.data.objects["Kiriko Display"].kiriko.use_resolution = False
+    bpy.ops.wm.save_mainfile()
+    assert run("drawing", "--out", saved, "--set", f"{place}resolution[0]", "32") == 0
+    told = f"'{place}resolution[0]' has no effect while '{place}use_resolution' is off"
+    assert told in capsys.readouterr().out
+
+
 def test_numbers_of_several_that_are_not_there_are_refused(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
