@@ -124,7 +124,7 @@ def _bench_from(bench: Bench, motion: Motion, points: Floats, own: Bools) -> Ben
         and turned about its own axes
     """
     viewer = moved(bench.viewer, motion)
-    rig = replace(bench.rig, viewers=(viewer,))
+    rig = replace(bench.rig, viewers=(viewer, *bench.rig.viewers[1:]))
     theirs = {p.name: p for p in parameters(rig)}
     among = [
         theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)

@@ -261,6 +261,30 @@ def test_another_photograph_tells_more(cube):
     assert side.errors[k] < 0.7 * found.errors[k]
 
 
+def test_another_viewer_adds_nothing_to_another_photograph(cube):
+    """Both photographs are taken from the first one's sight: the gains are those without the
+    second, whose place stays as unknown as it was.
+    """
+    first = cube.rig.viewer
+    other = replace(first, name="other", position=first.position + 0.06 * first.axes[0])
+    among = [p for p in cube.parameters if p.kind == "shift"]
+    alone = Bench(cube.rig, cube.settings, cube.view, among)
+    two = replace(cube.rig, viewers=(first, other))
+    among = [p for p in parameters(two) if p.kind == "shift"]
+    beside = Bench(two, cube.settings, cube.view, among)
+
+    gains = []
+    for one in (alone, beside):
+        tolerances = tolerances_of(one)
+        found = finish(fit(one, cube.view, tolerances))
+        extras = finish(extra_photographs(one, found, tolerances))
+        gains.append({extra.where: extra.gain for extra in extras})
+    assert len(beside.parameters) == len(alone.parameters) + 3
+    assert gains[1] == pytest.approx(gains[0], rel=1e-6)
+    (k, *_) = [k for k, p in enumerate(among) if p.name.startswith("other: ")]
+    assert all(extra.errors[k] == pytest.approx(tolerances[k]) for extra in extras)
+
+
 def test_what_is_known_is_not_fitted(cube):
     """With the index and all shifts known, the other
     amounts and another photograph are told as ever.
