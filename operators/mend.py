@@ -50,7 +50,7 @@ class MendsPart(NamesPart):
         with telling.told(self):
             thing = self.found(context)
             if not self.may_be_linked:
-                _check_own(thing)
+                _check_own(thing, thing)
             telling.report(self, "INFO", self.mend(context, thing))
             result = context.scene.kiriko.result
             if result.source is None and self.changes_light:
@@ -60,9 +60,10 @@ class MendsPart(NamesPart):
         return {"CANCELLED"}
 
 
-def _check_own(block: bpy.types.ID) -> None:
+def _check_own(thing: bpy.types.Object, block: bpy.types.ID) -> None:
+    """Refuse what another file holds of an object, under the name that the artist knows."""
     if not block.is_editable:
-        raise RigError("'{name}' is linked from another file: mend it there.", name=block.name)
+        raise RigError("'{name}' is linked from another file: mend it there.", name=thing.name)
 
 
 class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
@@ -152,7 +153,7 @@ def _mesh_of(thing: bpy.types.Object) -> bpy.types.Mesh:
     """
     if thing.type != "MESH":
         raise MeshError("'{name}' is no mesh: turn it into one.", name=thing.name)
-    _check_own(thing.data)
+    _check_own(thing, thing.data)
     return thing.data
 
 
@@ -281,7 +282,7 @@ class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if not has_open_ends(thing):
             return super().mend(context, thing)
-        _check_own(thing.data)
+        _check_own(thing, thing.data)
         thing.data.use_fill_caps = True
         return _and_others(Message("The ends of '{name}' have caps now.", name=thing.name), thing)
 
@@ -365,7 +366,7 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
         if thing.type in {"CURVE", "SURFACE"}:
-            _check_own(thing.data)
+            _check_own(thing, thing.data)
             for spline in thing.data.splines:
                 spline.use_smooth = True
             told = Message("'{name}' is shaded smooth now.", name=thing.name)
