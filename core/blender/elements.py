@@ -9,7 +9,17 @@ from ..errors import RigError
 from ..glass.meshes import geometric_normals
 from ..image.tone import Tone
 from ..messages import Message, quoted
-from ..rig import ConstantIndex, Glass, Mesh, MirrorArray, Picture, PicturePlace, Plate
+from ..rig import (
+    ROLES,
+    ConstantIndex,
+    Glass,
+    Mesh,
+    MirrorArray,
+    Picture,
+    PicturePlace,
+    Plate,
+    owner,
+)
 from ..vectors import normalise
 from .material import read_refraction
 from .moving import Timing, at_frame, ended, number_at
@@ -21,6 +31,7 @@ from .shapes import Kept
 # cosine between a plate's normal and its x axis above which that axis does not lie in it
 UPRIGHT = 0.99
 OVERRIDE, DEFAULT = Message("override"), Message("default")  # sources of an index beside shaders
+PICTURE = next(role for role in ROLES if role.name == "PICTURE")
 DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass whose material does not refract
 
 
@@ -206,8 +217,12 @@ def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
 
 
 def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
-    """The picture plane with the pixels of its image."""
+    """The picture plane with the pixels of its image.
+
+    Its faces are asked for first: the material of one that has none is on no face.
+    """
     name = part.owner.name
+    part.mesh.check(owner(PICTURE, part))
     image, timing, notes = shown_image(part)
     number = number_at(image, timing, part.frame)
     tone = tone_of(part.owner.kiriko.picture)

@@ -485,6 +485,21 @@ def test_picture_without_an_image(read: Callable[[], Any], errors: ModuleType) -
             read()
 
 
+@pytest.mark.parametrize("scale", [(0, 1, 1), (1, 0, 1), (0, 0, 0)])
+def test_a_picture_scaled_to_nothing_has_no_faces(
+    read: Callable[[], Any], errors: ModuleType, scale: tuple[int, int, int]
+) -> None:
+    """As a plate or a display: its image is there, though on no face. Without thickness it is one
+    as before.
+    """
+    plane = add_plane(texture_material(bpy.data.images.new("art", *SIZE)))
+    plane.scale = (1, 1, 0)
+    assert read().rig.picture.image.shape[1::-1] == SIZE
+    plane.scale = scale
+    with pytest.raises(errors.MeshError, match="The picture 'poster' has no faces with an area"):
+        read()
+
+
 @pytest.mark.parametrize("how", ["missing", "broken"])
 def test_picture_file_that_cannot_be_read(
     read: Callable[[], Any], errors: ModuleType, tmp_path: Path, how: str
