@@ -14,8 +14,16 @@ import numpy as np
 from ..core.errors import RigError
 from ..core.messages import Message
 
-# a name in brackets, as shells leave it of ["Glass"], or in single quotes: no whole number
-UNQUOTED = re.compile(r"\[(?!-?\d+\])'?([^'\"\[\]]+)'?\]")
+# a name in double quotes, which stays as it is; in single quotes; or in brackets alone, as shells
+# leave it of ["Glass"], where it is no whole number
+NAMES = re.compile(
+    r"""
+    "(?: [^"\\] | \\. )*"
+    | \[ ' ([^'"]+) ' \]
+    | \[ (?! -?\d+ \] ) ([^'"\[\]]+) \]
+    """,
+    re.VERBOSE,
+)
 ONE_OF_SEVERAL = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -117,7 +125,7 @@ def _set(path: str, text: str) -> Message:
 
 def _found(path: str) -> _Found:
     """The property of a path."""
-    place, _, last = UNQUOTED.sub(r'["\1"]', path.removeprefix("bpy.data.")).rpartition(".")
+    place, _, last = NAMES.sub(_in_quotes, path.removeprefix("bpy.data.")).rpartition(".")
     words = ONE_OF_SEVERAL.fullmatch(last)
     name, index = words.groups() if words else (last, None)
     owner = _owner(place)
@@ -140,6 +148,12 @@ def _found(path: str) -> _Found:
             last=n_numbers - 1,
         )
     return _Found(owner, name, int(index) if index else None)
+
+
+def _in_quotes(found: re.Match[str]) -> str:
+    """A name of a path as Blender reads it."""
+    name = found[1] or found[2]
+    return f'["{name}"]' if name else found[0]
 
 
 def _owner(place: str) -> bpy.types.bpy_struct | None:

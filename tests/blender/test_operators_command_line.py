@@ -396,6 +396,30 @@ def test_one_number_of_several_is_set(
     assert [*bpy.data.objects["Cube"].rotation_euler] == [0.0, 0.0, 0.25]
 
 
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [
+        ("Glass [old]", 'objects["Glass [old]"]'),
+        ("Glass [old]", "objects['Glass [old]']"),
+        ('a "[b]"', r'objects["a \"[b]\""]'),
+        ("It's", 'objects["It\'s"]'),
+        ("A.001", "objects[A.001]"),
+        ("-3", "objects['-3']"),
+    ],
+)
+def test_names_of_any_signs_are_found(
+    run: Callable[..., int], saved: Path, name: str, path: str
+) -> None:
+    """Those with brackets, quotes and points: a name in double quotes stays as it is."""
+    cube = bpy.data.objects["Cube"]
+    cube.name = name
+    bpy.ops.wm.save_mainfile()
+    assert run("drawing", "--out", saved, "--set", f"{path}.kiriko.ior", "1.25") == 0
+    assert run("drawing", "--out", saved, "--overwrite", "--set", f"{path}.location[1]", "2") == 0
+    assert cube.kiriko.ior == 1.25
+    assert cube.location.y == 2.0
+
+
 def test_one_number_of_several_that_is_switched_off_has_no_effect(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
