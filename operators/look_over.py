@@ -151,9 +151,10 @@ def _turn() -> None:
             return
 
         with bpy.context.temp_override(window=window):
-            is_more = looked.is_quiet and _look_at_mesh(looked, bpy.context)
+            # asked once: else the quiet may begin in between, and no mesh was looked at
+            is_whole = looked.is_quiet and not _look_at_mesh(looked, bpy.context)
             before = looked.entries, looked.is_whole
-            _look(looked, scene, is_whole=looked.is_quiet and not is_more)
+            _look(looked, scene, is_whole)
         if (looked.entries, looked.is_whole) != before:
             windows.redraw()
         return
