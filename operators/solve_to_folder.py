@@ -23,8 +23,8 @@ from .export import gamma_of
 
 Result = TypeVar("Result")
 
-# the products that a part of the file may be changed for, by its role
 SAMPLES = 16  # rays a pixel of the preview
+# the products that a part of the file may be changed for, by its role
 PRODUCTS = {"plate": PLATES, "display": DISPLAYS, "glass": GLASSES}
 
 
