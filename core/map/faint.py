@@ -41,7 +41,7 @@ class FaintRule:
     """
 
     block_px: int = 8
-    times: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)
+    times: tuple[float, ...] = (1.0, 1.5)
     most_along: int = 12
     least_share: float = 0.001
 

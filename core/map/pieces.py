@@ -43,21 +43,27 @@ def polygons(points: Points, corners: Ints) -> Piece:
     )
 
 
-def squares_around(points: Points, samples: Ints, area: Floats) -> Piece:
-    """Squares around samples (n,), as large as their strata (n,), viewer px^2, and as
-    many display px, in the pixel that each lands in.
+def squares_around(
+    samples: Points, area: Floats, width: Floats, display_size: tuple[int, int]
+) -> Piece:
+    """Squares around samples (n,) as large as their strata (n,), viewer px^2, and their images so
+    wide (n,), display px, within the display; narrower than a pixel they are in that they land in.
     """
-    side = np.sqrt(area)[:, None]
-    pixel = np.floor(points.xy[samples])
-    low = pixel + np.clip(points.xy[samples] - pixel - side / 2, 0, 1 - side)
-
+    wide = width[:, None]
+    pixel = np.minimum(np.floor(samples.xy), np.array(display_size) - 1)
+    first, last = (
+        np.where(wide < 1, of_pixel, of_display)
+        for of_pixel, of_display in ((pixel, 0), (pixel + 1, np.array(display_size)))
+    )
+    low = np.clip(samples.xy - wide / 2, first, last - wide)
     # or rounding would give the next pixel a share of nothing
-    high = np.minimum(low + side, pixel + 1)
+    high = np.minimum(low + wide, last)
+    side = np.sqrt(area)[:, None, None]
     return Piece(
-        view=points.view[samples, None] + side[..., None] * (UNIT_SQUARE - 0.5),
+        view=samples.view[:, None] + side * (UNIT_SQUARE - 0.5),
         display=np.where(UNIT_SQUARE, high[:, None], low[:, None]),
-        throughput=points.throughput[samples],
-        branch=points.branch[samples],
+        throughput=samples.throughput,
+        branch=samples.branch,
     )
 
 

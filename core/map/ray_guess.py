@@ -51,7 +51,7 @@ class RayGuess:
     cells_of_bent: tuple[float, ...] = (8, 4, 0)
     of_cell: float = 2.0
     missed: float = 0.7
-    of_faint: float = 5.0
+    of_faint: float = 1.6
 
 
 class Rays(NamedTuple):

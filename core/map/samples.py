@@ -3,7 +3,7 @@
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
 mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
 bisection have an end there. Cells whose light falls where the display is faint take further ones
-(faint.py), and all samples of a cell count alike.
+(faint.py), and all samples of a cell count alike. On the display each lights a square (widths.py).
 """
 
 from collections.abc import Generator, Iterator

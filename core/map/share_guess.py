@@ -41,6 +41,7 @@ class ShareGuess:
         their pieces make: there will be more pieces
     of_anew : a cell that is cut anew makes so many besides, as
         quarters, or in the end as triangles around its middle
+    of_sample : where light is chaotic a sample makes so many
     cells_of_ray : cells, for each ray, until some are cut
     most_thinned : where light spreads far, times the pieces that light a pixel in its mean light
     """
@@ -49,6 +50,7 @@ class ShareGuess:
     of_flat_ray: float = 0.2
     times_cut: tuple[float, ...] = (1.7, 2.3, 2.3)
     of_anew: float = 24
+    of_sample: float = 4
     cells_of_ray: float = 0.5
     most_thinned: float = 4.0
 
@@ -174,7 +176,7 @@ def shares_ahead(plan: Plan, rays: "RaysAhead") -> CellsAndShares:
     if rays.n_shares is None:
         cut = (SHARES.of_flat_ray if plan.is_flat else SHARES.of_ray) * rays.to_come.every
     else:
-        cut = rays.n_shares + rays.to_come.searched
+        cut = rays.n_shares + SHARES.of_sample * rays.to_come.searched
 
     display = plan.rig.display
     most = SHARES.most_thinned * THINNING.per_pixel * display.width * display.height

@@ -18,6 +18,7 @@ from .share_guess import CORNERS, is_within, shares_of
 from .squares import Squares
 from .subdivision import n_parts
 from .thinning import THINNING, Thinning
+from .widths import widths
 
 QUADS_AT_ONCE = 1 << 14
 
@@ -124,6 +125,13 @@ class ViewMap:
         """Is light of these landed points beside the glass?"""
         return self.points.reason[points] == Reason.MISSED_GLASS
 
+    @cached_property
+    def sample_width(self) -> Floats:
+        """Sides (s,), display px, of the squares that samples light; 0 of those that light none."""
+        samples = self.points.at(self.samples)
+        landed = np.where((samples.branch != 0)[:, None], samples.xy, np.nan)
+        return widths(samples.view, landed, self.display_size)
+
     @property
     def n_quads(self) -> int:
         """How many quads stand for smooth cells."""
@@ -135,8 +143,7 @@ class ViewMap:
         `pieces`, and about how many shares they make.
 
         Kinds are quads of smooth cells, by the number of these in a cell, quads and triangles of
-        cut pixels, and samples. A quad or triangle makes a share for each display pixel that it
-        touches.
+        cut pixels, and samples. Each piece makes a share for each display pixel that it touches.
         """
         parts = self._n_parts
         shares, step = self._shares_of(self.nodes[:, CORNERS], parts)
@@ -152,7 +159,11 @@ class ViewMap:
             some = [taken(places, some) for places in (self.points.view, self.points.xy)]
             shares = shares / self.thinning.strides(*some) ** 2
         triangles = len(self.triangles), step * shares.sum()
-        return np.column_stack([smooth, quads, triangles, (len(self.samples),) * 2])
+        # a square narrower than a pixel lies in one
+        width = self.sample_width
+        shares = np.where(width < 1, width > 0, (width + 1) ** 2)
+        samples = len(self.samples), shares.sum()
+        return np.column_stack([smooth, quads, triangles, samples])
 
     @cached_property
     def thinning(self) -> Thinning | None:
@@ -225,11 +236,13 @@ class ViewMap:
             return
 
         # samples
-        landed = self.points.branch[self.samples] != 0
-        asked = np.flatnonzero(landed & (self.is_beside_glass(self.samples) == beside))
+        is_lit = self.sample_width > 0
+        asked = np.flatnonzero(is_lit & (self.is_beside_glass(self.samples) == beside))
         for first in range(0, len(asked), QUADS_AT_ONCE):
             some = asked[first : first + QUADS_AT_ONCE]
-            yield squares_around(self.points, self.samples[some], self.sample_area[some])
+            samples = self.points.at(self.samples[some])
+            area, width = self.sample_area[some], self.sample_width[some]
+            yield squares_around(samples, area, width, self.display_size)
 
     def _quads_of(self, cells: Ints, m: int) -> Piece:
         """Quads of smooth cells (n,), m a side, that begin in the viewer's image."""

@@ -15,12 +15,10 @@ from kiriko.core import free_memory
 from kiriko.core.errors import RigError
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.map.points import Points
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample
 from kiriko.core.settings import Settings
 from known.marks import STATISTICS
-from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
 from known.work import drain, solve
 
@@ -132,7 +130,7 @@ def test_clear_glass_is_not_sampled(a_rig):
 def test_chaos_is_told_with_what_more_effort_costs():
     (told,) = [note for note in solved().notes if "chaotic" in note]
     n = solved().first.map_error.n_samples
-    assert f"up to 80 rays stand for a viewer pixel there, {n} in all." in told
+    assert f"up to 52 rays stand for a viewer pixel there, {n} in all." in told
     assert (
         "Four times the Effort takes up to four times as many rays, and halves their noise. Shade"
         " 'glass' smooth if" in told
@@ -165,41 +163,6 @@ def test_no_effort_is_refused_and_too_much_of_it_and_parts_of_rays(effort):
         match=f"Effort is {effort} rays for a viewer pixel: set a whole number from 1 to 4096",
     ):
         replace(Settings(), effort=effort).check()
-
-
-@pytest.mark.parametrize("effort", [1, 4, 9, 16, 25, 49])
-def test_a_sample_lights_one_display_pixel(effort):
-    """The one that it lands in, with all that it stands for: rounding gives its
-    neighbours nothing.
-    """
-    n = 20_000
-    landings = np.random.default_rng(1).uniform(0, 300, (n, 2))
-    one = np.ones(n, np.uint64)
-    points = Points(
-        np.random.default_rng(2).uniform(0, 48, (n, 2)),
-        landings,
-        one,
-        np.zeros(n, np.uint8),
-        np.ones(n),
-    )
-    area = np.full(n, 1.0 / effort)
-    found = replace(
-        solved().first.view_map,
-        points=points,
-        samples=np.arange(n),
-        sample_area=area,
-        display_size=(300, 300),
-    )
-    found = replace(
-        found, quads=found.quads[:0], triangles=found.triangles[:0], nodes=found.nodes[:0]
-    )
-    found = replace(found, corner=found.corner[:0], size=found.size[:0])
-    shares = [rasterise((300, 300), (48, 48), *piece[:3]) for piece in found.pieces(at_pixels=True)]
-    index = np.concatenate([some.display_index for some in shares])
-    column, row = landings.astype(int).T
-
-    assert np.array_equal(np.sort(index), np.sort(300 * row + column))
-    assert np.concatenate([some.area for some in shares]) == pytest.approx(1 / effort)
 
 
 def test_much_effort_for_few_pixels_takes_little_memory():

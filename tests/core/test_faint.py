@@ -48,18 +48,18 @@ def a_plan(side=SIDE, effort=16):
 @pytest.mark.parametrize(
     ("along", "numbers"),
     [
-        (1, [1, 2, 3]),
-        (2, [2, 3, 4, 6]),
-        (3, [3, 4, 6, 9]),
-        (4, [4, 6, 8, 12]),
+        (1, [1]),
+        (2, [2, 3]),
+        (3, [3, 4]),
+        (4, [4, 6]),
         (8, [8, 12]),
         (12, [12]),
         (13, []),
     ],
 )
-def test_faint_light_takes_at_most_nine_times_effort_and_144_further_rays(along, numbers):
+def test_faint_light_takes_at_most_2_25_times_effort_and_144_further_rays(along, numbers):
     assert numbers_along(along) == numbers
-    assert all(n**2 <= min(9 * along**2, 144) for n in numbers)
+    assert all(n**2 <= min(2.25 * along**2, 144) for n in numbers)
 
 
 def test_the_light_on_blocks_is_all_that_lands():
@@ -99,12 +99,12 @@ def test_a_cell_takes_as_many_samples_as_it_is_worth_and_its_allowance_has():
     allowance = Allowance(plan, np.empty((0, 2)))
     middle = np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [3.25, 0.25], [3.75, 0.25], [4.5, 0.5]])
     side = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 1.0])
-    allowance.take(middle[1:2], 260)
+    allowance.take(middle[1:2], 340)
     left = allowance.left.copy()
-    worth = np.array([1000, 1000, 80, 1000, 1000, 31.9])
+    worth = np.array([1000, 1000, 51.9, 1000, 1000, 31.9])
     found = further_along(worth, middle, side, 4, allowance)
-    assert found.tolist() == [12, 8, 8, 12, 12, 0]
-    assert (left - allowance.left)[:5].tolist() == [144, 64, 64, 72, 0]
+    assert found.tolist() == [6, 4, 4, 6, 6, 0]
+    assert (left - allowance.left)[:5].tolist() == [36, 16, 16, 18, 0]
 
 
 def in_field(trace, n_times, display=SIDE):
@@ -148,7 +148,7 @@ def test_faint_light_arrives_as_much_as_there_is(share):
     assert abs(np.mean(arrived) - share) < 3 * deviation
     assert all(s.area.sum() == pytest.approx(SIDE**2) for s in found)
     more = np.mean([len(s.area) for s in found]) / (16 * SIDE**2)
-    assert more > 1.5 if share < 0.02 else more >= 1
+    assert more > 1.3 if share < 0.02 else more >= 1
 
 
 @pytest.mark.parametrize("lit", [0.003, 0.01, 0.03])
@@ -197,7 +197,7 @@ def without_further():
 
 
 def test_further_rays_for_faint_light_are_worth_more_than_more_effort():
-    """Against very many samples, with all display pixels alike, it errs a tenth less by a quarter
+    """Against very many samples, with all display pixels alike, it errs no more by two fifths
     fewer.
     """
     with without_further():
@@ -205,8 +205,8 @@ def test_further_rays_for_faint_light_are_worth_more_than_more_effort():
     ours, theirs = (
         np.sqrt(np.mean((some.source - many().source) ** 2)) for some in (solved(), alike)
     )
-    assert solved().first.map_error.n_samples < 3 / 4 * alike.first.map_error.n_samples
-    assert ours < 0.9 * theirs
+    assert solved().first.map_error.n_samples < 0.6 * alike.first.map_error.n_samples
+    assert ours < theirs
 
 
 def test_faint_and_bright_places_have_the_light_that_many_samples_find():
@@ -219,7 +219,7 @@ def test_faint_and_bright_places_have_the_light_that_many_samples_find():
     for some in np.array_split(np.argsort(much)[(much == 0).sum() :], 10):
         # n samples of a pixel know a light of so much of a pixel to 1 / sqrt(n)
         light = much[some].sum()
-        assert abs(found[some].sum() - light) < 0.5 * np.sqrt(light / 16)
+        assert abs(found[some].sum() - light) < np.sqrt(light / 16)
     assert (found[much == 0] == 0).all()
 
 
@@ -243,7 +243,7 @@ def test_numpy_takes_the_same_samples():
     found = solve(facets(32)).first.view_map
     with kernel.off():
         other = solve(facets(32)).first.view_map
-    assert len(found.samples) > 2 * 16 * found.sample_area.sum()
+    assert len(found.samples) > 1.5 * 16 * found.sample_area.sum()
     assert np.array_equal(found.points.view[found.samples], other.points.view[other.samples])
     assert np.array_equal(found.sample_area, other.sample_area)
 
@@ -275,7 +275,7 @@ def test_no_pixel_takes_more_rays_than_it_may():
         plan = make_plan(facets(32), Settings(effort=effort))
         assert np.bincount(33 * row + column).max() <= most_rays(plan)
         samples_of = np.bincount(33 * row[found.samples] + column[found.samples])
-        assert samples_of.max() <= max(10 * effort, 16)  # quarters of quarters take one each
+        assert samples_of.max() <= max(3.25 * effort, 16)  # quarters of quarters take one each
 
 
 def stopped_in_the_second_sampling(plan):
