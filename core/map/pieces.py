@@ -46,18 +46,17 @@ def polygons(points: Points, corners: Ints) -> Piece:
 def squares_around(
     samples: Points, area: Floats, width: Floats, display_size: tuple[int, int]
 ) -> Piece:
-    """Squares around samples (n,) as large as their strata (n,), viewer px^2, and their images so
-    wide (n,), display px, within the display; narrower than a pixel they are in that they land in.
+    """Squares around samples (n,) as large as their strata (n,), viewer px^2, and around their
+    landings, so wide (n,), display px: as far as these lie in the display, or, where they are
+    narrower than a pixel, in that pixel.
     """
-    wide = width[:, None]
+    reach = width[:, None] / 2
     pixel = np.minimum(np.floor(samples.xy), np.array(display_size) - 1)
     first, last = (
-        np.where(wide < 1, of_pixel, of_display)
+        np.where(reach < 0.5, of_pixel, of_display)
         for of_pixel, of_display in ((pixel, 0), (pixel + 1, np.array(display_size)))
     )
-    low = np.clip(samples.xy - wide / 2, first, last - wide)
-    # or rounding would give the next pixel a share of nothing
-    high = np.minimum(low + wide, last)
+    low, high = np.maximum(samples.xy - reach, first), np.minimum(samples.xy + reach, last)
     side = np.sqrt(area)[:, None, None]
     return Piece(
         view=samples.view[:, None] + side * (UNIT_SQUARE - 0.5),

@@ -50,7 +50,7 @@ class ShareGuess:
     of_flat_ray: float = 0.2
     times_cut: tuple[float, ...] = (1.7, 2.3, 2.3)
     of_anew: float = 24
-    of_sample: float = 4
+    of_sample: float = 8
     cells_of_ray: float = 0.5
     most_thinned: float = 4.0
 

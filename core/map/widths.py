@@ -41,6 +41,7 @@ class WidthRule:
 
 
 WIDTHS = WidthRule()
+MOST_BLOCKS = 8  # for a sample: more would take more memory than the samples do
 
 
 def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Floats:
@@ -63,7 +64,8 @@ def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Floats:
         block = _blocks(place, side, columns)
         n = np.bincount(block)[block]
         has_many = n >= WIDTHS.together
-        width[has_many] = side * np.sqrt(WIDTHS.together / n[has_many])
+        area = _area(place, side, display_size)[has_many]
+        width[has_many] = np.sqrt(area * WIDTHS.together / n[has_many])
 
         most[(_variance(view, block, large) < least_variance)[large]] = side / 2
         side //= 2
@@ -74,9 +76,23 @@ def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Floats:
 
 
 def _blocks(place: tuple[Ints, Ints], side: int, columns: int) -> Ints:
-    """Numbers (s,) of the blocks, row by row, of pixels (s,), by column and row."""
+    """Numbers (s,) of the blocks, row by row, of pixels (s,), by column and row; of few samples
+    on many blocks, of those blocks alone.
+    """
     column, row = place
-    return row // side * -(-columns // side) + column // side
+    block = row // side * -(-columns // side) + column // side
+    if block.max(initial=0) > MOST_BLOCKS * len(block):
+        return np.unique(block, return_inverse=True)[1]
+    return block
+
+
+def _area(place: tuple[Ints, Ints], side: int, display_size: tuple[int, int]) -> Ints:
+    """Display px (s,) of the blocks of pixels (s,): the last ones may reach beyond the display."""
+    wide, high = (
+        np.minimum(side, n - along // side * side)
+        for along, n in zip(place, display_size, strict=True)
+    )
+    return wide * high
 
 
 def _variance(view: Floats, block: Ints, large: Ints) -> Floats:
