@@ -21,7 +21,7 @@ from kiriko.core.map.samples import sample_cells
 from kiriko.core.map.sampling import Sampling, sample
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from known.reference_rigs import ball_rig, glass_rig, icosphere
+from known.reference_rigs import ball_rig, facetted_rig
 from known.work import drain, solve
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -171,25 +171,16 @@ def test_light_is_kept_where_a_few_samples_are_all_that_lights_a_place(lit):
     assert min(len(s.area) for s in found) > 1.5 * 16 * SIDE**2
 
 
-def facets(pixels=64):
-    """A flat-shaded ball that leaves parts of the display faint, and a picture of many colours."""
-    colours = np.random.default_rng(0).random((24, 24, 4))
-    colours[..., 3] = 1
-    image = colours.repeat(8, axis=0).repeat(8, axis=1).astype(np.float32)
-    mesh = icosphere(0.025, 3, smooth=False)
-    return glass_rig(mesh, pixels=pixels, display_pixels=pixels, image=image)
-
-
 @cache
 def solved():
-    return solve(facets())
+    return solve(facetted_rig())
 
 
 @cache
 def many():
     """Very many samples of all light alike."""
     with without_further():
-        return solve(facets(), effort=4096)
+        return solve(facetted_rig(), effort=4096)
 
 
 def without_further():
@@ -201,7 +192,7 @@ def test_further_rays_for_faint_light_are_worth_more_than_more_effort():
     fewer.
     """
     with without_further():
-        alike = solve(facets(), effort=49)
+        alike = solve(facetted_rig(), effort=49)
     ours, theirs = (
         np.sqrt(np.mean((some.source - many().source) ** 2)) for some in (solved(), alike)
     )
@@ -240,9 +231,9 @@ def test_every_place_of_a_pixel_with_further_samples_is_near_one_of_them():
 def test_numpy_takes_the_same_samples():
     """Of the same cells; where rounding decides on a ray, a few may take others."""
     pytest.importorskip("kiriko_kernel")
-    found = solve(facets(32)).first.view_map
+    found = solve(facetted_rig(32)).first.view_map
     with kernel.off():
-        other = solve(facets(32)).first.view_map
+        other = solve(facetted_rig(32)).first.view_map
     assert len(found.samples) > 1.5 * 16 * found.sample_area.sum()
     assert np.array_equal(found.points.view[found.samples], other.points.view[other.samples])
     assert np.array_equal(found.sample_area, other.sample_area)
@@ -270,9 +261,9 @@ def test_much_effort_clear_glass_and_first_pictures_take_no_more():
 
 def test_no_pixel_takes_more_rays_than_it_may():
     for effort in (1, 2, 4, 16):
-        found = solve(facets(32), effort=effort).first.view_map
+        found = solve(facetted_rig(32), effort=effort).first.view_map
         column, row = np.floor(found.points.view).astype(int).T
-        plan = make_plan(facets(32), Settings(effort=effort))
+        plan = make_plan(facetted_rig(32), Settings(effort=effort))
         assert np.bincount(33 * row + column).max() <= most_rays(plan)
         samples_of = np.bincount(33 * row[found.samples] + column[found.samples])
         assert samples_of.max() <= max(3.25 * effort, 16)  # quarters of quarters take one each
@@ -296,7 +287,7 @@ def stopped_in_the_second_sampling(plan):
 
 def test_it_can_be_stopped_while_further_samples_are_traced():
     """The work ends at once, and does so without a trace in what comes after."""
-    plan = make_plan(facets(32), Settings())
+    plan = make_plan(facetted_rig(32), Settings())
     work, seen = stopped_in_the_second_sampling(plan)
     work.close()
     with pytest.raises(StopIteration):
@@ -307,7 +298,7 @@ def test_it_can_be_stopped_while_further_samples_are_traced():
 
 def test_further_samples_are_told_as_rays_to_come():
     """As many as there are, once they are known; and about so many before."""
-    sampling = Sampling(make_plan(facets(), Settings()))
+    sampling = Sampling(make_plan(facetted_rig(), Settings()))
     expected = []
     n_rays = []
 
@@ -326,7 +317,7 @@ def test_further_samples_are_told_as_rays_to_come():
 
 def test_further_samples_that_memory_does_not_hold_are_refused():
     """As many bytes as Effort takes are free, and no more."""
-    plan = make_plan(facets(), Settings())
+    plan = make_plan(facetted_rig(), Settings())
     n = solved().first.map_error.n_samples
     asked = []
     real = samples.check_free

@@ -16,7 +16,7 @@ from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
 from kiriko.core.map.widths import WIDTHS
 from known.rasterised import rasterise
-from known.reference_rigs import glass_rig, icosphere
+from known.reference_rigs import facetted_rig
 from known.work import solve
 
 SIZE = (320, 192)
@@ -116,25 +116,16 @@ def test_the_display_s_border_counts_as_in_it():
     assert (mixed(xy) == 1).all()
 
 
-def facets(pixels=64):
-    """A flat-shaded ball that sends light all over the display, and a picture of many colours."""
-    colours = np.random.default_rng(0).random((24, 24, 4))
-    colours[..., 3] = 1
-    image = colours.repeat(8, axis=0).repeat(8, axis=1).astype(np.float32)
-    mesh = icosphere(0.025, 3, smooth=False)
-    return glass_rig(mesh, pixels=pixels, display_pixels=pixels, image=image)
-
-
 @cache
 def solved(effort=16):
-    return solve(facets(), effort=effort)
+    return solve(facetted_rig(), effort=effort)
 
 
 @cache
 def alone(effort=16):
     """The same, each sample in its own pixel."""
     with patch.object(widths, "WIDTHS", replace(WIDTHS, together=1 << 30)):
-        return solve(facets(), effort=effort)
+        return solve(facetted_rig(), effort=effort)
 
 
 def test_all_light_arrives():
@@ -240,9 +231,9 @@ def test_even_light_is_even_up_to_the_border():
 
 def test_numpy_spreads_them_alike():
     pytest.importorskip("kiriko_kernel")
-    found = solve(facets(32))
+    found = solve(facetted_rig(32))
     with kernel.off():
-        other = solve(facets(32))
+        other = solve(facetted_rig(32))
     for name in ("samples", "sample_area"):
         ours, theirs = (getattr(some.first.view_map, name) for some in (found, other))
         assert np.array_equal(ours, theirs)

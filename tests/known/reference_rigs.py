@@ -349,6 +349,17 @@ def glass_rig(mesh, **options):
     return rig(mesh, **{"field": 0.06, "picture": 0.035, "display": 0.1} | options)
 
 
+def facetted_rig(pixels=64):
+    """A flat-shaded ball that sends light all over the display and leaves parts of it faint, and a
+    picture of many colours.
+    """
+    colours = np.random.default_rng(0).random((24, 24, 4))
+    colours[..., 3] = 1
+    image = colours.repeat(8, axis=0).repeat(8, axis=1).astype(np.float32)
+    mesh = icosphere(0.025, 3, smooth=False)
+    return glass_rig(mesh, pixels=pixels, display_pixels=pixels, image=image)
+
+
 def ball_rig(levels=5, **options):
     return rig(icosphere(0.025, levels), **options)
 
