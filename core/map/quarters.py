@@ -57,6 +57,5 @@ def quartered(
     found = yield from trace_points(plan, asked)
     of_middle = len(points) + len(halfway) + np.arange(len(quarters))
     yield 0
-    points = points.and_more(found)
-    yield 0
+    points = yield from Points.joining([points, found])
     return points, quarters, of_middle

@@ -139,7 +139,7 @@ def margin(rig: dict[str, bpy.types.Object], n: int) -> None:
 
 def yardstick() -> float:
     """Median seconds of whole solves of the ball of `dev.py
-    solve`, on one thread: by it machines are compared.
+    bench`, on one thread: by it machines are compared.
     """
     a_rig = ball_rig()
     kernel.use_threads(1)
@@ -198,7 +198,7 @@ def main() -> None:
         live.stop()
 
     print(
-        f"By the same machine now: a whole solve of the ball of `dev.py solve`, on one thread,"
+        f"By the same machine now: a whole solve of the ball of `dev.py bench`, on one thread,"
         f" {yardstick():.2f} s (mark: {MARK} s)."
     )
 

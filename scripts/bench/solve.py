@@ -18,6 +18,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from environments import as_module
+from kiriko.core import kernel
 from kiriko.core.light.engines import make_engine
 from kiriko.core.measure.timing import peak_memory
 from kiriko.core.settings import Settings
@@ -27,6 +28,7 @@ from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, rig
 
 PICTURE = 1024
+MOVED = np.array([1e-4, 0.0, 0.0])  # m, the viewer between two solves
 CASES = {
     "ball, 20 k triangles, 512 -> 512": lambda: ball_rig(5, image=lattice_image(PICTURE)),
     "the same as drawn": lambda: rig(
@@ -60,13 +62,16 @@ def peak() -> float:
 
 
 def measure(name: str, runs: int) -> dict[str, object]:
-    """Solve from scratch `runs` times, then paint another picture as often."""
+    """Solve from scratch `runs` times and paint another picture as often; then as often for a
+    viewer that moved.
+    """
     a_rig = CASES[name]()
     settings = Settings(tolerance=TOLERANCES.get(name, Settings().tolerance))
     before = peak()
 
     whole = []
     again = []
+    moved = []
     parts = []
     for _ in range(runs):
         session = Session()
@@ -79,13 +84,21 @@ def measure(name: str, runs: int) -> dict[str, object]:
         finish(session.solve(a_rig, settings))
         again.append(perf_counter() - started)
 
+    most = peak()
+    for k in range(1, runs + 1):
+        viewer = replace(a_rig.viewer, position=a_rig.viewer.position + k * MOVED)
+        started = perf_counter()
+        finish(session.solve(replace(a_rig, viewers=(viewer,)), settings))
+        moved.append(perf_counter() - started)
+
     return {
         "solve": statistics.median(whole),
         "repaint": statistics.median(again),
+        "moved": statistics.median(moved),
         "parts": {part: statistics.median(p[part] for p in parts) for part in parts[0]},
         "rays": solution.n_rays,
         "shares": len(solution.first.shares),
-        "peak": peak(),
+        "peak": most,
         "told": before + sum(estimated(a_rig, settings, solution.first.view_map).values()) / 1e6,
     }
 
@@ -165,7 +178,9 @@ def main() -> None:
     parser.add_argument(
         "--level", type=int, choices=ENGINE_LEVELS, default=5, help="how fine a ball for --engine"
     )
+    parser.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
     arguments = parser.parse_args()
+    kernel.use_threads(arguments.threads)
     if arguments.engine:
         print(json.dumps(measure_engine(arguments.engine, arguments.level)))
         return
@@ -179,16 +194,17 @@ def main() -> None:
         return
 
     heads = (
-        f"{'solve s':>8} {'repaint s':>9} {'plan s':>7} {'trace s':>8} {'shares s':>8}"
-        f" {'rays':>9} {'peak MB':>8}"
+        f"{'solve s':>8} {'repaint s':>9} {'moved s':>8} {'plan s':>7} {'trace s':>8}"
+        f" {'shares s':>8} {'rays':>9} {'peak MB':>8}"
     )
     print(f"{'case':<40} {heads} {'told MB':>8}")
 
+    options = ["--runs", str(arguments.runs), "--threads", str(arguments.threads)]
     for name in CASES:
-        m = ask("--case", name, "--runs", str(arguments.runs))
+        m = ask("--case", name, *options)
         print(
-            f"{name:<40} {m['solve']:8.2f} {m['repaint']:9.3f} {m['parts']['plan']:7.2f}"
-            f" {m['parts']['tracing']:8.2f} {m['parts']['shares']:8.2f}"
+            f"{name:<40} {m['solve']:8.2f} {m['repaint']:9.3f} {m['moved']:8.2f}"
+            f" {m['parts']['plan']:7.2f} {m['parts']['tracing']:8.2f} {m['parts']['shares']:8.2f}"
             f" {m['rays']:9d} {m['peak']:8.0f} {m['told']:8.0f}",
             flush=True,
         )
