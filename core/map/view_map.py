@@ -128,9 +128,12 @@ class ViewMap:
     @cached_property
     def sample_width(self) -> Floats:
         """Sides (s,), display px, of the squares that samples light; 0 of those that light none."""
-        samples = self.points.at(self.samples)
-        landed = np.where((samples.branch != 0)[:, None], samples.xy, np.nan)
-        return widths(samples.view, landed, self.display_size)
+        return finish(self._spreading())
+
+    def _spreading(self) -> Pauses[Floats]:
+        view, xy = (taken(of, self.samples) for of in (self.points.view, self.points.xy))
+        xy[self.points.branch[self.samples] == 0] = np.nan
+        return (yield from widths(view, xy, self.display_size))
 
     @property
     def n_quads(self) -> int:
@@ -171,7 +174,9 @@ class ViewMap:
         return finish(self._looking_far())
 
     def look_far(self) -> Pauses[None]:
-        """Make `thinning`, with pauses: where there is one it takes a second and more."""
+        """Make `sample_width` and `thinning`, with pauses: each may take a second and more."""
+        if "sample_width" not in vars(self):
+            vars(self)["sample_width"] = yield from self._spreading()
         if "thinning" not in vars(self):
             vars(self)["thinning"] = yield from self._looking_far()
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Ints, whole_within
+from ..arrays import Floats, Ints, each_once, taken, whole_within
+from ..steps import Pauses
 from .points import is_in_image
 
 
@@ -41,27 +42,63 @@ class WidthRule:
 
 
 WIDTHS = WidthRule()
-MOST_BLOCKS = 8  # for a sample: more would take more memory than the samples do
+SAMPLES_AT_ONCE = 1 << 16  # between two pauses, or those of one of the largest blocks
+KEYS = 1 << 16  # numpy sorts numbers below this in time that goes with how many they are
 
 
-def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Floats:
+def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Pauses[Floats]:
     """Sides (s,), display px, of the squares over which samples at viewer px (s, 2) that land at
     display px (s, 2) are spread; 0 for those that land beside the display or nowhere.
     """
     found = np.zeros(len(xy))
     lit = np.flatnonzero(is_in_image(xy, display_size))
-    columns, rows = display_size
-    place = whole_within(xy[lit], (columns - 1, rows - 1))
-    view = view[lit]
+    found[lit] = WIDTHS.least_px
+    yield 0
 
-    width = np.full(len(lit), WIDTHS.least_px)
-    most = np.full(len(lit), float(WIDTHS.most_px))
-    large = _blocks(place, WIDTHS.most_px, columns)
+    # where fewer land no block has as many as are asked for
+    large = _large_block(taken(xy, lit), display_size)
+    has_many = np.bincount(large)[large] >= WIDTHS.together
+    lit, large = lit[has_many], large[has_many]
+    yield 0
+
+    # the largest blocks have nothing to do with each other
+    for some in _parts(large):
+        yield 0
+        which = lit[some]
+        found[which] = _widths_in(large[some], taken(view, which), taken(xy, which), display_size)
+    return found
+
+
+def _large_block(xy: Floats, display_size: tuple[int, int]) -> Ints:
+    """Numbers (s,) of the largest blocks, row by row, of display px (s, 2) in the image."""
+    columns, rows = display_size
+    column, row = whole_within(xy, (columns - 1, rows - 1))
+    return row // WIDTHS.most_px * -(-columns // WIDTHS.most_px) + column // WIDTHS.most_px
+
+
+def _parts(block: Ints) -> list[Ints]:
+    """Samples in blocks (s,), by number, in parts, each of all samples of some blocks."""
+    key = (block % KEYS).astype(np.uint16)
+    n_until = np.cumsum(np.bincount(key))
+    ends = np.searchsorted(n_until, np.arange(SAMPLES_AT_ONCE, len(block), SAMPLES_AT_ONCE))
+    return np.split(np.argsort(key, kind="stable"), n_until[np.unique(ends)])
+
+
+def _widths_in(large: Ints, view: Floats, xy: Floats, display_size: tuple[int, int]) -> Floats:
+    """Sides (s,), display px, of the squares of all samples that land in some of the largest
+    blocks (s,).
+    """
+    columns, rows = display_size
+    place = whole_within(xy, (columns - 1, rows - 1))
+    large = each_once(large)[1]
+
+    width = np.full(len(xy), WIDTHS.least_px)
+    most = np.full(len(xy), float(WIDTHS.most_px))
     least_variance = WIDTHS.mixed * _variance(view, large, large)
     side = WIDTHS.most_px
     while side:
         # of ever smaller blocks around the landing the smallest that has so many
-        block = _blocks(place, side, columns)
+        block = _blocks(place, side, large)
         n = np.bincount(block)[block]
         has_many = n >= WIDTHS.together
         area = _area(place, side, display_size)[has_many]
@@ -71,19 +108,14 @@ def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Floats:
         side //= 2
 
     width = np.minimum(width, most)
-    found[lit] = np.where(width > 0.5, np.minimum(width, min(display_size)), WIDTHS.least_px)
-    return found
+    return np.where(width > 0.5, np.minimum(width, min(display_size)), WIDTHS.least_px)
 
 
-def _blocks(place: tuple[Ints, Ints], side: int, columns: int) -> Ints:
-    """Numbers (s,) of the blocks, row by row, of pixels (s,), by column and row; of few samples
-    on many blocks, of those blocks alone.
-    """
-    column, row = place
-    block = row // side * -(-columns // side) + column // side
-    if block.max(initial=0) > MOST_BLOCKS * len(block):
-        return np.unique(block, return_inverse=True)[1]
-    return block
+def _blocks(place: tuple[Ints, Ints], side: int, large: Ints) -> Ints:
+    """Numbers (s,) of the blocks of pixels (s,), by column and row, that lie in large ones (s,)."""
+    column, row = (along % WIDTHS.most_px // side for along in place)
+    along = WIDTHS.most_px // side
+    return (large * along + row) * along + column
 
 
 def _area(place: tuple[Ints, Ints], side: int, display_size: tuple[int, int]) -> Ints:

@@ -14,7 +14,8 @@ from kiriko.core import kernel
 from kiriko.core.map import widths
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
-from kiriko.core.map.widths import WIDTHS
+from kiriko.core.map.widths import SAMPLES_AT_ONCE, WIDTHS
+from kiriko.core.steps import finish
 from known.rasterised import rasterise
 from known.reference_rigs import facetted_rig
 from known.work import solve
@@ -28,7 +29,11 @@ def landings(n, seed=0, size=SIZE):
 
 def mixed(xy, size=SIZE):
     """Sides of the squares of samples that come from anywhere of the view."""
-    return widths.widths(landings(len(xy), 9, (48, 48)), xy, size)
+    return widths_of(landings(len(xy), 9, (48, 48)), xy, size)
+
+
+def widths_of(view, xy, size):
+    return finish(widths.widths(view, xy, size))
 
 
 @pytest.mark.parametrize("per_pixel", [0.125, 0.5, 2, 8, 60])
@@ -69,7 +74,7 @@ def test_light_that_lies_side_by_side_is_not_mixed(patch_px, per_pixel):
     number = (xy // patch_px).astype(int) @ [1, 1000]
     view = np.random.default_rng(4).random((number.max() + 1, 2))[number] * 48
     view += 0.1 * landings(n, 5, (1, 1))
-    found = widths.widths(view, xy, SIZE)
+    found = widths_of(view, xy, SIZE)
     if per_pixel * patch_px**2 >= 2:
         assert found.max() <= max(patch_px / 2, WIDTHS.least_px)
     assert np.median(mixed(xy)) > np.median(found)
@@ -95,14 +100,40 @@ def test_few_samples_before_a_large_display_take_little_memory():
     assert (found == WIDTHS.least_px).all()
 
 
+def test_of_many_samples_it_can_be_stopped():
+    """There is a pause for each SAMPLES_AT_ONCE of them, and a look at a map pauses there, too."""
+    n = 5 * SAMPLES_AT_ONCE
+    size = (480, 512)
+    work = widths.widths(landings(n, 9, (48, 48)), landings(n, size=size), size)
+    assert sum(1 for _ in work) >= 5
+
+    view_map = samples_alone(landings(n), np.ones(n))
+    assert sum(1 for _ in view_map.look_far()) >= 5
+    assert "sample_width" in vars(view_map)
+    assert sum(1 for _ in view_map.look_far()) == 0
+
+
+@pytest.mark.parametrize("at_once", [1, 1000, 50_000])
+def test_parts_at_a_time_are_as_all_at_once(at_once):
+    """To the last bit, also of samples that crowd together and before displays of many blocks."""
+    for size in (SIZE, (4096, 4090), (7, 4096), (1, 1)):
+        xy = landings(60_000, size=size)
+        xy[:30_000] = (xy[:30_000] * 0.01) % size
+        view = np.round(xy[::-1] / 8) + landings(60_000, 5, (3, 3))
+        with patch.object(widths, "SAMPLES_AT_ONCE", 1 << 30):
+            whole = widths_of(view, xy, size)
+        with patch.object(widths, "SAMPLES_AT_ONCE", at_once):
+            assert np.array_equal(widths_of(view, xy, size), whole)
+
+
 @pytest.mark.parametrize("place", [[-0.1, 5], [5, 192.1], [np.nan, np.nan], [320.1, 5], [1e300, 5]])
 def test_light_beside_the_display_is_not_spread_onto_it(place):
     xy = np.append(landings(5000), [place], axis=0)
     view = landings(5001, 9, (48, 48))
-    found = widths.widths(view, xy, SIZE)
+    found = widths_of(view, xy, SIZE)
     assert found[-1] == 0
     assert (found[:-1] > 0).all()
-    assert np.array_equal(found[:-1], widths.widths(view[:-1], xy[:-1], SIZE))
+    assert np.array_equal(found[:-1], widths_of(view[:-1], xy[:-1], SIZE))
 
 
 def test_no_samples_and_a_display_of_one_pixel():
@@ -179,15 +210,20 @@ def without_cells(view_map):
     return {name: getattr(view_map, name)[:0] for name in names}
 
 
-def lit(xy, wide, area):
-    """Light (h, w) of samples that land at display px (n, 2), on squares so wide, px (n,)."""
+def samples_alone(xy, area):
+    """A map of samples that land at display px (n, 2)."""
     found = solved().first.view_map
     n = len(xy)
     one = np.ones(n, np.uint64)
     points = Points(landings(n, 1, (48, 48)), xy, one, np.zeros(n, np.uint8), np.ones(n))
     sizes = {"view_size": (48, 48), "display_size": SIZE}
     view_map = replace(found, points=points, **without_cells(found), **sizes)
-    view_map = view_map.with_samples(points, area, np.sqrt(area))
+    return view_map.with_samples(points, area, np.sqrt(area))
+
+
+def lit(xy, wide, area):
+    """Light (h, w) of samples that land at display px (n, 2), on squares so wide, px (n,)."""
+    view_map = samples_alone(xy, area)
     vars(view_map)["sample_width"] = wide
     image = np.zeros(SIZE[::-1])
     for piece in view_map.pieces(at_pixels=True):
