@@ -131,9 +131,15 @@ class ViewMap:
         return finish(self._spreading())
 
     def _spreading(self) -> Pauses[Floats]:
-        view, xy = (taken(of, self.samples) for of in (self.points.view, self.points.xy))
-        xy[self.points.branch[self.samples] == 0] = np.nan
-        return (yield from widths(view, xy, self.display_size))
+        is_landed = self.points.branch[self.samples] != 0
+        is_beside = self.is_beside_glass(self.samples)
+        found = np.zeros(len(self.samples))
+        # light through the glass and light beside it are never mixed
+        for some in (np.flatnonzero(is_landed & ~is_beside), np.flatnonzero(is_landed & is_beside)):
+            number = self.samples[some]
+            view, xy = (taken(of, number) for of in (self.points.view, self.points.xy))
+            found[some] = yield from widths(view, xy, self.display_size)
+        return found
 
     @property
     def n_quads(self) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from kiriko.core import kernel
+from kiriko.core.light.landings import Reason
 from kiriko.core.map import widths
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
@@ -285,6 +286,19 @@ def test_light_that_lands_nowhere_is_not_spread():
     is_in = landed & (xy >= 0).all(axis=1) & (xy <= found.display_size).all(axis=1)
     assert 0.05 < is_in.mean() < 0.95
     assert np.array_equal(found.sample_width > 0, is_in)
+
+
+def test_light_beside_the_glass_is_spread_on_its_own():
+    """Where Suppress Glare follows it, light through the glass is spread as if it were not there,
+    and the other way round: neither lights what the other does.
+    """
+    xy = np.concatenate([landings(20_000), landings(60_000, 1)])
+    is_beside = np.arange(len(xy)) >= 20_000
+    both = samples_alone(xy, np.ones(len(xy)))
+    both.points.reason[both.samples[is_beside]] = Reason.MISSED_GLASS
+    view = both.points.view[both.samples]
+    for some in (is_beside, ~is_beside):
+        assert np.array_equal(both.sample_width[some], widths_of(view[some], xy[some], SIZE))
 
 
 @pytest.mark.parametrize("width", [0.25, 1.0, 5.3, 16.0])
