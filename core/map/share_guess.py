@@ -41,7 +41,8 @@ class ShareGuess:
         their pieces make: there will be more pieces
     of_anew : a cell that is cut anew makes so many besides, as
         quarters, or in the end as triangles around its middle
-    of_sample : where light is chaotic a sample makes so many
+    of_sample : where light is chaotic a sample makes so many, times the cube root of the display's
+        pixels for a viewer's
     cells_of_ray : cells, for each ray, until some are cut
     most_thinned : where light spreads far, times the pieces that light a pixel in its mean light
     """
@@ -173,11 +174,13 @@ def shares_ahead(plan: Plan, rays: "RaysAhead") -> CellsAndShares:
     n_cut = SHARES.cells_of_ray * rays.expected
     if rays.n_pieces is not None:
         n_cut = rays.n_pieces + rays.to_come.searched  # as many as these are samples
+    display, viewer = plan.rig.display, plan.viewer
+    n_pixels = display.width * display.height
     if rays.n_shares is None:
         cut = (SHARES.of_flat_ray if plan.is_flat else SHARES.of_ray) * rays.to_come.every
     else:
-        cut = rays.n_shares + SHARES.of_sample * rays.to_come.searched
+        of_sample = SHARES.of_sample * np.cbrt(n_pixels / (viewer.width * viewer.height))
+        cut = rays.n_shares + of_sample * rays.to_come.searched
 
-    display = plan.rig.display
-    most = SHARES.most_thinned * THINNING.per_pixel * display.width * display.height
+    most = SHARES.most_thinned * THINNING.per_pixel * n_pixels
     return CellsAndShares(rays.smooth.n_cells + n_cut, rays.smooth.n_shares + min(cut, most))

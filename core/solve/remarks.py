@@ -213,7 +213,7 @@ def _on_chaos(rig: Rig, error: MapError) -> Iterator[Remark]:
     text = Message(
         "Light is chaotic, or has more borders than Effort allows for, in {share} of the view:"
         " {rays} there, {n} in all. Four times the Effort takes up to four times as many rays,"
-        " and halves their noise.",
+        " and up to a third off the error.",
         share=percent(error.sampled),
         rays=rays,
         n=error.n_samples,

@@ -272,6 +272,70 @@ def wine_glass(random: Random) -> bpy.types.Object:
     return thing
 
 
+def bottle(random: Random) -> bpy.types.Object:
+    """A hollow body, open at its top: the profile of its wall, turned; half of them subdivided."""
+    outside = [(random.uniform(0.1, 0.4), z) for z in (0.0, 0.3, 0.6, 0.8, 1.0)]
+    wall = random.uniform(0.01, 0.05)
+    inside = [(x - wall, max(z, wall)) for x, z in reversed(outside)]
+    thing = turned([(0.0, 0.0), *outside, *inside, (0.0, wall)], int(random.integers(6, 24)))
+    if random.random() < 0.5:
+        subdivision = thing.modifiers.new("Subdivision", "SUBSURF")
+        subdivision.levels = subdivision.render_levels = 1
+    return thing
+
+
+def vase(random: Random) -> bpy.types.Object:
+    """A coarse profile, turned and given a wall by Solidify: large angles from face to face."""
+    profile = [(random.uniform(0.15, 0.45), z) for z in np.linspace(0.0, 1.0, 5)]
+    thing = turned(profile, int(random.integers(6, 32)))
+    thing.modifiers.new("Solidify", "SOLIDIFY").thickness = random.uniform(0.02, 0.08)
+    return thing
+
+
+def bauble(random: Random) -> bpy.types.Object:
+    """A ball with a thin wall and an open neck: its inside and outside are one surface."""
+    open_at = random.uniform(0.1, 0.6)
+    arc = [(math.sin(a) * 0.5, -math.cos(a) * 0.5) for a in np.linspace(0, math.pi - open_at, 12)]
+    neck = [(arc[-1][0], 0.6)] if random.random() < 0.5 else []
+    thing = turned([*arc, *neck], int(random.integers(8, 24)))
+    thing.modifiers.new("Solidify", "SOLIDIFY").thickness = random.uniform(0.005, 0.05)
+    return thing
+
+
+def gem(random: Random) -> bpy.types.Object:
+    """A table, and rings of facets around an axis, as a stone is cut."""
+    facets = [(0.0, math.pi / 2, random.uniform(0.2, 0.4))]
+    for elevation in (0.9, 0.0, -0.8):
+        n = int(random.integers(3, 12))
+        each = elevation * random.uniform(0.8, 1.2), random.uniform(0.35, 0.5)
+        facets += [(2 * math.pi * k / n, *each) for k in range(n)]
+    turn, elevation, distances = np.array(facets).T
+    across = np.cos(elevation)
+    normals = [np.cos(turn) * across, np.sin(turn) * across, np.sin(elevation)]
+    return linked(behind(np.stack(normals, axis=1), distances), "Gem")
+
+
+def cut_cylinder(random: Random) -> bpy.types.Object:
+    """A cylinder of flat facets whose edges a Bevel modifier rounds or breaks."""
+    sides = int(random.integers(3, 24))
+    mesh = mesh_of("cone", cap_ends=True, segments=sides, radius1=0.5, radius2=0.5, depth=1.0)
+    thing = linked(mesh, "Cut")
+    bevel = thing.modifiers.new("Bevel", "BEVEL")
+    bevel.limit_method = random.choice(["ANGLE", "NONE"])
+    bevel.width, bevel.segments = random.uniform(0.005, 0.1), int(random.integers(1, 4))
+    return thing
+
+
+def displaced(random: Random) -> bpy.types.Object:
+    """A smooth ball with clouds on it, by a Displace modifier."""
+    thing = linked(smooth(mesh_of("icosphere", subdivisions=3, radius=0.5)), "Displaced")
+    texture = bpy.data.textures.new("Clouds", "CLOUDS")
+    texture.noise_scale = random.uniform(0.2, 0.8)
+    modifier = thing.modifiers.new("Displace", "DISPLACE")
+    modifier.texture, modifier.strength = texture, random.uniform(0.02, 0.3)
+    return thing
+
+
 BROUGHT: dict[str, Callable[[Random], bpy.types.Object]] = {
     "text": text,
     "bevelled text": bevelled_text,
@@ -284,4 +348,10 @@ BROUGHT: dict[str, Callable[[Random], bpy.types.Object]] = {
     "array": array,
     "engraved": engraved,
     "wine glass": wine_glass,
+    "bottle": bottle,
+    "vase": vase,
+    "bauble": bauble,
+    "gem": gem,
+    "cut cylinder": cut_cylinder,
+    "displaced ball": displaced,
 }

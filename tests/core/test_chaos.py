@@ -132,8 +132,8 @@ def test_chaos_is_told_with_what_more_effort_costs():
     n = solved().first.map_error.n_samples
     assert f"up to 52 rays stand for a viewer pixel there, {n} in all." in told
     assert (
-        "Four times the Effort takes up to four times as many rays, and halves their noise. Shade"
-        " 'glass' smooth if" in told
+        "Four times the Effort takes up to four times as many rays, and up to a third off the"
+        " error. Shade 'glass' smooth if" in told
     )
 
 

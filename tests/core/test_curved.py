@@ -460,8 +460,8 @@ DISTURBED = (0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize(("aside", "noise"), DISTURBED)
 def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
-    """To a tenth of a display pixel, which is a tenth of the
-    tolerance, against closed forms of the meant surface.
+    """To a tenth of a display pixel, the tolerance itself, against closed forms of the surface that
+    is meant.
     """
     mesh = disturbed(name, aside, noise)
     drawn, smooth, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)

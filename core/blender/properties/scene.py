@@ -157,7 +157,7 @@ class KirikoScene(ViewersBefore, bpy.types.PropertyGroup):
         name="Effort",
         description="Rays for a viewer pixel of chaotic light, a square number; up to 3.25 times as"
         " many where the display is faint, at most 24 times unless it is finer. Less is rougher;"
-        " four times as many halve the noise and cut facets finer, in up to four times the time",
+        " four times as many take up to a third off the error, in up to four times the time",
         default=16,
         min=1,
         max=4096,
