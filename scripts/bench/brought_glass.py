@@ -9,6 +9,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -17,7 +18,8 @@ from mathutils import Matrix
 
 from fuzz.shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
 from kiriko.core.blender.mesh import in_world, read_local
-from kiriko.core.rig import Mesh
+from kiriko.core.index import ConstantIndex
+from kiriko.core.rig import Glass, Mesh
 
 SIZE = 0.05  # m
 
@@ -42,6 +44,12 @@ BRILLIANT = [
     (16, 0.5, -47.8, 0.6655),  # lower halves
 ]
 GIRDLE = (32, 0.5, 0.0, 1.0)
+# below a surface at 0.155, into the glass: where both are, the glass counts
+WINE = [
+    (0.0, 0.0895), (0.008, 0.0895), (0.0098, 0.0905), (0.017, 0.0992), (0.025, 0.1067),
+    (0.0345, 0.13), (0.0362, 0.1485), (0.0358, 0.1535), (0.0358, 0.155), (0.035, 0.155),
+    (0.0, 0.155),
+]  # fmt: skip
 VASE = [(0.012, 0.0), (0.018, 0.012), (0.013, 0.028), (0.010, 0.040), (0.014, 0.050)]
 
 
@@ -57,6 +65,13 @@ def wine_glass(levels: int = 2) -> bpy.types.Object:
     thing = turned(WINE_GLASS, 32)
     add(thing, "SOLIDIFY", thickness=0.002)
     add(thing, "SUBSURF", levels=levels, quality=6)
+    return thing
+
+
+def wine() -> bpy.types.Object:
+    """What is in a wine glass: a body of its own, with walls in the middle of the glass's."""
+    thing = turned(WINE, 32)
+    add(thing, "SUBSURF", levels=2, quality=6)
     return thing
 
 
@@ -217,10 +232,12 @@ OTHERS: dict[str, Callable[[], bpy.types.Object]] = {
     "dissolved": dissolved,
     "struts": struts,
     "text, spaced": lambda: text(**BEVEL, space_character=1.2),  # letters that do not overlap
+    "wine glass, filled": wine_glass,
 }
+FILLINGS = {"wine glass, filled": (wine, 1.34)}  # and their indices
 INDICES = {"gem": 2.42}  # others are of 1.49
 # m, the height that is looked at; others are looked at in their middle, SIZE across
-BOWLS = {"wine glass": 0.14}
+BOWLS = {"wine glass": 0.14, "wine glass, filled": 0.14}
 
 
 def add_glass_option(parser: argparse.ArgumentParser) -> None:
@@ -245,8 +262,18 @@ def made(name: str) -> Mesh:
     return evaluated(thing, place_of(name, thing))
 
 
-def place_of(name: str, thing: bpy.types.Object) -> Matrix:
-    """Where the object of a glass stands on the bench."""
+def filled(name: str, mesh: Mesh, index: float) -> tuple[Glass, ...]:
+    """A glass of a mesh and an index, and what is in it."""
+    glass = Glass("glass", mesh, ConstantIndex(index), priority=1)
+    if name not in FILLINGS:
+        return (glass,)
+    make, of_filling = FILLINGS[name]
+    within = replace(evaluated(make(), place_of(name, None)), surface=mesh.surface)
+    return glass, Glass("filling", within, ConstantIndex(of_filling))
+
+
+def place_of(name: str, thing: bpy.types.Object | None) -> Matrix:
+    """Where the object of a glass stands on the bench; a bowl wherever its glass does."""
     if name in BOWLS:
         return Matrix.Translation((0, 0, -BOWLS[name]))
     return Matrix.Scale(SIZE, 4) @ fitting(thing)

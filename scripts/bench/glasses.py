@@ -54,7 +54,7 @@ from known.counted_rays import counted_rays
 from known.guessed_rays import factors, guessed
 from known.reference_rigs import glass_rig
 
-from .brought_glass import INDICES, add_glass_option, made
+from .brought_glass import INDICES, add_glass_option, filled, made
 from .irregular import CHOICES
 
 
@@ -171,8 +171,9 @@ class Memory:
 
 
 def rig_of(name: str, mesh: Mesh, display_pixels: int) -> Rig:
-    """A glass on the bench."""
-    return glass_rig(mesh, ior=INDICES.get(name, 1.49), display_pixels=display_pixels)
+    """A glass on the bench, with what is in it."""
+    glasses = filled(name, mesh, INDICES.get(name, 1.49))
+    return glass_rig(glasses, display_pixels=display_pixels)
 
 
 def print_light(arguments: argparse.Namespace) -> None:
@@ -251,7 +252,8 @@ def line_of(arguments: argparse.Namespace) -> str:
     mesh = made(name)
     a_rig = rig_of(name, replace(mesh, surface=choice), arguments.display)
     settings = Settings(effort=arguments.effort)
-    share = sum(make_plan(a_rig, settings).counts.n_curved) / len(mesh.triangles)
+    n_triangles = sum(len(glass.mesh.triangles) for glass in a_rig.glasses)
+    share = sum(make_plan(a_rig, settings).counts.n_curved) / n_triangles
 
     memory = Memory()
     steps = Steps()
@@ -274,7 +276,7 @@ def line_of(arguments: argparse.Namespace) -> str:
     told += f"{100 * steps.first_told:7.0f}{guess_off:10.2f}"
     told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
     told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
-    return f"{name:<16}{len(mesh.triangles):10d}{choice:>10}{told}"
+    return f"{name:<16}{n_triangles:10d}{choice:>10}{told}"
 
 
 if __name__ == "__main__":
