@@ -69,7 +69,7 @@ def wine_glass(levels: int = 2) -> bpy.types.Object:
 
 
 def wine() -> bpy.types.Object:
-    """What is in a wine glass: a body of its own, with walls in the middle of the glass's."""
+    """The wine in a wine glass: a body of its own, with walls in the middle of the glass's."""
     thing = turned(WINE, 32)
     add(thing, "SUBSURF", levels=2, quality=6)
     return thing
@@ -262,9 +262,9 @@ def made(name: str) -> Mesh:
     return evaluated(thing, place_of(name, thing))
 
 
-def filled(name: str, mesh: Mesh, index: float) -> tuple[Glass, ...]:
-    """A glass of a mesh and an index, and what is in it."""
-    glass = Glass("glass", mesh, ConstantIndex(index), priority=1)
+def filled(name: str, mesh: Mesh) -> tuple[Glass, ...]:
+    """A glass of a mesh, and its filling, if it has one."""
+    glass = Glass("glass", mesh, ConstantIndex(INDICES.get(name, 1.49)), priority=1)
     if name not in FILLINGS:
         return (glass,)
     make, of_filling = FILLINGS[name]

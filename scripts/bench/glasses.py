@@ -54,7 +54,7 @@ from known.counted_rays import counted_rays
 from known.guessed_rays import factors, guessed
 from known.reference_rigs import glass_rig
 
-from .brought_glass import INDICES, add_glass_option, filled, made
+from .brought_glass import add_glass_option, filled, made
 from .irregular import CHOICES
 
 
@@ -171,9 +171,8 @@ class Memory:
 
 
 def rig_of(name: str, mesh: Mesh, display_pixels: int) -> Rig:
-    """A glass on the bench, with what is in it."""
-    glasses = filled(name, mesh, INDICES.get(name, 1.49))
-    return glass_rig(glasses, display_pixels=display_pixels)
+    """A glass on the bench, with its filling."""
+    return glass_rig(filled(name, mesh), display_pixels=display_pixels)
 
 
 def print_light(arguments: argparse.Namespace) -> None:
