@@ -15,6 +15,7 @@ from ..errors import ImageError
 from ..png import encoded
 from .reports import said_by
 
+UNPACKED = ""  # its packed file, if any, is of older pixels
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
 _read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
 
@@ -71,6 +72,8 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     image.pixels.foreach_set(rgba.ravel())
     image.update()
     _read.pop(image.session_uid, None)
+    if image.packed_file is not None:  # an undo step has this mark, but not the pixels
+        image[PACKED_MARK] = UNPACKED
 
 
 def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
@@ -129,6 +132,11 @@ def read_anew(image: bpy.types.Image) -> bool:
     image.buffers_free()
     _read[image.session_uid] = packed
     return True
+
+
+def is_out_of_date(image: bpy.types.Image) -> bool:
+    """Is the packed file of an image older than the pixels it was given since?"""
+    return image.get(PACKED_MARK) == UNPACKED
 
 
 def _compressed(image: bpy.types.Image) -> bytes:

@@ -4,8 +4,9 @@ from typing import Any
 
 import bpy
 
+from ..solve.solved_for import OF_NO_SCENE
 from .changes import value_of
-from .image import read_anew
+from .image import is_out_of_date, read_anew
 from .kept import Changed
 from .objects import OBJECT_MARK
 from .on_display import MATERIAL_MARK
@@ -20,9 +21,16 @@ RESULT = "kiriko.result."  # path of the panel's numbers in the scene
 
 
 def read_images_anew(scene: bpy.types.Scene) -> None:
-    """Have the images of a scene's results be those that are packed, after undo."""
+    """Have the images of a scene's results be those that are packed, after undo.
+
+    A step made while Live had newer pixels than it had packed has the numbers of those: they are of
+    no scene any more.
+    """
     for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others)):
-        for image in images_of(settings.result):
+        result = settings.result
+        if result.source is not None and is_out_of_date(result.source):
+            result.solved_for = OF_NO_SCENE.as_text()
+        for image in images_of(result):
             read_anew(image)
 
 

@@ -49,6 +49,10 @@ class SolvedFor:
         return json.dumps(kept)
 
 
+# of a result whose image is of another scene than its numbers
+OF_NO_SCENE = SolvedFor("", np.zeros((0, 3, 4)))
+
+
 def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:
     """Of things that each stand somewhere, whatever their order
     and names, and of all that stands nowhere.

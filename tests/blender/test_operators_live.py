@@ -192,6 +192,31 @@ def test_undo_after_live_shows_the_image_of_before(live: ModuleType) -> None:
     assert not np.array_equal(shown(), before)
 
 
+def test_undo_after_live_takes_no_older_image_for_that_of_its_numbers(live: ModuleType) -> None:
+    """A step made while Live had not packed its image has newer numbers than image: the result is
+    not taken for that of the scene, and redo brings back one that is.
+    """
+    watch = importlib.import_module(f"{EXTENSION}.operators.watch")
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    bpy.ops.ed.undo_push(message="solved")
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    turn(rig["GLASS"], 0.3)
+    settle(live)
+    after = shown()
+    bpy.ops.ed.undo_push(message="turned")
+    live.stop()
+    bpy.ops.ed.undo_push(message="more")
+    assert not watch.has_changed(bpy.context)
+
+    bpy.ops.ed.undo()
+    assert not np.array_equal(shown(), after)
+    assert watch.has_changed(bpy.context)
+    bpy.ops.ed.redo()
+    assert np.array_equal(shown(), after)
+    assert not watch.has_changed(bpy.context)
+
+
 def test_a_coarse_picture_comes_first(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
