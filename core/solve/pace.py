@@ -131,7 +131,7 @@ class Pace:
 PACE = Pace(
     flat=GlassPace(1.2, 0.4e-3, 0.013),
     curved=GlassPace(1.5, 0.36e-3, 0.02),
-    bent=GlassPace(1.5, 0.24e-3, 0.015, 15e3),
+    bent=GlassPace(1.5, 0.24e-3, 0.015, 20e3),
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.04e-6, 0.165e-6),
     painted_share=Seconds(0.075e-6, 0.035e-6),

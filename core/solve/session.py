@@ -105,7 +105,9 @@ class Session:
         # all that is not seen
         yield bar.at(to_cover + to_measure)
         for one, view_map in to_be_covered:
-            yield from at(bar.told, one.cover(view_map))
+            of_this = seconds_to_cover(view_map)
+            to_cover -= of_this
+            yield from bar.during(one.cover(view_map), of_this, to_cover + to_measure)
         clock.lap("coverage")
         yield bar.at(to_measure)
         n_rays += yield from bar.during(measure(unmeasured, clock), to_measure, 0.0)

@@ -11,11 +11,11 @@ from ..arrays import Floats, Ints
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..light.display import display_pixel
-from ..light.landings import Landings, main_landings
+from ..light.landings import Landings, Words, main_landings
 from ..light.plan import Plan, PlannedLayer
 from ..light.planning import planning
 from ..light.ray_engine import Layer
-from ..light.trace import Step, tracing
+from ..light.trace import Step, recording, tracing
 from ..rig import Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
 from .coarse_parts import Coarse, difference, followed, looking_for_coarse
@@ -126,13 +126,15 @@ class _Sample:
     here: Landings
     rays: list[Floats]
 
-    def landings(self, layers: list[Layer], steps: list[Step] | None = None) -> Pauses[Landings]:
-        """The same rays through other layers."""
+    def landings(
+        self, layers: list[Layer], steps: list[Step] | None = None, course: Words | None = None
+    ) -> Pauses[Landings]:
+        """The same rays through other layers, each as long as it is on its course, if given."""
         held = tuple(
             replace(planned, layer=layer)
             for planned, layer in zip(self.plan.layers, layers, strict=True)
         )
-        found = yield from tracing(replace(self.plan, layers=held), *self.rays, steps=steps)
+        found = yield from tracing(replace(self.plan, layers=held), *self.rays, course, steps)
         return main_landings(found, len(self.rays[0]), self.here.branch)
 
     def changed(
@@ -193,14 +195,8 @@ def _sampled(plan: Plan) -> Pauses[_Sample]:
     whole = main_landings((yield from tracing(plan, *every, steps=steps)), len(every[0]))
     here = Landings(*(getattr(whole, f.name)[whole.has_arrived] for f in fields(Landings)))
 
-    return _Sample(
-        plan=plan,
-        every=every,
-        whole=whole,
-        steps=steps,
-        here=here,
-        rays=[values[here.sample] for values in every],
-    )
+    rays = [values[here.sample] for values in every]
+    return _Sample(plan, every, whole, steps, here, rays)
 
 
 def _error_of_facets(sample: _Sample) -> Pauses[float]:
@@ -219,7 +215,9 @@ def _error_of_facets(sample: _Sample) -> Pauses[float]:
         _as_parabolic(plan, held) if so else held.layer
         for held, so in zip(plan.layers, is_drawn, strict=True)
     ]
-    return difference(sample.here, (yield from sample.landings(layers)))
+    # a ray that has left its way tells nothing, and may go on for long
+    _, course = yield from recording(plan, *sample.rays)
+    return difference(sample.here, (yield from sample.landings(layers, course=course)))
 
 
 def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None, Tessellation]:

@@ -16,7 +16,7 @@ from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.share_guess import CellsAndShares, smooth_ahead
 from kiriko.core.map.squares import Squares
 from kiriko.core.settings import Settings
-from kiriko.core.solve import pace, painting, picture_coverage, progress, reach
+from kiriko.core.solve import pace, painting, picture_coverage, progress, reach, session
 from kiriko.core.solve.pace import GlassPace, Pace, Seconds
 from kiriko.core.solve.progress import STAGES, Ahead, Bar
 from kiriko.core.solve.session import Session
@@ -228,6 +228,30 @@ def test_how_much_of_the_picture_is_shown_is_found_with_pauses(monkeypatch):
         one.plan.rig.picture_place, one.plan.viewer, one.view_map, one.view_coverage
     )
     assert finish(again) == (one.picture_coverage, one.misses)
+
+
+def test_time_passes_while_it_is_found_how_much_of_the_picture_is_shown(monkeypatch):
+    """That takes a good part of a short solve, and tells of nothing on its way."""
+    told = []
+    cover = painting.Placed.cover
+
+    def slowly(placed, view_map):
+        for _ in range(10):
+            now[0] += 0.1
+            yield 0
+            told.append(parts[-1])
+        yield from cover(placed, view_map)
+
+    parts = []
+    with counting_clock(monkeypatch) as now:
+        monkeypatch.setattr(painting.Placed, "cover", slowly)
+        monkeypatch.setattr(session, "seconds_to_cover", lambda _: 1.0)
+        for part in Session().solve(cube_rig(pixels=64), Settings()):
+            parts.append(part)
+    assert told == sorted(set(told))
+    # a second of which half a second is left, as long as it may last longer
+    passed = now[0] - 1.0
+    assert told[-1] == pytest.approx((passed + 1.0) / (passed + 1.5))
 
 
 def test_a_square_that_is_only_bent_takes_no_search():

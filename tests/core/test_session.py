@@ -23,6 +23,7 @@ from kiriko.core.mesh import FURTHEST
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import painting, progress, reach
+from kiriko.core.solve import tessellation as of_mesh
 from kiriko.core.solve.accuracy import MANY_EVENTS, measure, rounding_error
 from kiriko.core.solve.pace import Seconds, pace
 from kiriko.core.solve.remarks import UNDECIDED
@@ -540,6 +541,28 @@ def test_light_that_goes_round_and_round_is_measured_no_longer():
     assert whole.drawn > 1
     assert told(behind, 1000)[0].drawn == pytest.approx(whole.drawn, rel=1e-9)
     assert drain(tessellation(planned(behind, MANY_EVENTS))).drawn == 0
+
+
+def test_facets_are_compared_as_long_as_light_goes_the_same_way(monkeypatch):
+    """Other light tells nothing of them, and takes its time. The error is the same, bit for bit."""
+    ring = replace(mean_normals(torus(0.018, 0.007, 12, 6)), surface="facets")
+    plan = make_plan(rig(ring), Settings())
+    landings = of_mesh._Sample.landings
+    n_events = []
+
+    def counted(sample, layers, steps=None, course=None):
+        for of in (course, None):
+            found = yield from landings(sample, layers, steps, of)
+            n_events.append(found.n_events.max())
+            errors.append(of_mesh.difference(sample.here, found))
+        return found
+
+    errors = [drain(tessellation(plan)).drawn]
+    monkeypatch.setattr(of_mesh._Sample, "landings", counted)
+    errors.append(drain(tessellation(plan)).drawn)
+    assert errors[0] > 0
+    assert len(set(errors)) == 1
+    assert n_events[0] < n_events[1] / 2
 
 
 @pytest.mark.parametrize("levels", [(2, 4), (3, 4), (3, 2)])
