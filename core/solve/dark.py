@@ -1,12 +1,15 @@
 """The display stays dark: which fault keeps all light from it, and what helps."""
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
 from ..errors import RigError
 from ..light.landings import Reason
 from ..messages import Message
+from ..rig import Rig
+from ..viewer import Viewer
 from ..words import percent
 from .channel import Traced
 from .picture_coverage import check_seen
@@ -58,10 +61,32 @@ def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
     beyond_glass = [r for r in Reason if r > Reason.MISSED_GLASS and counts[r]]
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
 
-    if beyond_glass:
-        rig, viewer = traced.plan.rig, traced.plan.viewer
-        check_seen(rig.place_of(viewer), viewer)
-
+    rig, viewer = traced.plan.rig, traced.plan.viewer
     remedies = REMEDIES if traced.plan.needs_plate else REMEDIES | STRAIGHT
+    remedy = remedies[reason]
+    if beyond_glass:
+        check_seen(rig.place_of(viewer), viewer)
+    else:
+        remedy = _too_small(rig, viewer) or remedy
 
-    return RigError("The display stays dark: {remedy}.", remedy=remedies[reason])
+    return RigError("The display stays dark: {remedy}.", remedy=remedy)
+
+
+def _too_small(rig: Rig, viewer: Viewer) -> Message | None:
+    """Is all glass in the viewer's image within one pixel each, so that rays pass it by?"""
+    size = (viewer.width, viewer.height)
+    small = None
+    for glass in rig.glasses:
+        corners = viewer.project(list(product(*glass.mesh.bounds.T)))
+        middle, extent = corners.mean(axis=0), np.ptp(corners, axis=0)
+        if not ((middle >= 0) & (middle <= size)).all():
+            continue
+        if not (extent < 1).all():
+            return None
+        small = small or Message(
+            "the viewer '{viewer}' sees the glass '{glass}' smaller than one of its pixels: make"
+            " the glass larger, or raise the viewer's resolution",
+            viewer=viewer.name,
+            glass=glass.name,
+        )
+    return small

@@ -13,7 +13,9 @@ from ..steps import at, within
 from .channel import Traced
 from .disagreement import Settled, is_comparable, is_sharp
 from .measured import measuring
+from .pace import seconds_to_cover
 from .painting import Clock, Placed, place
+from .progress import Bar
 
 
 class Optics(NamedTuple):
@@ -84,6 +86,16 @@ def uncovered(optics: Optics, place: Place) -> list[tuple[Placed, ViewMap]]:
     """The channels of which it is not known how much of the picture is seen, with their maps."""
     both = zip(optics.channels, place.channels, strict=True)
     return [(one, traced.view_map) for traced, one in both if one.covered is None]
+
+
+def cover(
+    uncovered: Sequence[tuple[Placed, ViewMap]], bar: Bar, after: float
+) -> Generator[float, None, None]:
+    """Find how much of the picture is seen, and tell the bar, after which come so many seconds."""
+    seconds = [seconds_to_cover(view_map) for _, view_map in uncovered]
+    for k, (placed, view_map) in enumerate(uncovered):
+        rest = sum(seconds[k + 1 :]) + after
+        yield from bar.during(placed.cover(view_map), seconds[k], rest)
 
 
 def measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, int]:

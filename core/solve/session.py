@@ -27,7 +27,7 @@ from .accuracy import leaks
 from .channel import Channel, Traced
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
-from .known import Optics, Place, keys_of, measure, placed_for, uncovered
+from .known import Optics, Place, cover, keys_of, measure, placed_for, uncovered
 from .memory import check_memory, check_traced
 from .pace import seconds_to_cover, seconds_to_measure
 from .painting import Clock, Placed, finished, paint, place, weight_beside
@@ -104,10 +104,7 @@ class Session:
 
         # all that is not seen
         yield bar.at(to_cover + to_measure)
-        for one, view_map in to_be_covered:
-            of_this = seconds_to_cover(view_map)
-            to_cover -= of_this
-            yield from bar.during(one.cover(view_map), of_this, to_cover + to_measure)
+        yield from cover(to_be_covered, bar, to_measure)
         clock.lap("coverage")
         yield bar.at(to_measure)
         n_rays += yield from bar.during(measure(unmeasured, clock), to_measure, 0.0)

@@ -16,7 +16,7 @@ from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.share_guess import CellsAndShares, smooth_ahead
 from kiriko.core.map.squares import Squares
 from kiriko.core.settings import Settings
-from kiriko.core.solve import pace, painting, picture_coverage, progress, reach, session
+from kiriko.core.solve import known, pace, painting, picture_coverage, progress, reach, session
 from kiriko.core.solve.pace import GlassPace, Pace, Seconds
 from kiriko.core.solve.progress import STAGES, Ahead, Bar
 from kiriko.core.solve.session import Session
@@ -245,7 +245,8 @@ def test_time_passes_while_it_is_found_how_much_of_the_picture_is_shown(monkeypa
     parts = []
     with counting_clock(monkeypatch) as now:
         monkeypatch.setattr(painting.Placed, "cover", slowly)
-        monkeypatch.setattr(session, "seconds_to_cover", lambda _: 1.0)
+        for module in (known, session):
+            monkeypatch.setattr(module, "seconds_to_cover", lambda _: 1.0)
         for part in Session().solve(cube_rig(pixels=64), Settings()):
             parts.append(part)
     assert told == sorted(set(told))

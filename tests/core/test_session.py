@@ -400,6 +400,11 @@ BAD = {
         RigError,
         "no ray from the viewer meets",
     ),
+    "glass within a pixel": (
+        lambda: rig(icosphere(1e-4, 2, centre=(0.0031, 0, 0.0012)), pixels=16),
+        RigError,
+        "'viewer' sees the glass 'glass' smaller than one of its pixels",
+    ),
 }
 
 
