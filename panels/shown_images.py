@@ -26,6 +26,7 @@ IN_PLACE = (("GREATER", 0.65), ("LESS_EQUAL", 1.0))
 NEARER = 1e-3  # of the distance: or rounding would draw by lot whether a display hides its image
 
 _found: dict[int, tuple[float, list[str]]] = {}  # by scene: looked at next, names of the parts
+_loaded: dict[int, int] = {}  # by moving image: number of the frame that its texture has
 
 
 def draw() -> None:
@@ -91,9 +92,24 @@ def parts_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [thing for thing in things if thing is not None and thing.kiriko.role in ROLES]
 
 
+def _texture(shown: ShownImage) -> gpu.types.GPUTexture:
+    """The texture of an image; RuntimeError for one without pixels.
+
+    Blender makes that of a moving image at the image's frame 0, which sequences lack, and a movie
+    shows its first for. So it is loaded at its frame before Blender is asked for it.
+    """
+    image, number = shown.image, shown.number
+    if number is not None:
+        if _loaded.get(image.session_uid) != number:
+            image.gl_free()
+            _loaded[image.session_uid] = number
+        image.gl_load(frame=number)
+    return gpu.texture.from_image(image)
+
+
 def _draw(shown: ShownImage, points: Floats) -> None:
     try:
-        texture = gpu.texture.from_image(shown.image)
+        texture = _texture(shown)
     except RuntimeError:  # an image without pixels
         return
 
@@ -131,3 +147,4 @@ def unregister() -> None:
     """Draw no more."""
     _handlers.end()
     _found.clear()
+    _loaded.clear()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .active_rig import shown_settings
 from .mesh import column, uv_layer
+from .moving import number_at
 from .plane import image_of, texture_showing
 
 
@@ -24,12 +25,14 @@ class ShownImage(NamedTuple):
     points : (n, 3) float32 world, Blender units
     uv : (n, 2) float32
     is_picture : seen from behind, too, and in front of its glass, as a display is not
+    number : of the frame of a moving image; None for one that stands still
     """
 
     image: bpy.types.Image
     points: NDArray[np.float32]
     uv: NDArray[np.float32]
     is_picture: bool
+    number: int | None = None
 
 
 def shown_images(
@@ -54,7 +57,9 @@ def shown_images(
         if image is not None:
             laid = _laid(thing.evaluated_get(layer.depsgraph), uv_map)
             if laid is not None:
-                yield ShownImage(image, *laid, is_picture=is_picture)
+                timing = None if texture is None else texture.timing
+                number = number_at(image, timing, scene.frame_current)
+                yield ShownImage(image, *laid, is_picture=is_picture, number=number)
 
 
 def _laid(
