@@ -77,7 +77,7 @@ def made(
         first = _test_card(scratch, scene, wish, display.name, size) if wish.card else None
         with disk.together(wish.file.parent) as new:
             movie.encode(new / wish.file.name, files, wish.codec, size, scene, first)
-    yield 1.0
+    # the last step: an Esc that was pressed meanwhile would call a movie stopped that is there
 
 
 def _check_sizes(files: set[Path], size: tuple[int, int]) -> None:

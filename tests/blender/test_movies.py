@@ -3,8 +3,9 @@
 import importlib
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
@@ -365,3 +366,21 @@ def test_solve_animation_writes_what_the_panel_says(
     with pytest.raises(RuntimeError, match="is no list of frames"):
         bpy.ops.kiriko.solve_animation(frames="a")
     assert not place.exists()
+
+
+def test_a_movie_is_there_with_the_last_step(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Esc pressed while Blender encodes is heard afterwards, and between two steps only: it never
+    tells that a movie was stopped that is there.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.operators.solve_animation")
+    small_rig()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    scene.kiriko.movie_codec = "FFV1"
+    film = tmp_path / "source.mkv"
+    operator = SimpleNamespace(frames="1-2", level="INFO")
+    operator.run_of = partial(module.OfFrames.run_of, operator)
+    steps = module.KIRIKO_OT_export_movie.steps(operator, bpy.context)
+    assert [film.exists() for _ in steps].count(True) == 0
+    assert film.exists()
