@@ -9,7 +9,7 @@ import bpy
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
 from ..core.blender.moving import at_frame, number_at
-from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
 from ..core.blender.rigs import elsewhere
 from ..core.errors import ImageError, RigError
@@ -178,7 +178,7 @@ def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
     """The image of a file, as Blender's own Open has it:
     loaded once, by a path as the preferences want it.
     """
-    if not filepath:
+    if not is_chosen(filepath):
         raise ImageError("No file is chosen: choose an image.")
 
     path = str(absolute(filepath))

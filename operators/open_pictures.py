@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.viewer import viewer_of
 from ..core.errors import ImageError
 from ..core.messages import Message
@@ -40,7 +40,7 @@ class KIRIKO_OT_open_pictures(OfRig, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             self.end_with(context)
-            if not self.filepath:
+            if not is_chosen(self.filepath):
                 raise ImageError("No file is chosen: choose an image.")
             n = open_images(context.scene, str(absolute(self.filepath)))
             telling.report(self, "INFO", Message("{n} viewers have images of their own.", n=n))

@@ -21,3 +21,8 @@ def absolute(path: str) -> Path:
             path=path,
         )
     return Path(bpy.path.abspath(path))
+
+
+def is_chosen(path: str) -> bool:
+    """Was a file chosen? Where none was, Blender's file browser may name the open .blend itself."""
+    return bool(path) and (not bpy.data.filepath or absolute(path) != Path(bpy.data.filepath))

@@ -339,6 +339,17 @@ def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path
     assert texture_of(picture).image.name == "art.png"
 
 
+def test_the_open_file_itself_is_no_choice(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Blender's file browser names it until another file is clicked."""
+    activate(small_rig()["PICTURE"])
+    path = str(tmp_path / "rig.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    for verb in (bpy.ops.kiriko.open_picture, bpy.ops.kiriko.open_pictures):
+        for named in (path, "//rig.blend"):
+            with pytest.raises(RuntimeError, match="No file is chosen: choose an image."):
+                verb(filepath=named)
+
+
 def test_buttons_say_which_picture_they_need(scene: bpy.types.Scene) -> None:
     """The active picture, or the only one.
 
