@@ -2,13 +2,15 @@
 file: its plane shows it, in the image's own shape.
 """
 
+from os.path import normpath
 from pathlib import Path
 
 import bpy
 
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
-from ..core.blender.moving import at_frame, number_at
+from ..core.blender.moving import Timing, at_frame, number_at
+from ..core.blender.numbered_files import sequence_of
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
 from ..core.blender.rigs import elsewhere
@@ -58,14 +60,21 @@ class ChoosePicture:
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(cls, lacking(context))
 
-    def choose(self, context: bpy.types.Context, image: bpy.types.Image) -> None:
-        """Make an image the picture, and report on plane and material."""
+    def choose(
+        self, context: bpy.types.Context, image: bpy.types.Image, timing: Timing | None = None
+    ) -> None:
+        """Make an image the picture, and report on plane and material.
+
+        timing : of a moving one; None: all of it from the scene's frame 1 on
+        """
         picture = the_picture(context)
         owner = Message("the picture '{picture}'", picture=picture.name)
-        with at_frame(image, number_at(image, None, context.scene.frame_current), owner) as shown:
+        with at_frame(image, number_at(image, timing, context.scene.frame_current), owner) as shown:
             check_readable(shown, owner)
         before = {slot.material for slot in picture.material_slots}
         picture.kiriko.image = image
+        if timing is not None:
+            blender_plane.set_shown_timing(picture, image, timing)
 
         problems = []
         if not picture.kiriko.is_image_shown:
@@ -134,7 +143,14 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
 
 
 class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
-    """Open an image file, or a movie, as the picture: its plane shows it, in its own shape"""
+    """Open an image file, a movie or the files of a sequence as the picture: its plane shows it, in
+    its own shape
+    """
+
+    bl_description = (
+        "Open an image file, a movie or the files of a sequence as the picture: its plane shows it,"
+        " in its own shape"
+    )
 
     bl_idname = "kiriko.open_picture"
     bl_label = "Open Picture"
@@ -145,6 +161,10 @@ class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
         description="The image file",
         subtype="FILE_PATH",
         options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    # all that are selected in the file browser, which tells them only to who asks
+    files: bpy.props.CollectionProperty(
+        type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
     )
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
@@ -164,29 +184,44 @@ class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
         with telling.told(self):
             self.end_with(context)
             known = set(bpy.data.images)
-            image = _opened(context, self.filepath)
+            image, timing = _opened(context, self.filepath, [file.name for file in self.files])
             if image in known:
-                self.choose(context, image)
+                self.choose(context, image, timing)
             else:
                 with or_none(image):
-                    self.choose(context, image)
+                    self.choose(context, image, timing)
             return {"FINISHED"}
         return {"CANCELLED"}
 
 
-def _opened(context: bpy.types.Context, filepath: str) -> bpy.types.Image:
-    """The image of a file, as Blender's own Open has it:
-    loaded once, by a path as the preferences want it.
+def _opened(
+    context: bpy.types.Context, filepath: str, names: list[str]
+) -> tuple[bpy.types.Image, Timing | None]:
+    """The image of a file, or of several of one folder, which are a sequence then, and its timing.
+
+    As Blender's own Open has it: loaded once, by a path as the preferences want it.
     """
     if not is_chosen(filepath):
         raise ImageError("No file is chosen: choose an image.")
 
-    path = str(absolute(filepath))
-    if not Path(path).is_file():
-        raise ImageError("There is no file {path}: choose an image.", path=path)
-    if bpy.data.filepath and context.preferences.filepaths.use_relative_paths:
-        path = bpy.path.relpath(path)
+    file, timing = absolute(filepath), None
+    if len(names) > 1:
+        file, timing = sequence_of([file.with_name(name) for name in names])
+    if not file.is_file():
+        raise ImageError("There is no file {path}: choose an image.", path=file)
 
-    image = bpy.data.images.load(path, check_existing=True)
-    # the file may be loaded already as the first of a sequence, which is another picture
-    return image if image.source in {"FILE", "MOVIE"} else bpy.data.images.load(path)
+    # alone a file is another picture than as the first of a sequence, which may be loaded already
+    wanted = {"FILE", "MOVIE"} if timing is None else {"SEQUENCE"}
+    for image in bpy.data.images:
+        if image.source in wanted and _file_of(image) == normpath(file):
+            return image, timing
+
+    is_relative = bpy.data.filepath and context.preferences.filepaths.use_relative_paths
+    image = bpy.data.images.load(bpy.path.relpath(str(file)) if is_relative else str(file))
+    if timing is not None:
+        image.source = "SEQUENCE"
+    return image, timing
+
+
+def _file_of(image: bpy.types.Image) -> str:
+    return normpath(bpy.path.abspath(image.filepath, library=image.library))

@@ -78,10 +78,15 @@ def whole(image: bpy.types.Image) -> Timing:
     return Timing(MOST if image.source == "SEQUENCE" else max(image.frame_duration, 1))
 
 
-def set_timing(user: bpy.types.ImageUser, image: bpy.types.Image) -> None:
-    """Have a node show all of a moving image from the scene's frame 1 on, in viewports, too."""
+def set_timing(
+    user: bpy.types.ImageUser, image: bpy.types.Image, timing: Timing | None = None
+) -> None:
+    """Have a node show a moving image, in viewports, too.
+
+    timing : None: all of it from the scene's frame 1 on
+    """
     if is_moving(image):
-        timing = whole(image)
+        timing = timing or whole(image)
         for name in SETTINGS:
             setattr(user, name, getattr(timing, name))
         user.use_auto_refresh = True

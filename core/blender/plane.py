@@ -13,7 +13,7 @@ from . import shaders
 from .layout import axis_factors, laid_out, size_of
 from .material import Texture, find_texture, read_texture
 from .mesh import used_slots
-from .moving import at_frame, check_there, is_moving, number_at, set_timing
+from .moving import Timing, at_frame, check_there, is_moving, number_at, set_timing
 from .picture import UNREADABLE, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
@@ -94,6 +94,15 @@ def show(thing: bpy.types.Object, image: bpy.types.Image) -> bool:
 
     _give_material(thing, image)
     return True
+
+
+def set_shown_timing(thing: bpy.types.Object, image: bpy.types.Image, timing: Timing) -> None:
+    """Have an object's own material, where it shows a moving image, show it by this timing."""
+    for material in own_materials(thing):
+        found = find_texture(material)
+        if found is not None and found[0].image == image:
+            set_timing(found[0].image_user, image, timing)
+            return
 
 
 def _own_node(

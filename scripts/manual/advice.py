@@ -472,6 +472,12 @@ PICTURE = Section(
             "ボタンを押す前に、一覧でファイルをクリックします。",
         ),
         Advice(
+            "The {n} files that are chosen are no sequence: choose one image, or files whose names"
+            " differ by consecutive numbers alone.",
+            "Click one file, or select the frames of one sequence without a gap, as by a box.",
+            "1つのファイルをクリックするか、1つの連番画像のフレームを、抜けのないように（ボックス選択などで）選択します。",
+        ),
+        Advice(
             "There is no file {path}: choose an image.",
             "It was moved or renamed since the list was read.",
             "一覧を読み込んだ後で、移動または名前が変更されました。",

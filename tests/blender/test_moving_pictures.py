@@ -358,3 +358,56 @@ def test_a_picture_that_moves_is_drawn_over_the_view_at_its_frame(
     calls.clear()
     module._texture(shown._replace(image=image, number=None))
     assert calls == [("take", None)]
+
+
+def chosen(*names: str) -> list[dict[str, str]]:
+    """The files that are selected in the file browser, as it hands them to an operator."""
+    return [{"name": name} for name in names]
+
+
+def test_files_that_are_selected_together_are_a_sequence(
+    scene: bpy.types.Scene, read: Callable[[], Any], tmp_path: Path
+) -> None:
+    """Whichever is the last one clicked, and at whatever number they begin: the first is shown at
+    frame 1, the last from its own on. Opened again they are the same image.
+    """
+    picture = small_rig()["PICTURE"]
+    bpy.data.images.remove(sequence(tmp_path, first=99))
+    names = [f"clip_{99 + n:03}.png" for n in range(FRAMES)]
+    known = len(bpy.data.images)
+    for clicked in (names[2], names[0]):
+        path, files = str(tmp_path / clicked), chosen(*reversed(names))
+        assert bpy.ops.kiriko.open_picture(filepath=path, files=files) == {"FINISHED"}
+    assert len(bpy.data.images) == known + 1
+    assert picture.kiriko.image.source == "SEQUENCE"
+    for frame, shown in ((1, 1), (3, 3), (FRAMES, FRAMES), (40, FRAMES)):
+        scene.frame_set(frame)
+        pixels = read().rig.picture.image
+        linear = ((grey(shown) / 255 + 0.055) / 1.055) ** 2.4
+        assert pixels[..., :3] == pytest.approx(linear, abs=1e-3)
+
+    path = str(tmp_path / names[1])  # alone it stands still
+    assert bpy.ops.kiriko.open_picture(filepath=path, files=chosen(names[1])) == {"FINISHED"}
+    assert picture.kiriko.image.source == "FILE"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("a_1.png", "a_3.png"),
+        ("a_1.png", "b_2.png"),
+        ("a_1.png", "a_2.jpg"),
+        ("a_1.png", "a_01.png"),
+        ("a_1.png", "a.png"),
+        ("a.png", "b.png"),
+    ],
+)
+def test_files_that_are_no_sequence_are_refused(
+    scene: bpy.types.Scene, tmp_path: Path, names: tuple[str, str]
+) -> None:
+    """A gap, other names, another format, one number twice, none: and the picture stays."""
+    picture = small_rig()["PICTURE"]
+    before = picture.kiriko.image
+    with pytest.raises(RuntimeError, match="The 2 files that are chosen are no sequence"):
+        bpy.ops.kiriko.open_picture(filepath=str(tmp_path / names[0]), files=chosen(*names))
+    assert picture.kiriko.image == before
