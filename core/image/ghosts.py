@@ -17,6 +17,8 @@ from ..vectors import cross_2d
 # an odd number: pixels and paths are mixed to one number, the golden ratio
 MIX = np.uint64(0x9E3779B97F4A7C15)
 NO_PATH = np.uint64(0)
+# parts that the display is looked at in, each every so many pixels: one is sorted at a step
+N_PARTS = 64
 
 
 def paths_of(piece: Piece) -> NDArray[np.uint64]:
@@ -32,6 +34,11 @@ def paths_of(piece: Piece) -> NDArray[np.uint64]:
 class Paths:
     """How strongly each display pixel (H, W) is seen by each
     path: sums over shares of area * throughput^2.
+
+    Hard glass shows a pixel by as many paths as it has shares. So shares wait until there are as
+    many of them as there are sums, and are summed up together: were all sums sorted with each few
+    shares, it would take the square of their number. Each sum is added up in the order of its
+    shares, whenever that is.
     """
 
     def __init__(self, display_size: tuple[int, int]) -> None:
@@ -39,24 +46,39 @@ class Paths:
         self._key, self._path = (np.empty(0, np.uint64) for _ in range(2))
         self._pixel = np.empty(0, np.int64)
         self._weight = np.empty(0)
+        self._waiting: list[tuple[NDArray, ...]] = []  # keys, paths, pixels, weights
+        self._n_waiting = 0
 
     def add(self, shares: Shares) -> None:
         """Add some shares, which know their paths."""
-        pixel = shares.display_index.astype(np.int64)
+        self.add_rows(shares.display_index.astype(np.int64), shares.path, shares.weight)
+
+    def add_rows(self, pixel: NDArray[np.int64], path: NDArray[np.uint64], weight: Floats) -> bool:
+        """Add some shares by their pixels, paths and weights (n,); returns whether it took long."""
         with np.errstate(over="ignore"):
-            key = (shares.path ^ pixel.astype(np.uint64) * MIX) * MIX
-        keys, first, of = np.unique(
-            np.concatenate([self._key, key]), return_index=True, return_inverse=True
-        )
-        self._pixel = np.concatenate([self._pixel, pixel])[first]
-        self._path = np.concatenate([self._path, shares.path])[first]
-        self._weight = np.bincount(
-            of.ravel(), np.concatenate([self._weight, shares.weight]), len(keys)
-        )
-        self._key = keys
+            key = (path ^ pixel.astype(np.uint64) * MIX) * MIX
+        self._waiting.append((key, path, pixel, weight))
+        self._n_waiting += len(key)
+        is_due = self._n_waiting >= len(self._key)
+        if is_due:
+            self._sum_up()
+        return is_due
+
+    def _sum_up(self) -> None:
+        """Add the shares that wait to the sums."""
+        if not self._waiting:
+            return
+
+        sums = self._key, self._path, self._pixel, self._weight
+        key, path, pixel, weight = map(np.concatenate, zip(sums, *self._waiting, strict=True))
+        self._key, first, of = np.unique(key, return_index=True, return_inverse=True)
+        self._path, self._pixel = path[first], pixel[first]
+        self._weight = np.bincount(of.ravel(), weight, len(first))
+        self._waiting, self._n_waiting = [], 0
 
     def strongest(self) -> NDArray[np.uint64]:
         """The strongest path (H * W,) of each pixel, row by row; NO_PATH where it is not seen."""
+        self._sum_up()
         width, height = self._size
         found = np.full(width * height, NO_PATH)
         # of two that are as strong it is always the same one
@@ -68,6 +90,7 @@ class Paths:
         """The sum over all paths of each pixel (H, W), and the part
         of it, 0..1, that other paths than the strongest have.
         """
+        self._sum_up()
         width, height = self._size
         whole = np.bincount(self._pixel, self._weight, width * height)
         most = np.zeros(width * height)
@@ -78,9 +101,23 @@ class Paths:
 
 def strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
     """The path (H * W,) that most of each display pixel is seen by."""
-    paths = Paths(batches.display_size)
+    width, height = batches.display_size
+    found = np.full(width * height, NO_PATH)
+    parts = [Paths((len(found[k::N_PARTS]), 1)) for k in range(N_PARTS)]
+
     for shares in batches.pausing():
-        if shares is not None:
-            paths.add(shares)
         yield 0
-    return paths.strongest()
+        if shares is None:
+            continue
+        pixel, part = np.divmod(shares.display_index.astype(np.int64), N_PARTS)
+        order = np.argsort(part.astype(np.uint8), kind="stable")
+        rows = pixel[order], shares.path[order], shares.weight[order]
+        ends = np.cumsum(np.bincount(part, minlength=N_PARTS))
+        for paths, *of_part in zip(parts, *(np.split(row, ends[:-1]) for row in rows), strict=True):
+            if paths.add_rows(*of_part):
+                yield 0
+
+    for k, paths in enumerate(parts):
+        found[k::N_PARTS] = paths.strongest()
+        yield 0
+    return found
