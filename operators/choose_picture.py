@@ -205,8 +205,12 @@ def _opened(
         raise ImageError("No file is chosen: choose an image.")
 
     file, timing = absolute(filepath), None
-    if len(names) > 1:
-        file, timing = sequence_of([file.with_name(name) for name in names])
+    # where all were selected and none was clicked, the path is that of the folder alone
+    files = [(file if file.is_dir() else file.parent) / name for name in names]
+    if len(files) > 1:
+        file, timing = sequence_of(files)
+    elif files and file.is_dir():
+        file = files[0]
     if not file.is_file():
         raise ImageError("There is no file {path}: choose an image.", path=file)
 

@@ -368,15 +368,15 @@ def chosen(*names: str) -> list[dict[str, str]]:
 def test_files_that_are_selected_together_are_a_sequence(
     scene: bpy.types.Scene, read: Callable[[], Any], tmp_path: Path
 ) -> None:
-    """Whichever is the last one clicked, and at whatever number they begin: the first is shown at
-    frame 1, the last from its own on. Opened again they are the same image.
+    """Whichever is the last one clicked, or none, and at whatever number they begin: the first is
+    shown at frame 1, the last from its own on. Opened again they are the same image.
     """
     picture = small_rig()["PICTURE"]
     bpy.data.images.remove(sequence(tmp_path, first=99))
     names = [f"clip_{99 + n:03}.png" for n in range(FRAMES)]
     known = len(bpy.data.images)
-    for clicked in (names[2], names[0]):
-        path, files = str(tmp_path / clicked), chosen(*reversed(names))
+    for clicked in (names[2], names[0], ""):
+        path, files = f"{tmp_path}/{clicked}", chosen(*reversed(names))
         assert bpy.ops.kiriko.open_picture(filepath=path, files=files) == {"FINISHED"}
     assert len(bpy.data.images) == known + 1
     assert picture.kiriko.image.source == "SEQUENCE"
@@ -386,9 +386,10 @@ def test_files_that_are_selected_together_are_a_sequence(
         linear = ((grey(shown) / 255 + 0.055) / 1.055) ** 2.4
         assert pixels[..., :3] == pytest.approx(linear, abs=1e-3)
 
-    path = str(tmp_path / names[1])  # alone it stands still
-    assert bpy.ops.kiriko.open_picture(filepath=path, files=chosen(names[1])) == {"FINISHED"}
-    assert picture.kiriko.image.source == "FILE"
+    for clicked in (names[1], ""):  # alone it stands still
+        path = f"{tmp_path}/{clicked}"
+        assert bpy.ops.kiriko.open_picture(filepath=path, files=chosen(names[1])) == {"FINISHED"}
+        assert picture.kiriko.image.source == "FILE"
 
 
 @pytest.mark.parametrize(
