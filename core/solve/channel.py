@@ -21,8 +21,9 @@ from ..light.plan import Plan
 from ..map.pieces import Piece
 from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
-from ..map.shares import Coverage, Shares
+from ..map.shares import Coverage, Shares, add_at
 from ..map.view_map import MapError, ViewMap
+from ..settings import Settings
 from ..steps import Pauses, finish
 from ..viewer import Viewer
 from .accuracy import Accuracy
@@ -172,3 +173,22 @@ def shares_of(
 
     sizes = view_map.display_size, view_map.view_size
     return ShareBatches(*sizes, has_throughput, cells, has_path, view_map.thinning)
+
+
+def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:
+    """Sum (H, W) of area * throughput^2, viewer px^2, over the
+    shares of light beside the glass, if asked for.
+    """
+    if not settings.looks_beside:
+        return None
+
+    width, height = view_map.display_size
+    weight = np.zeros((height, width))
+
+    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True))
+    for shares in batches.pausing():
+        if shares is not None:
+            add_at(weight, shares.display_index, shares.weight)
+        yield 0
+
+    return weight

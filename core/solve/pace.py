@@ -16,6 +16,7 @@ from .. import kernel
 from ..light.plan import Plan
 from ..map.share_guess import COUNTED, CellsAndShares
 from ..map.view_map import ViewMap
+from ..settings import Settings
 from .coarse_parts import coarsest
 
 PROBE = np.ones((1 << 14, 3))
@@ -63,6 +64,7 @@ class Pace:
     flat, curved, bent : glass without a curved face, with nothing else, and such as has flat
         triangles with bent normals: there errors take longest to measure
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
+    found_share : to find the strongest paths, where that is asked for, a share
     covered_pixel, covered_point : to find how much of the picture is shown, a viewer
         pixel and a point of the map
     joined_cell : while pixels are cut, to put one or a quarter of one together, beside its rays
@@ -79,6 +81,7 @@ class Pace:
     painted_pixel: Seconds
     painted_cell: Seconds
     painted_share: Seconds
+    found_share: float = 0.22e-6
     covered_pixel: float = 0.06e-6
     covered_point: float = 0.05e-6
     joined_cell: float = 1.2e-6
@@ -101,6 +104,10 @@ class Pace:
             + self.painted_cell.by_clock * made.n_cells
             + self.painted_share.by_clock * made.n_shares
         )
+
+    def to_find(self, n_shares: float, settings: Settings) -> float:
+        """Seconds to find the strongest paths of so many shares, where that is asked for."""
+        return times_slower() * self.found_share * n_shares * (settings.ghosts == "strongest")
 
     def to_cover(self, n_pixels: int, n_points: float) -> float:
         """Seconds to find how much of the picture a viewer of so many pixels is shown."""
@@ -174,10 +181,11 @@ def seconds_to_measure(plan: Plan, view_map: ViewMap, of_plan: float, of_rays: f
     return pace().to_measure(plan, of_plan, of_ray, len(view_map.points))
 
 
-def seconds_to_paint(view_map: ViewMap) -> float:
+def seconds_to_paint(view_map: ViewMap, settings: Settings) -> float:
     """About how long it takes to paint a view map, with all that comes with it."""
     width, height = view_map.display_size
-    return pace().to_paint(width * height, CellsAndShares(*view_map.n_by_kind.sum(axis=1)))
+    made = CellsAndShares(*view_map.n_by_kind.sum(axis=1))
+    return pace().to_paint(width * height, made) + pace().to_find(made.n_shares, settings)
 
 
 def seconds_to_cover(view_map: ViewMap) -> float:

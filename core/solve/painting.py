@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial, reduce
+from functools import reduce
 from time import perf_counter
 
 import numpy as np
@@ -17,11 +17,11 @@ from ..image.reads import Reads, reads_at
 from ..image.source_image import Painting, Strokes, find_strokes
 from ..map.pieces import Piece
 from ..map.share_batches import ShareBatches
-from ..map.shares import Coverage, Shares, add_at
+from ..map.shares import Coverage, Shares
 from ..map.view_map import ViewMap
 from ..rig import PicturePlace
 from ..settings import Settings
-from ..steps import Pauses, at, within
+from ..steps import Pauses, within
 from ..viewer import Viewer
 from .channel import shares_of
 from .pace import seconds_to_paint
@@ -140,7 +140,7 @@ def paint(
     """
     painting = Painting(channels[0].shares.display_size)
     for k, (placed, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
-        steps = _add(painting, placed, pyramid, clock)
+        steps = _strongest_first(placed, clock, _add(painting, placed, pyramid, clock))
         yield from within(steps, k / len(channels), (k + 1) / len(channels))
     return painting
 
@@ -151,9 +151,6 @@ def _add(
     """Add the shares of a channel to a painting; yields progress 0..1."""
     is_new = not placed.is_counted
     n_painted, told = 0, 0.0
-    clock.lap("painting")
-    yield from at(0.0, _find_strongest(placed, clock))
-
     n = 0
     for shares in placed.shares.pausing():
         clock.lap("shares")
@@ -203,7 +200,7 @@ def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Se
         picture=picture,
         shares=shares,
         reads=reads_at(view_map.tolerance),
-        seconds_to_paint=seconds_to_paint(view_map),
+        seconds_to_paint=seconds_to_paint(view_map, settings),
         cells=cells,
         n_made=n_made,
         coverage=Coverage(shares.display_size, shares.view_size),
@@ -235,8 +232,10 @@ def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
     """Look for the places that a viewer asks for, and add up the sums over its shares where
     these are new; yields progress 0..1.
     """
-    clock.lap("painting")
-    yield from at(0.0, _find_strongest(placed, clock))
+    return _strongest_first(placed, clock, _count(placed, clock))
+
+
+def _count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
     asked = Asked(placed.picture, placed.viewer, placed.shares.display_size)
     n_counted, told = 0, 0.0
 
@@ -260,11 +259,32 @@ def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
     placed.asked = asked
 
 
-def _find_strongest(placed: Placed, clock: Clock) -> Pauses[None]:
-    """Find the paths that pixels show, where that is asked and not known."""
+def _strongest_first(
+    placed: Placed, clock: Clock, work: Generator[float, None, None]
+) -> Generator[float, None, None]:
+    """Find the paths that pixels show, where that is asked and not known, before some work; yields
+    progress 0..1 of both.
+    """
+    clock.lap("painting")
+    found = 0.0
     if placed.shares.has_path and placed.strongest is None:
-        placed.strongest = yield from strongest_paths(placed.shares)
+        found = STAGES.found
+        yield from within(_find_strongest(placed), 0.0, found)
         clock.lap("ghosts")
+    yield from within(work, found, 1.0)
+
+
+def _find_strongest(placed: Placed) -> Generator[float, None, None]:
+    """Find the paths that pixels show, by shares that are made for it; yields progress 0..1."""
+    steps, told = strongest_paths(placed.shares), 0.0
+    while True:
+        try:
+            next(steps)
+        except StopIteration as done:
+            placed.strongest = done.value
+            return
+        told = max(told, placed.part_done(0) / STAGES.made)
+        yield told
 
 
 def _shares_to_paint(
@@ -276,22 +296,3 @@ def _shares_to_paint(
         return cut_along_outline(view_map.pieces(), picture, viewer)
 
     return shares_of(view_map, settings.brightness, pieces, has_path=settings.ghosts == "strongest")
-
-
-def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:
-    """Sum (H, W) of area * throughput^2, viewer px^2, over the
-    shares of light beside the glass, if asked for.
-    """
-    if not settings.looks_beside:
-        return None
-
-    width, height = view_map.display_size
-    weight = np.zeros((height, width))
-
-    batches = shares_of(view_map, settings.brightness, partial(view_map.pieces, beside=True))
-    for shares in batches.pausing():
-        if shares is not None:
-            add_at(weight, shares.display_index, shares.weight)
-        yield 0
-
-    return weight

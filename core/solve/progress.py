@@ -25,6 +25,7 @@ class Stages:
     settled : of the painting for several viewers; the places that they ask for come before
     glance_traced : of a coarse picture; then it is painted
     made : of painting, to make the shares; the rest is to paint and to add them
+    found : of that, to make the shares and find the strongest paths, where that is asked for
     """
 
     mesh_measured: float = 0.8
@@ -32,6 +33,7 @@ class Stages:
     settled: float = 0.5
     glance_traced: float = 0.5
     made: float = 0.6
+    found: float = 0.85
 
 
 STAGES = Stages()
@@ -164,6 +166,7 @@ class Ahead:
             + self._of.to_sum(made.n_cells * rays.sums_light)
             + self._of.to_guess(made.n_cells)
             + self._of.to_paint(display.width * display.height, made)
+            + self._of.to_find(made.n_shares, self._plan.settings)
             + self._of.to_cover(viewer.width * viewer.height, rays.expected)
             + self._of.to_measure(self._plan, self._of_plan, of_ray, rays.expected)
         )

@@ -24,13 +24,13 @@ from ..settings import Settings
 from ..steps import Pauses, at, finish, last_told, within
 from ..viewer import Viewer
 from .accuracy import leaks
-from .channel import Channel, Traced
+from .channel import Channel, Traced, weight_beside
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
 from .known import Optics, Place, cover, keys_of, measure, placed_for, uncovered
 from .memory import check_memory, check_traced
 from .pace import seconds_to_cover, seconds_to_measure
-from .painting import Clock, Placed, finished, paint, place, weight_beside
+from .painting import Clock, Placed, finished, paint, place
 from .picture_coverage import check_seen
 from .progress import STAGES, Bar
 from .reach import UNTRACED, sample_reached
