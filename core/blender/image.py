@@ -15,7 +15,7 @@ from ..errors import ImageError
 from ..png import encoded
 from .reports import said_by
 
-UNPACKED = ""  # its packed file, if any, is of older pixels
+UNPACKED = ""  # its packed file is of older pixels, if there is one
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
 _read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
 
@@ -72,8 +72,7 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     image.pixels.foreach_set(rgba.ravel())
     image.update()
     _read.pop(image.session_uid, None)
-    if image.packed_file is not None:  # an undo step has this mark, but not the pixels
-        image[PACKED_MARK] = UNPACKED
+    image[PACKED_MARK] = UNPACKED  # an undo step has this mark, but not the pixels
 
 
 def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
@@ -135,7 +134,7 @@ def read_anew(image: bpy.types.Image) -> bool:
 
 
 def is_out_of_date(image: bpy.types.Image) -> bool:
-    """Is the packed file of an image older than the pixels it was given since?"""
+    """Is the packed file of an image older than the pixels that it was given since, or missing?"""
     return image.get(PACKED_MARK) == UNPACKED
 
 

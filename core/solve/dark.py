@@ -73,7 +73,7 @@ def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
 
 
 def _too_small(rig: Rig, viewer: Viewer) -> Message | None:
-    """Is all glass in the viewer's image within one pixel each, so that rays pass it by?"""
+    """Is all glass in the viewer's image so narrow that rays pass it by?"""
     size = (viewer.width, viewer.height)
     small = None
     for glass in rig.glasses:
@@ -81,10 +81,10 @@ def _too_small(rig: Rig, viewer: Viewer) -> Message | None:
         middle, extent = corners.mean(axis=0), np.ptp(corners, axis=0)
         if not ((middle >= 0) & (middle <= size)).all():
             continue
-        if not (extent < 1).all():
+        if (extent >= 1).all():
             return None
         small = small or Message(
-            "the viewer '{viewer}' sees the glass '{glass}' smaller than one of its pixels: make"
+            "the viewer '{viewer}' sees the glass '{glass}' narrower than one of its pixels: make"
             " the glass larger, or raise the viewer's resolution",
             viewer=viewer.name,
             glass=glass.name,

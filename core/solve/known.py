@@ -95,7 +95,7 @@ def cover(
     seconds = [seconds_to_cover(view_map) for _, view_map in uncovered]
     for k, (placed, view_map) in enumerate(uncovered):
         rest = sum(seconds[k + 1 :]) + after
-        yield from bar.during(placed.cover(view_map), seconds[k], rest)
+        yield from bar.during(at(0.0, placed.cover(view_map)), seconds[k], rest)
 
 
 def measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, int]:

@@ -217,6 +217,39 @@ def test_undo_after_live_takes_no_older_image_for_that_of_its_numbers(live: Modu
     assert not watch.has_changed(bpy.context)
 
 
+@pytest.mark.parametrize("first", ["nothing", "solved", "other size"])
+@pytest.mark.parametrize("is_live", [False, True])
+def test_undo_into_live_takes_no_image_for_that_of_its_numbers(
+    live: ModuleType, first: str, is_live: bool
+) -> None:
+    """Nor one that was never packed: of a rig that Live alone has solved, or that got another
+    display. With Live on as it is undone, Live packs what it shows when it is stopped at once.
+    """
+    watch = importlib.import_module(f"{EXTENSION}.operators.watch")
+    rig = small_rig()
+    if first != "nothing":
+        bpy.ops.kiriko.solve()
+    if first == "other size":
+        rig["DISPLAY"].kiriko.resolution[0] //= 2
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    settle(live)
+    for message, angle in (("one", 0.3), ("two", 0.2)):
+        turn(rig["GLASS"], angle)
+        settle(live)
+        assert np.abs(shown() - plain(live)).max() < 1e-5
+        bpy.ops.ed.undo_push(message=message)
+    if not is_live:
+        live.stop()
+        bpy.ops.ed.undo_push(message="more")
+        assert not watch.has_changed(bpy.context)
+
+    bpy.ops.ed.undo()
+    live.stop()
+    assert np.abs(shown() - plain(live)).max() > 0.5
+    assert watch.has_changed(bpy.context)
+
+
 def test_a_coarse_picture_comes_first(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

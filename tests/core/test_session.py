@@ -403,7 +403,12 @@ BAD = {
     "glass within a pixel": (
         lambda: rig(icosphere(1e-4, 2, centre=(0.0031, 0, 0.0012)), pixels=16),
         RigError,
-        "'viewer' sees the glass 'glass' smaller than one of its pixels",
+        "'viewer' sees the glass 'glass' narrower than one of its pixels",
+    ),
+    "glass like a needle": (
+        lambda: rig(box([6e-4, 6e-4, 0.016], (8e-4, 0, 8e-4)), pixels=16),
+        RigError,
+        "'viewer' sees the glass 'glass' narrower than one of its pixels",
     ),
 }
 
