@@ -100,7 +100,9 @@ def test_a_picture_is_opened_for_its_own_rig(
     image = bpy.data.images.new("sea", 4, 4)
     image.filepath_raw, image.file_format = str(tmp_path / "sea.png"), "PNG"
     image.save()
-    dialogue = Dialogue(kiriko, "choose_picture", "KIRIKO_OT_open_picture", filepath="", fit=False)
+    dialogue = Dialogue(
+        kiriko, "choose_picture", "KIRIKO_OT_open_picture", filepath="", files=[], fit=False
+    )
     bpy.context.view_layer.objects.active = None
     dialogue.it.invoke(in_window(), None)
     dialogue.it.filepath = str(tmp_path / "sea.png")
