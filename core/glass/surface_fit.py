@@ -98,11 +98,11 @@ def make_curved(
     size, faces, is_whole = yield from _fit(found, drawn, corners, wanted)
 
     if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
-        swollen = flat_face[faces.chosen[faces.is_swollen]]
-        is_whole &= ~np.isin(flat_face[faces.chosen], swollen)
+        is_whole &= ~np.isin(flat_face[faces.chosen], flat_face[faces.chosen[faces.is_swollen]])
 
     if not is_whole.all():
         faces = faces.at(is_whole)
+        yield 0
 
     beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
     yield 0
@@ -205,6 +205,7 @@ def _fit(
     faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen, known)
     joined = drawn.edges.at(drawn.is_joined)
     is_whole &= made_to_meet(faces, known, joined, corners, drawn.facets)
+    yield 0
     return fields.size, faces, is_whole
 
 

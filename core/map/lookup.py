@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
+from ..steps import Pauses
 from . import interpolation
 from .interpolation import PARTS, bilinear
 from .points import in_triangles, is_in_image
@@ -29,14 +30,15 @@ class Lookup:
         self.samples = view_map.samples
         self.sample_reach = view_map.sample_reach
 
-    def by_cells(self, xy: Floats) -> Floats:
-        """Display pixels (n, 2) that viewer pixels (n, 2) show
-        by way of cells; NaN where there is none.
+    def by_cells(self, xy: Floats) -> Pauses[Floats]:
+        """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is
+        none. Pauses on the way.
         """
         found = np.full(xy.shape, np.nan)
         in_image = np.flatnonzero(is_in_image(xy, self.view_size))
         pixel = self._pixel(xy[in_image])
         owner = self.owner.ravel()[pixel]
+        yield 0
 
         # in smooth cells
         smooth = np.flatnonzero(owner >= 0)
@@ -50,16 +52,19 @@ class Lookup:
         rays = in_image[whole]
         quads = self.quads[-2 - owner[whole]]
         found[rays] = bilinear(self.points.xy[quads], xy[rays] - self.points.view[quads[:, 0]])
+        yield 0
 
         # in quarters and in other pieces of pixels
         for pieces in (self.quads[~self._are_pixels], self.triangles):
             inside = in_triangles if pieces.shape[1] == 3 else in_quarters
             pieces, of_pixel = self._those_in(pieces, pixel)
+            yield 0
             for some, k in _each_in(of_pixel, pixel):
                 rays = in_image[some]
                 corners = pieces[k]
                 is_inside, at = inside(self.points.view[corners], self.points.xy[corners], xy[rays])
                 found[rays[is_inside]] = at[is_inside]
+            yield 0
 
         return found
 

@@ -56,7 +56,7 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
 
     # where the map has them
     yield 0
-    expected = view_map.lookup.by_cells(places.at)
+    expected = yield from view_map.lookup.by_cells(places.at)
     yield 0
     is_sampled = np.zeros(len(places.at), bool)
     is_sampled[view_map.lookup.nearest_samples(places.at, np.isnan(expected[:, 0]))[0]] = True

@@ -277,7 +277,7 @@ class ViewMap:
         Where light is chaotic this is the landing of the sample that is nearest.
         """
         xy = np.asarray(xy, float)
-        found = self.lookup.by_cells(xy)
+        found = finish(self.lookup.by_cells(xy))
         rays, samples = self.lookup.nearest_samples(xy, np.isnan(found[:, 0]))
         found[rays] = self.points.xy[samples]
         return found

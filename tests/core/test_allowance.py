@@ -142,7 +142,7 @@ def errors_of(a_rig, effort):
     found = solve(a_rig, effort=effort)
     xy = np.random.default_rng(3).random((40_000, 2)) * found.first.view_map.view_size
     landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
-    expected = found.first.view_map.lookup.by_cells(xy)[landings.has_arrived]
+    expected = finish(found.first.view_map.lookup.by_cells(xy))[landings.has_arrived]
     off = np.linalg.norm(expected - landings.xy[landings.has_arrived], axis=1)
     return off[np.isfinite(off)], found.n_rays
 
