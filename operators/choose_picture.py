@@ -143,9 +143,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
 
 
 class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
-    """Open an image file, a movie or the files of a sequence as the picture: its plane shows it, in
-    its own shape
-    """
+    """Open an image file, a movie or the files of a sequence as the picture"""
 
     bl_description = (
         "Open an image file, a movie or the files of a sequence as the picture: its plane shows it,"

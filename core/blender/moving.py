@@ -22,6 +22,8 @@ from ..words import percent
 
 MOVING = {"SEQUENCE", "MOVIE"}
 SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
+# the last digits in the name of a file of a sequence are its number
+NAME = re.compile(r"(.*?)(\d*)(\D*)")
 KEPT = 1 << 28  # bytes of a movie's frames that a copy may gather before another takes its place
 
 
@@ -102,9 +104,13 @@ def number_at(image: bpy.types.Image, timing: Timing | None, now: int) -> int | 
 
 def file_of(image: bpy.types.Image, number: int) -> Path:
     """The file of a frame of a sequence: the last digits in the image's name are its number."""
-    path = Path(_absolute(image))
-    before, digits, after = re.fullmatch(r"(.*?)(\d*)(\D*)", path.stem).groups()
-    return path.with_name(f"{before}{max(number, 0):0{len(digits)}}{after}{path.suffix}")
+    return numbered(Path(_absolute(image)), max(number, 0))
+
+
+def numbered(path: Path, number: int) -> Path:
+    """The file of a frame of the sequence that a file is one of."""
+    before, digits, after = NAME.fullmatch(path.stem).groups()
+    return path.with_name(f"{before}{number:0{len(digits)}}{after}{path.suffix}")
 
 
 class Stamp(NamedTuple):

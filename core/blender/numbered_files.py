@@ -1,14 +1,10 @@
 """Image files that are opened together: the frames of an image sequence."""
 
-import re
 from collections.abc import Collection
 from pathlib import Path
 
 from ..errors import ImageError
-from .moving import Timing
-
-# the last digits of a name are the number of its frame, as in `moving.file_of`
-NAME = re.compile(r"(.*?)(\d+)(\D*)")
+from .moving import NAME, Timing, numbered
 
 
 def sequence_of(files: Collection[Path]) -> tuple[Path, Timing]:
@@ -22,16 +18,14 @@ def sequence_of(files: Collection[Path]) -> tuple[Path, Timing]:
     """
     by_number = {}
     for file in files:
-        found = NAME.fullmatch(file.stem)
-        if found is not None:
-            by_number[int(found[2])] = file, found
+        digits = NAME.fullmatch(file.stem)[2]
+        if digits:
+            by_number[int(digits)] = file
 
     n, first = len(files), min(by_number, default=0)
     if len(by_number) == n:
-        file, (before, digits, after) = by_number[first][0], by_number[first][1].groups()
-        run = range(first, first + n)
-        names = {f"{before}{k:0{len(digits)}}{after}{file.suffix}" for k in run}
-        if names == {file.name for file in files}:
+        file = by_number[first]
+        if {numbered(file, k) for k in range(first, first + n)} == set(files):
             return file, Timing(n, frame_offset=first - 1)
 
     raise ImageError(

@@ -156,8 +156,8 @@ class KirikoScene(ViewersBefore, bpy.types.PropertyGroup):
     effort: IntProperty(
         name="Effort",
         description="Rays for a viewer pixel of chaotic light, a square number; up to 3.25 times as"
-        " many where the display is faint, at most 24 times unless that is finer. Less is rougher;"
-        " four times as many take up to a third off the error, in up to four times the time",
+        " many where the display is faint, at most 24 times unless the display is finer. Less is"
+        " rougher; 4 times as many take up to a third off the error, in up to 4 times the time",
         default=16,
         min=1,
         max=4096,
