@@ -409,7 +409,8 @@ def main() -> None:
     options.add_argument(
         "--everywhere",
         action="store_true",
-        help="run tests over many cases in older Blenders and with the oldest numpy, too",
+        help="run tests over many cases in older Blenders and with the oldest numpy, too, and all"
+        " of core without the kernel",
     )
     options.add_argument(
         "--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so"

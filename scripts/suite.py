@@ -180,7 +180,8 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
     """All steps, in the order in which they start.
 
     `tools` is the environment for steps that need any Blender; `newest` that in which no test is
-    left out; `everywhere`: are those over many cases left out of no other one either?
+    left out; `everywhere`: are those over many cases left out of no other one either, and none
+    without the kernel?
     """
     told = f"--durations={SLOWEST}", "-o", f"faulthandler_timeout={STACK_AFTER_S}"
     pytest = ("-m", "pytest", "-q", "--color=no", *told)
@@ -190,7 +191,8 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
     without = dict.fromkeys(blenders, () if everywhere else (*AT_NEWEST, *AT_BOTH_ENDS))
     without |= {ends[1]: () if everywhere else AT_NEWEST, ends[0]: ()}
     without[newest] = ()
-    of_oldest_numpy = (*NUMPY_ALONE, *(() if everywhere else AT_NEWEST_NUMPY))
+    left_out = () if everywhere else (*NUMPY_ALONE, *AT_NEWEST_NUMPY)
+    alone = ("tests/core",) if everywhere else NUMPY_ALONE
     by_name = {name: pytest if name == newest else older for name in BLENDERS}
     return [
         Step("lint", tools, ("-m", "ruff", "check", "--output-format=concise", ".")),
@@ -201,8 +203,8 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
         Step("core-newest-numpy", newest, (*pytest, "tests/core")),
         # what other programs make of the files for shows, and a scheduler of the jobs
         Step("farm", newest, ("scripts/dev.py", "farm", "--only", "maps", "jobs"), "package"),
-        Step("core-oldest-numpy", "core", (*older, "tests/core", *map(ignored, of_oldest_numpy))),
-        Step("core-numpy-alone", "core", (*older, *NUMPY_ALONE), without_kernel=True),
+        Step("core-oldest-numpy", "core", (*older, "tests/core", *map(ignored, left_out))),
+        Step("core-numpy-alone", "core", (*older, *alone), without_kernel=True),
         *(
             Step(
                 f"blender-{short}-{part + 1}",

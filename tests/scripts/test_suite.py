@@ -141,17 +141,23 @@ def test_each_blender_runs_each_file_of_its_tests_once() -> None:
 
 
 def test_what_a_numpy_leaves_out_is_there() -> None:
-    """Files that are left out by name are files; those left to numpy alone are run by it."""
+    """Files that are left out by name are files; those left to numpy alone are run by it, and where
+    all is asked for each file of core is run with the kernel and without.
+    """
     for file in (*suite.NUMPY_ALONE, *suite.AT_NEWEST_NUMPY):
         assert (suite.ROOT / file).is_file()
     assert not set(suite.NUMPY_ALONE) & set(suite.AT_NEWEST_NUMPY)
     assert files_of("core", "core-numpy-alone", everywhere=False) == sorted(suite.NUMPY_ALONE)
 
-    for everywhere, n in ((False, len(suite.AT_NEWEST_NUMPY)), (True, 0)):
+    for name in ("core-oldest-numpy", "core-numpy-alone"):
+        assert files_of("core", name, everywhere=True) == ["tests/core"]
+
+    n = len(suite.NUMPY_ALONE) + len(suite.AT_NEWEST_NUMPY)
+    for everywhere, n_left_out in ((False, n), (True, 0)):
         steps = suite.steps("any", "any", everywhere)
         (step,) = [step for step in steps if step.name == "core-oldest-numpy"]
         left_out = [word for word in step.arguments if word.startswith("--ignore=")]
-        assert len(left_out) == len(suite.NUMPY_ALONE) + n
+        assert len(left_out) == n_left_out
 
 
 def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
