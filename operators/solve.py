@@ -14,7 +14,7 @@ from ..core.steps import within
 from . import live, long_work, needed, work
 from .remedies import remedies_for
 from .viewer_reports import reports_of
-from .windows import show_image
+from .windows import show_image, show_where_empty
 
 SOLVED = 0.98  # of the progress: the rest is what viewers see, and remedies for light that is lost
 
@@ -42,6 +42,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
             nonlocal reading
             reading = write_coarse(scene, reading, pixels)
             self.shown = scene.kiriko.result.source.session_uid
+            show_where_empty(scene.kiriko.result.source)
 
         yield 0.0
         # Live shows coarse images itself, and would take one that stays here for its own, final one

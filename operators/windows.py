@@ -20,19 +20,30 @@ def redraw() -> None:
                 area.tag_redraw()
 
 
+def image_editors() -> list[bpy.types.SpaceImageEditor]:
+    """The image editors of all windows."""
+    areas = (area for window in all_windows() for area in window.screen.areas)
+    return [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
+
+
 def show_image(image: bpy.types.Image, result: bpy.types.PropertyGroup) -> None:
     """Show an image of a result where the artist looks: in the panel, and in image editors
     that show none, a render, or another image of that result.
     """
     result.shown = image
     ours = {None, *images_of(result)}
-    for window in all_windows():
-        for area in window.screen.areas:
-            space = area.spaces.active
-            if area.type == "IMAGE_EDITOR" and (
-                space.image in ours or space.image.type == "RENDER_RESULT"
-            ):
-                space.image = image
+    for space in image_editors():
+        if space.image in ours or space.image.type == "RENDER_RESULT":
+            space.image = image
+
+
+def show_where_empty(image: bpy.types.Image) -> None:
+    """Show an image that is no final one in image editors that show none: a render that is open
+    has to be there yet if nothing better than this comes.
+    """
+    for space in image_editors():
+        if space.image is None:
+            space.image = image
 
 
 def camera_of(space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> bpy.types.Object | None:

@@ -32,6 +32,7 @@ CLASSES = (
     solve.VIEW3D_PT_kiriko_solve,
     solve.VIEW3D_PT_kiriko_settings,
     solve.VIEW3D_PT_kiriko_preview,
+    checklist.VIEW3D_PT_kiriko_advice,
     result.VIEW3D_PT_kiriko_result,
     viewers.KIRIKO_UL_viewers,
     viewers.VIEW3D_MT_kiriko_scenes,

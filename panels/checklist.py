@@ -1,4 +1,7 @@
-"""The first panel: the things to do, each with a button that does it."""
+"""The things to do, each with a button that does it: in the first panel those that come before
+Solve, and below that button the advice, which is known a moment after a change, or by a result.
+Above it the advice would move the button away as it is pressed.
+"""
 
 import bpy
 
@@ -10,7 +13,7 @@ from ..operators.telling import in_words
 from ..operators.wrapping import sentence
 from .add_menu import add_rig, labels_of
 from .rigs import draw_rigs
-from .words import Sidebar, have_room, side_by_side
+from .words import OfRig, Sidebar, have_room, side_by_side
 
 FIRST = Message(
     "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"
@@ -24,7 +27,7 @@ EDITED = Message("What is to mend in the shape is told as you leave edit mode.")
 
 
 class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
-    """The first step, or the things that are left to do."""
+    """The first step, or the things to do before Solve."""
 
     bl_label = "Kiriko"
 
@@ -51,19 +54,44 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             return
 
         draw_rigs(layout, context)
-        found = look_over.found(context)
-        for entry in found:
+        found = [entry for entry in look_over.found(context) if not entry.can_wait]
+        before = [entry for entry in found if not entry.asks_to_solve]
+        for entry in before:
             draw_entry(layout, context, entry)
         if needed.edited(context):
             sentence(layout, context, EDITED, icon="INFO")
-        elif not found and look_over.is_looking(context.scene):
+        elif not before and look_over.is_looking(context.scene):
             sentence(layout, context, LOOKING, icon="INFO")
-        elif not found:
-            scene = context.scene
-            is_next = scene.kiriko.result.source is None and not watch.is_followed(scene)
+        elif not before:
+            # one line, as the other: else Solve would move with each change
+            is_next = bool(found) or is_unsolved(context.scene)
             sentence(layout, context, SOLVE if is_next else READY, icon="CHECKMARK")
         # the lattice of Add Rig is nobody's picture; it stays, for no button below is to move
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
+
+
+class VIEW3D_PT_kiriko_advice(OfRig, bpy.types.Panel):
+    """What can be done after Solve as well; there is none where there is nothing to tell."""
+
+    bl_label = "Advice"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and bool(advice(context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for entry in advice(context):
+            draw_entry(self.layout, context, entry)
+
+
+def advice(context: bpy.types.Context) -> list[Entry]:
+    """Entries that stand below Solve."""
+    return [entry for entry in look_over.found(context) if entry.can_wait]
+
+
+def is_unsolved(scene: bpy.types.Scene) -> bool:
+    """Is there no result, and none to come by itself?"""
+    return scene.kiriko.result.source is None and not watch.is_followed(scene)
 
 
 def draw_entry(layout: bpy.types.UILayout, context: bpy.types.Context, entry: Entry) -> None:

@@ -25,7 +25,7 @@ from .checklist_parts import (
     select_part,
     shown,
 )
-from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Look, Thing
+from .to_do import ADVICE, PROBLEM, SOLVE, Button, Counts, Entry, Look, Thing
 
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
 MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
@@ -126,7 +126,8 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
         text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
         yield Entry(text, PROBLEM, (thicken(thing),))
     elif thing.faults is not None and not thing.is_flat:
-        yield from on_mesh(thing, thing.faults, thing.own_faults or Counts())
+        for entry in on_mesh(thing, thing.faults, thing.own_faults or Counts()):
+            yield replace(entry, can_wait=entry.icon == ADVICE)
 
 
 def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
@@ -142,10 +143,13 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:
-    """Each button at the first entry alone that has it: one press mends for all of them."""
+    """Advice on a result, with each button at the first entry alone that has it: one press mends
+    for all of them.
+    """
     pressed: set[Button] = set()
     for entry in found:
-        yield replace(entry, buttons=tuple(b for b in entry.buttons if b not in pressed))
+        left = tuple(button for button in entry.buttons if button not in pressed)
+        yield replace(entry, buttons=left, can_wait=True)
         pressed.update(entry.buttons)
 
 
@@ -171,7 +175,7 @@ def _losses(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
 
 def _solve(look: Look) -> Entry:
     """A result that is not whole, or not of the scene as it is."""
-    solve = (Button("kiriko.solve", Message("Solve"), (), "LIGHT_SUN"),)
+    solve = (Button(SOLVE, Message("Solve"), (), "LIGHT_SUN"),)
     if look.is_coarse:
         return Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
     if look.is_stale:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from ..bench.helps import Help
 
 PROBLEM, ADVICE = "ERROR", "INFO"  # as Blender's icons are called
+SOLVE = "kiriko.solve"
 
 
 class Named(NamedTuple):
@@ -56,11 +57,18 @@ class Entry:
     """One thing to do.
 
     icon : PROBLEM where light is lost or nothing can be solved, ADVICE else
+    can_wait : is it known only by a look at a mesh, or by a result, and of use after Solve, too?
     """
 
     text: str
     icon: str = PROBLEM
     buttons: tuple[Button, ...] = ()
+    can_wait: bool = False
+
+    @property
+    def asks_to_solve(self) -> bool:
+        """Is Solve what it asks for?"""
+        return any(button.operator == SOLVE for button in self.buttons)
 
 
 @dataclass(frozen=True)

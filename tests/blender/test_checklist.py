@@ -711,6 +711,48 @@ def test_every_button_is_an_operator_with_its_properties(
             assert set(dict(button.properties)) <= set(known.keys())
 
 
+def test_nothing_that_is_told_late_stands_above_solve(
+    look: Callable[[], list],
+    scene: bpy.types.Scene,
+    drawn: Callable[..., Layout],
+) -> None:
+    """What a look at a shape or a result tells that can wait stands in the panel below: the first
+    one is as high as before, and Solve stays under the pointer.
+    """
+    first, advice = (("checklist", f"VIEW3D_PT_kiriko_{name}") for name in ("checklist", "advice"))
+    is_shown = bpy.types.VIEW3D_PT_kiriko_advice.poll
+
+    def first_line() -> str:
+        shown = drawn(*first)
+        assert shown.operators == ["kiriko.add_rig", "kiriko.open_picture"]
+        (line,) = shown.texts
+        return line
+
+    parts = small_rig(plate_size=0.03)
+    look()
+    assert not is_shown(bpy.context)
+    assert first_line() == "Ready: press Solve."
+
+    parts["GLASS"].data = lathe(32, 16)
+    look()
+    assert is_shown(bpy.context)
+    assert "looks curved" in drawn(*advice).texts[0]
+    assert drawn(*advice).operators == ["kiriko.shade_smooth"]
+    assert first_line() == "Ready: press Solve."
+    press(look(), "looks curved")
+
+    bpy.ops.kiriko.solve()
+    look()
+    assert "missed the plate" in " ".join(drawn(*advice).texts)
+    assert "kiriko.fit_plate" in drawn(*advice).operators
+    assert first_line() == "Ready."
+
+    scene.kiriko.result.is_coarse = True
+    look()
+    assert not is_shown(bpy.context)
+    assert first_line() == "Ready: press Solve."
+
+
 def test_a_mesh_is_looked_at_once(
     look: Callable[[], list],
     kiriko: ModuleType,

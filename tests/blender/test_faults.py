@@ -667,6 +667,33 @@ def test_a_coarse_image_is_shown_before_the_end(rig: dict, window: Window, shown
     assert len(shown) == 1  # by no script
 
 
+def test_a_coarse_image_is_shown_in_editors_that_show_none(
+    rig: dict, window: Window, shown: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An artist's image stays, and a render until the final image is there."""
+    mine = bpy.data.images.new("Mine", 8, 8)
+    render = type("Render", (), {"type": "RENDER_RESULT"})()
+    spaces = [SimpleNamespace(image=image) for image in (None, mine, render)]
+    areas = [
+        SimpleNamespace(type="IMAGE_EDITOR", spaces=SimpleNamespace(active=space))
+        for space in spaces
+    ]
+    screen = SimpleNamespace(areas=areas)
+    windows = part("operators.windows")
+    operator = pressed("solve", window)
+    monkeypatch.setattr(windows, "all_windows", lambda: [SimpleNamespace(screen=screen)])
+    monkeypatch.setattr(windows, "redraw", lambda: None)
+    step(operator, window, shown)
+    source = bpy.context.scene.kiriko.result.source
+    assert [space.image for space in spaces] == [source, mine, render]
+
+    spaces[0].image = None  # Blender itself puts the image there that takes its place
+    while operator.modal(window, TIMER) == {"PASS_THROUGH"}:
+        pass
+    final = bpy.context.scene.kiriko.result.source
+    assert [space.image for space in spaces] == [final, mine, final]
+
+
 def test_esc_keeps_the_coarse_image_and_undo_takes_it_back(
     rig: dict, window: Window, shown: list, tmp_path: Path
 ) -> None:

@@ -156,7 +156,7 @@ def english_in(texts: list[str], look_up: Callable[[str], str]) -> list[str]:
 
 
 PANELS = {
-    "checklist": ["VIEW3D_PT_kiriko_checklist"],
+    "checklist": ["VIEW3D_PT_kiriko_checklist", "VIEW3D_PT_kiriko_advice"],
     "solve": ["VIEW3D_PT_kiriko_solve", "VIEW3D_PT_kiriko_settings", "VIEW3D_PT_kiriko_preview"],
     "result": ["VIEW3D_PT_kiriko_result", "VIEW3D_PT_kiriko_details"],
     "object": ["VIEW3D_PT_kiriko_object"],

@@ -607,7 +607,7 @@ def test_a_picture_may_stay_without_numbers(
     words = "The source image has no numbers yet"
     panel = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
     assert panel == f"{words}: solve, or let Live finish."
-    assert f"{words}." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    assert "Ready: press Solve." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.export(filepath="/nowhere.png")
     assert result.source.packed_file is not None

@@ -107,9 +107,11 @@ def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) ->
     assert "No plate" not in text
 
 
+ADVICE = ("checklist", "VIEW3D_PT_kiriko_advice")  # which is there where it has something to tell
 PANELS = (
     ("checklist", "VIEW3D_PT_kiriko_checklist"),
     ("solve", "VIEW3D_PT_kiriko_solve"),
+    ADVICE,
     ("result", "VIEW3D_PT_kiriko_result"),
     ("object", "VIEW3D_PT_kiriko_object"),
     ("rig", "VIEW3D_PT_kiriko_rig"),
@@ -141,10 +143,11 @@ def test_before_there_is_a_rig_there_is_one_button(
             not hasattr(getattr(bpy.types, name), "poll")
             or getattr(bpy.types, name).poll(bpy.context)
             for _, name in PANELS
+            if name != ADVICE[1]
         ]
 
     cube()
-    assert polled() == [True] + [False] * (len(PANELS) - 1)
+    assert polled() == [True] + [False] * (len(PANELS) - 2)
     holder = new_object(None)
     inside = bpy.data.collections.new("inside")
     holder.instance_type, holder.instance_collection = "COLLECTION", inside
@@ -184,7 +187,7 @@ def test_thousands_of_objects_do_not_hold_up_panels(
 
 
 def test_the_panels_stand_in_the_order_of_the_work(kiriko: ModuleType) -> None:
-    """Checklist, Solve, Result, Object, Rig, Export, Calibration."""
+    """Checklist, Solve, Advice, Result, Object, Rig, Export, Calibration."""
     classes = importlib.import_module(f"{kiriko.__name__}.panels").CLASSES
     own = [
         c.__name__
