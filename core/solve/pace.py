@@ -64,6 +64,7 @@ class Pace:
     flat, curved, bent : glass without a curved face, with nothing else, and such as has flat
         triangles with bent normals: there errors take longest to measure
     painted_pixel, painted_cell, painted_share : of painting, a display pixel, a cell and a share
+    made_share : part of a share's time that it takes to make it; then it is painted
     found_share : to find the strongest paths, where that is asked for, a share
     covered_pixel, covered_point : to find how much of the picture is shown, a viewer
         pixel and a point of the map
@@ -81,6 +82,7 @@ class Pace:
     painted_pixel: Seconds
     painted_cell: Seconds
     painted_share: Seconds
+    made_share: float
     found_share: float = 0.22e-6
     covered_pixel: float = 0.06e-6
     covered_point: float = 0.05e-6
@@ -136,12 +138,13 @@ class Pace:
 
 
 PACE = Pace(
-    flat=GlassPace(1.2, 0.4e-3, 0.013),
+    flat=GlassPace(1.0, 0.15e-3, 0.009),
     curved=GlassPace(1.5, 0.36e-3, 0.02),
-    bent=GlassPace(1.5, 0.24e-3, 0.015, 20e3),
+    bent=GlassPace(1.5, 0.24e-3, 0.015, 17e3),
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.04e-6, 0.165e-6),
     painted_share=Seconds(0.075e-6, 0.035e-6),
+    made_share=0.25,
 )
 NUMPY_PACE = Pace(
     flat=GlassPace(1.0, 1.2e-3, 0.045),
@@ -150,6 +153,7 @@ NUMPY_PACE = Pace(
     painted_pixel=Seconds(0.05e-6),
     painted_cell=Seconds(0.3e-6),
     painted_share=Seconds(0.7e-6),
+    made_share=0.6,
 )
 
 

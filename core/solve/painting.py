@@ -25,11 +25,11 @@ from ..steps import Pauses, within
 from ..viewer import Viewer
 from .channel import shares_of
 from .pace import seconds_to_paint
+from .painted_part import PaintedPart
 from .picture_coverage import of_the_picture
 from .progress import STAGES
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
-SPREAD = 1.5  # times as many shares as others of their kind may the last cells make
 
 
 @dataclass(eq=False)
@@ -38,7 +38,7 @@ class Placed:
 
     reads : how finely shares are read
     seconds_to_paint : about, with all that comes with it
-    cells, n_made : (n,) after how many cells how many shares are made, about
+    part : of the work that is done
     coverage : complete when all shares were made once
     is_counted : is it complete?
     asked : the places of the picture that display pixels are asked for, where that was looked for
@@ -51,8 +51,7 @@ class Placed:
     shares: ShareBatches
     reads: Reads
     seconds_to_paint: float
-    cells: Floats
-    n_made: Floats
+    part: PaintedPart
     coverage: Coverage
     is_counted: bool = False
     asked: Asked | None = None
@@ -66,22 +65,6 @@ class Placed:
         """Keep no shares: they are made again when they are asked for."""
         self.shares.let_go()
         self.strokes.clear()
-
-    def part_done(self, n: int) -> float:
-        """Which part of all shares is done, about, 0..1: n of them, where they are there already,
-        else those that are made by now.
-        """
-        batches = self.shares
-        if batches.are_kept:
-            return n / max(len(batches), 1)
-        # cells may make fewer than they seem to: the last are done all the same
-        n_cells, n_before = batches.before_lot
-        before, with_lot = np.interp((n_cells, batches.n_divided), self.cells, self.n_made)
-        of_lot = max(with_lot - before - (batches.n_made - n_before), 0.0)
-        by_cells = SPREAD * (of_lot + self.n_made[-1] - with_lot)
-        left = min(max(self.n_made[-1] - batches.n_made, 0.0), by_cells)
-        whole = max(batches.n_made + left, 1.0)
-        return min(1.0, float(STAGES.made * batches.n_made + (1 - STAGES.made) * n) / whole)
 
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
@@ -155,7 +138,7 @@ def _add(
     for shares in placed.shares.pausing():
         clock.lap("shares")
         # another solve may be half way through the same batches
-        told = max(told, placed.part_done(n_painted))
+        told = max(told, placed.part.done(n_painted))
         if shares is None:
             yield told
             continue
@@ -181,7 +164,7 @@ def _add(
         n += 1
 
         n_painted += len(shares)
-        told = max(told, placed.part_done(n_painted))
+        told = max(told, placed.part.done(n_painted))
         yield told
 
     placed.is_counted = True
@@ -192,17 +175,13 @@ def _add(
 def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings) -> Placed:
     """The shares of a viewer's map as a picture's place has them, none of which are made yet."""
     shares = _shares_to_paint(view_map, picture, viewer, settings)
-    # a guess at the shares that so many cells make
-    cells, n_made = np.cumsum(np.pad(view_map.n_by_kind, ((0, 0), (1, 0))), axis=1)
-
     return Placed(
         viewer=viewer,
         picture=picture,
         shares=shares,
         reads=reads_at(view_map.tolerance),
         seconds_to_paint=seconds_to_paint(view_map, settings),
-        cells=cells,
-        n_made=n_made,
+        part=PaintedPart.of(view_map, shares),
         coverage=Coverage(shares.display_size, shares.view_size),
     )
 
@@ -252,7 +231,7 @@ def _count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
         clock.lap("coverage")
 
         n_counted += len(shares)
-        told = max(told, placed.part_done(n_counted))
+        told = max(told, placed.part.done(n_counted))
         yield told
 
     placed.is_counted = True
@@ -283,7 +262,7 @@ def _find_strongest(placed: Placed) -> Generator[float, None, None]:
         except StopIteration as done:
             placed.strongest = done.value
             return
-        told = max(told, placed.part_done(0) / STAGES.made)
+        told = max(told, placed.part.made)
         yield told
 
 

@@ -24,15 +24,13 @@ class Stages:
     mesh_measured, leaks_measured : of the measuring; then light that was cut off is looked at
     settled : of the painting for several viewers; the places that they ask for come before
     glance_traced : of a coarse picture; then it is painted
-    made : of painting, to make the shares; the rest is to paint and to add them
-    found : of that, to make the shares and find the strongest paths, where that is asked for
+    found : of painting, to make the shares and find the strongest paths, where that is asked for
     """
 
     mesh_measured: float = 0.8
     leaks_measured: float = 0.9
     settled: float = 0.5
     glance_traced: float = 0.5
-    made: float = 0.6
     found: float = 0.85
 
 

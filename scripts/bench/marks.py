@@ -11,8 +11,11 @@ goes astray where a mesh overlaps itself or has two faces in one place, and is n
 `--finer` gives Kiriko more viewer pixels, for the same display: it
 takes longer, and errs less where borders run.
 
-With `--effort 1 4 16`, instead: what *Effort* costs and gains, of the mesh as drawn: processor
-seconds of one thread, rays, the shares of the view that are sampled and unresolved, and the errors.
+With `--effort 1 4 16`, instead: what *Effort* costs and gains, of the mesh as drawn, and with
+`--samples 25 100` after it what more samples a pixel do for the splat: processor seconds of one
+thread, rays, the shares of the view that are sampled and unresolved, and the errors; each `power`
+is that of time by which the error before it falls from the line above: -0.5 halves it in four times
+the seconds.
 """
 
 from __future__ import annotations
@@ -21,11 +24,11 @@ import argparse
 import statistics
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter, thread_time
+from time import perf_counter, process_time, thread_time
 
 import numpy as np
 
@@ -39,7 +42,8 @@ from kiriko.core.solve.solution import Solution
 from kiriko.core.steps import finish
 from known.reference_rigs import glass_rig
 
-from .mitsuba_splat import MitsubaSplat, image_from_sums
+from . import mitsuba_splat
+from .mitsuba_splat import Floats, MitsubaSplat, image_from_sums
 from .side_by_side import SPP, Judge, finer, share_apart, zone_plate
 
 
@@ -98,8 +102,9 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
         replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),))
     )
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
-    splat.sums(arguments.samples)  # compiled by now
-    theirs, sums = timed(lambda: splat.sums(arguments.samples), arguments.rounds)
+    samples = arguments.samples[0]
+    splat.sums(samples)  # compiled by now
+    theirs, sums = timed(lambda: splat.sums(samples), arguments.rounds)
 
     with kernel.off() if arguments.numpy else nullcontext():
         our_rig = finer(a_rig, arguments.finer)
@@ -119,26 +124,56 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
 
 
 def print_efforts(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
-    """Print a line for each Effort."""
+    """Print a line for each Effort, and for each number of samples of the splat."""
     a_rig = glass_rig(mesh, ior=index, image=zone_plate())
-    drawn = replace(a_rig.glasses[0], mesh=replace(mesh, surface="facets"))
-    theirs = replace(a_rig.glasses[0], mesh=smooth_all_over(mesh))
-    judge = Judge(replace(a_rig, glasses=(theirs,)), arguments.reference, is_sphere=False)
+    glass = a_rig.glasses[0]
+    drawn = replace(a_rig, glasses=(replace(glass, mesh=replace(mesh, surface="facets")),))
+    splat = MitsubaSplat(replace(a_rig, glasses=(replace(glass, mesh=smooth_all_over(mesh)),)))
+    judge = Judge(splat.rig, arguments.reference, is_sphere=False)
 
     kernel.use_threads(1)
+    line = None
     for effort in arguments.effort:
         started = thread_time()
-        solution = finish(
-            Session().solve(replace(a_rig, glasses=(drawn,)), Settings(effort=effort))
-        )
+        solution = finish(Session().solve(drawn, Settings(effort=effort)))
         seconds = thread_time() - started
         error = solution.first.map_error
         print(
-            f"{name:<16}{effort:8d}{seconds:9.2f}{solution.n_rays:9d}"
-            f"{100 * error.sampled:11.2f}{100 * error.unresolved:13.2f}"
-            f"{judge.error(solution.source):9.4f}{judge.seen_error(solution.source):9.4f}",
-            flush=True,
+            f"{name:<16}{effort:8d}{seconds:9.2f}{solution.n_rays:10d}"
+            f"{100 * error.sampled:11.2f}{100 * error.unresolved:13.2f}",
+            end="",
         )
+        line = print_errors(judge, solution.source, seconds, line)
+
+    n_threads = mitsuba_splat.threads()
+    mitsuba_splat.use_threads(1)
+    splat.sums(1)  # compiled by now
+    line = None
+    for samples in arguments.samples:
+        started = process_time()
+        sums = splat.sums(samples)
+        seconds = process_time() - started
+        n_rays = samples * a_rig.viewer.width * a_rig.viewer.height
+        print(f"{name:<16}{f'{samples} spp':>8}{seconds:9.2f}{n_rays:10d}{'':24}", end="")
+        line = print_errors(judge, image_from_sums(sums), seconds, line)
+
+    mitsuba_splat.use_threads(n_threads)
+
+
+def print_errors(
+    judge: Judge, image: Floats, seconds: float, before: Sequence[float] | None
+) -> tuple[float, float, float]:
+    """Print the errors of an image and the powers of time by which
+    they fall from those before. Return time and errors.
+    """
+    found = seconds, judge.error(image), judge.seen_error(image)
+    powers = [f"{'':7}"] * 2
+    if before:
+        later, *falls = np.log(found) - np.log(before)
+        powers = [f"{fall / later:7.2f}" for fall in falls]
+
+    print(f"{found[1]:9.4f}{powers[0]}{found[2]:9.4f}{powers[1]}", flush=True)
+    return found
 
 
 def main() -> None:
@@ -158,7 +193,7 @@ def main() -> None:
         help="times finer a viewer for Kiriko, each way",
     )
     parser.add_argument(
-        "--samples", type=int, default=SPP, metavar="SPP", help="of Mitsuba's splat"
+        "--samples", nargs="+", type=int, default=[SPP], metavar="SPP", help="of Mitsuba's splat"
     )
     parser.add_argument(
         "--display", type=int, default=512, metavar="PIXELS", help="of the display, each way"
@@ -170,8 +205,8 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.effort:
         print(
-            f"{'glass':<16}{'effort':>8}{'CPU s':>9}{'rays':>9}{'sampled %':>11}"
-            f"{'unresolved %':>13}{'error':>9}{'as seen':>9}"
+            f"{'glass':<16}{'effort':>8}{'CPU s':>9}{'rays':>10}{'sampled %':>11}"
+            f"{'unresolved %':>13}{'error':>9}{'power':>7}{'as seen':>9}{'power':>7}"
         )
         print_all(print_efforts, arguments)
         return

@@ -17,9 +17,18 @@ from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.share_guess import CellsAndShares, smooth_ahead
 from kiriko.core.map.squares import Squares
 from kiriko.core.settings import Settings
-from kiriko.core.solve import known, pace, painting, picture_coverage, progress, reach, session
+from kiriko.core.solve import (
+    known,
+    pace,
+    painted_part,
+    painting,
+    picture_coverage,
+    progress,
+    reach,
+    session,
+)
 from kiriko.core.solve.pace import GlassPace, Pace, Seconds
-from kiriko.core.solve.progress import STAGES, Ahead, Bar
+from kiriko.core.solve.progress import Ahead, Bar
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, bottle, cube_rig, glass_rig, icosphere, rig, torus
@@ -36,7 +45,9 @@ RIGS = {
 }
 # s, by the clock that goes by counts
 RAY = 2e-6
+CELL = 0.5e-6
 SHARE = 0.3e-6
+MADE = 0.4  # of it
 FOUND = 0.8e-6
 JOINED = 4e-6
 AT_ONCE = GlassPace(searched=1.0, search=0.0, measured=0.0)
@@ -44,9 +55,9 @@ AT_ONCE = GlassPace(searched=1.0, search=0.0, measured=0.0)
 
 @contextmanager
 def counting_clock(monkeypatch) -> Iterator[list[float]]:
-    """A clock that goes by the rays that are traced, the cells that are put together and the
-    shares that are made and painted, which take so many seconds each; and the pace of solves by
-    it; to find the strongest paths takes its time by shares as well. All else takes no time.
+    """A clock that goes by the rays that are traced, the cells that are put together, and gathered
+    for the display, and the shares that are made and painted, which take so many seconds each; and
+    the pace of solves by it; to find the strongest paths takes its time by shares as well. All else takes no time.
     """
     now = [0.0]
     of_pace = Pace(
@@ -54,8 +65,9 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
         curved=AT_ONCE,
         bent=AT_ONCE,
         painted_pixel=Seconds(0.0),
-        painted_cell=Seconds(0.0),
+        painted_cell=Seconds(CELL),
         painted_share=Seconds(SHARE),
+        made_share=MADE,
         found_share=FOUND,
         covered_pixel=0.0,
         covered_point=0.0,
@@ -65,7 +77,8 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
         measured_point=0.0,
         planned_again=0.0,
     )
-    count, join, made = RaysAhead.count, RaysAhead.join, ShareBatches._count
+    count, join = RaysAhead.count, RaysAhead.join
+    gathered, made = ShareBatches._gather, ShareBatches._count
     add_rows = ghosts.Paths.add_rows
     find_strokes, add = painting.find_strokes, Painting.add
     n_found = [0]
@@ -78,8 +91,12 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
         now[0] += JOINED * n
         join(ahead, n, to_come)
 
+    def gather(batches, n):
+        now[0] += CELL * n
+        gathered(batches, n)
+
     def make(batches, n_cells, n_shares):
-        now[0] += STAGES.made * SHARE * n_shares
+        now[0] += MADE * SHARE * n_shares
         made(batches, n_cells, n_shares)
 
     def look(paths, pixel, *rows):
@@ -92,16 +109,18 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
 
     def paint(to, pyramid, strokes):
         add(to, pyramid, strokes)
-        now[0] += (1 - STAGES.made) * SHARE * n_found[0]
+        now[0] += (1 - MADE) * SHARE * n_found[0]
 
     with monkeypatch.context() as patch:
         for module in (reach, progress, painting):
             patch.setattr(module, "perf_counter", lambda: now[0])
         for module in (pace, progress):
             patch.setattr(module, "times_slower", lambda: 1.0)
+        for module in (pace, progress, painted_part):
             patch.setattr(module, "pace", lambda: of_pace)
         patch.setattr(RaysAhead, "count", trace)
         patch.setattr(RaysAhead, "join", put_together)
+        patch.setattr(ShareBatches, "_gather", gather)
         patch.setattr(ShareBatches, "_count", make)
         patch.setattr(ghosts.Paths, "add_rows", look)
         patch.setattr(painting, "find_strokes", find)
