@@ -1,6 +1,6 @@
 """The rest of a solve as it is told, by a clock that the tests set."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -53,63 +53,48 @@ JOINED = 4e-6
 AT_ONCE = GlassPace(searched=1.0, search=0.0, measured=0.0)
 
 
+OF_COUNTS = Pace(
+    flat=AT_ONCE,
+    curved=AT_ONCE,
+    bent=AT_ONCE,
+    painted_pixel=Seconds(0.0),
+    painted_cell=Seconds(CELL),
+    painted_share=Seconds(SHARE),
+    made_share=MADE,
+    found_share=FOUND,
+    covered_pixel=0.0,
+    covered_point=0.0,
+    joined_cell=JOINED,
+    summed_cell=0.0,
+    guessed_cell=0.0,
+    measured_point=0.0,
+    planned_again=0.0,
+)
+
+
 @contextmanager
 def counting_clock(monkeypatch) -> Iterator[list[float]]:
     """A clock that goes by the rays that are traced, the cells that are put together, and gathered
     for the display, and the shares that are made and painted, which take so many seconds each; and
-    the pace of solves by it; to find the strongest paths takes its time by shares as well. All else takes no time.
+    the pace of solves by it; to find the strongest paths takes its time by shares as well. All
+    else takes no time.
     """
     now = [0.0]
-    of_pace = Pace(
-        flat=AT_ONCE,
-        curved=AT_ONCE,
-        bent=AT_ONCE,
-        painted_pixel=Seconds(0.0),
-        painted_cell=Seconds(CELL),
-        painted_share=Seconds(SHARE),
-        made_share=MADE,
-        found_share=FOUND,
-        covered_pixel=0.0,
-        covered_point=0.0,
-        joined_cell=JOINED,
-        summed_cell=0.0,
-        guessed_cell=0.0,
-        measured_point=0.0,
-        planned_again=0.0,
-    )
-    count, join = RaysAhead.count, RaysAhead.join
-    gathered, made = ShareBatches._gather, ShareBatches._count
-    add_rows = ghosts.Paths.add_rows
-    find_strokes, add = painting.find_strokes, Painting.add
     n_found = [0]
-
-    def trace(ahead, n):
-        now[0] += RAY * n
-        count(ahead, n)
-
-    def put_together(ahead, n, to_come):
-        now[0] += JOINED * n
-        join(ahead, n, to_come)
-
-    def gather(batches, n):
-        now[0] += CELL * n
-        gathered(batches, n)
-
-    def make(batches, n_cells, n_shares):
-        now[0] += MADE * SHARE * n_shares
-        made(batches, n_cells, n_shares)
-
-    def look(paths, pixel, *rows):
-        now[0] += FOUND * len(pixel)
-        return add_rows(paths, pixel, *rows)
+    find_strokes = painting.find_strokes
 
     def find(picture, viewer, shares, reads):
         n_found[0] = len(shares)
         return find_strokes(picture, viewer, shares, reads)
 
-    def paint(to, pyramid, strokes):
-        add(to, pyramid, strokes)
-        now[0] += (1 - MADE) * SHARE * n_found[0]
+    def goes_by(owner: type, name: str, seconds: Callable[..., float]) -> None:
+        of_owner = getattr(owner, name)
+
+        def works(*given):
+            now[0] += seconds(*given)
+            return of_owner(*given)
+
+        patch.setattr(owner, name, works)
 
     with monkeypatch.context() as patch:
         for module in (reach, progress, painting):
@@ -117,14 +102,14 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
         for module in (pace, progress):
             patch.setattr(module, "times_slower", lambda: 1.0)
         for module in (pace, progress, painted_part):
-            patch.setattr(module, "pace", lambda: of_pace)
-        patch.setattr(RaysAhead, "count", trace)
-        patch.setattr(RaysAhead, "join", put_together)
-        patch.setattr(ShareBatches, "_gather", gather)
-        patch.setattr(ShareBatches, "_count", make)
-        patch.setattr(ghosts.Paths, "add_rows", look)
+            patch.setattr(module, "pace", lambda: OF_COUNTS)
+        goes_by(RaysAhead, "count", lambda _, n: RAY * n)
+        goes_by(RaysAhead, "join", lambda _, n, __: JOINED * n)
+        goes_by(ShareBatches, "_gather", lambda _, n: CELL * n)
+        goes_by(ShareBatches, "_count", lambda _, __, n: MADE * SHARE * n)
+        goes_by(ghosts.Paths, "add_rows", lambda _, pixel, *__: FOUND * len(pixel))
+        goes_by(Painting, "add", lambda *_: (1 - MADE) * SHARE * n_found[0])
         patch.setattr(painting, "find_strokes", find)
-        patch.setattr(Painting, "add", paint)
         yield now
 
 
