@@ -47,18 +47,26 @@ class Accuracy:
     contradicted: tuple[float, ...]
 
 
-def measure(plan: Plan, is_cut_off: bool = True) -> Generator[float, None, Accuracy]:
-    """Accuracy of a plan; yields progress 0..1. is_cut_off: may
-    some of its light be cut off by Max Events?
+def measure(
+    plan: Plan, is_cut_off: bool = True, elsewhere: Accuracy | None = None
+) -> Generator[float, None, Accuracy]:
+    """Accuracy of a plan; yields progress 0..1.
+
+    is_cut_off : may some of its light be cut off by Max Events?
+    elsewhere : of the same plan with its picture elsewhere, if that is known
     """
     bounded = yield from at(0.0, _bounded(plan))
-    found = yield from within(tessellation(bounded), 0.0, STAGES.mesh_measured)
+    if elsewhere is None:
+        found = yield from within(tessellation(bounded), 0.0, STAGES.mesh_measured)
+        rounding = rounding_error(plan)
+    else:
+        found, rounding = elsewhere.tessellation, elsewhere.rounding
     open_light = yield from at(STAGES.mesh_measured, leaks(plan))
     odd_light = yield from at(STAGES.leaks_measured, contradicted(bounded))
     caught_light = 0.0
     if is_cut_off:
         caught_light = yield from at(STAGES.leaks_measured, caught(plan))
-    return Accuracy(found, rounding_error(plan), open_light, caught_light, odd_light)
+    return Accuracy(found, rounding, open_light, caught_light, odd_light)
 
 
 def _bounded(plan: Plan) -> Pauses[Plan]:

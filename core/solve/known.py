@@ -4,13 +4,17 @@ from collections.abc import Generator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..fingerprint import fingerprint
+from ..light.plan import Plan
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import at, within
-from .channel import Traced
+from .channel import Channel, Traced
 from .disagreement import Settled, is_comparable, is_sharp
 from .measured import measuring
 from .pace import seconds_to_cover
@@ -98,17 +102,71 @@ def cover(
         yield from bar.during(at(0.0, placed.cover(view_map)), seconds[k], rest)
 
 
-def measure(unmeasured: Sequence[Traced], clock: Clock) -> Generator[float, None, int]:
+def plans_of(rig: Rig, settings: Settings, optics: Optics) -> list[Plan]:
+    """The plan of each channel, for a rig that is equal to the one that was traced but for its
+    picture, and perhaps for names.
+    """
+    return [
+        replace(traced.plan, rig=rig, settings=settings, viewer=viewer)
+        for viewer, traced in zip(rig.viewers, optics.channels, strict=True)
+    ]
+
+
+def unmeasured(optics: Optics, plans: Sequence[Plan]) -> list[tuple[Traced, Plan]]:
+    """The channels that were not measured with the picture where it is now, with their plans."""
+    picture = fingerprint(plans[0].rig.picture_place)
+    return [
+        (traced, plan)
+        for traced, plan in zip(optics.channels, plans, strict=True)
+        if traced.measured is None or traced.measured.picture != picture
+    ]
+
+
+def measure(unmeasured: Sequence[tuple[Traced, Plan]], clock: Clock) -> Generator[float, None, int]:
     """Measure what was traced; yields progress 0..1, and returns the number of rays that view maps
     were checked with.
     """
     n_rays = 0
-    for n, traced in enumerate(unmeasured):
+    for n, (traced, plan) in enumerate(unmeasured):
         start, stop = (k / len(unmeasured) for k in (n, n + 1))
         before = traced.view_map
-        traced.view_map = yield from at(start, checked(traced.plan, before))
+        traced.view_map = yield from at(start, checked(plan, before))
         n_rays += traced.view_map.n_rays - before.n_rays
         clock.lap("tracing")
-        steps = measuring(traced.plan, traced.view_map, clock.lap)
+        steps = measuring(plan, traced.view_map, clock.lap, traced.measured)
         traced.measured = yield from within(steps, start, stop)
     return n_rays
+
+
+def channels_of(
+    plans: Sequence[Plan], optics: Optics, place: Place, light: NDArray[np.float32]
+) -> tuple[Channel, ...]:
+    """All channels of a rig."""
+    return tuple(
+        _channel(*of_one, light)
+        for of_one in zip(plans, optics.channels, place.channels, strict=True)
+    )
+
+
+def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
+    """A channel, all shares of which are painted.
+
+    plan : as traced, of the very rig that is solved
+    light : (H, W, 3) that is wanted of the display
+    """
+    picture_coverage, misses = placed.covered
+    measured = traced.measured
+
+    return Channel(
+        plan=plan,
+        view_map=traced.view_map,
+        accuracy=measured.accuracy,
+        plate=measured.plate,
+        glare=measured.beside and measured.beside.seen_of(plan.rig.display.nearest(light)),
+        shares=placed.shares,
+        shown=placed.shown,
+        coverage=placed.coverage,
+        view_coverage=placed.view_coverage,
+        picture_coverage=picture_coverage,
+        misses=misses,
+    )

@@ -24,13 +24,24 @@ from ..settings import Settings
 from ..steps import Pauses, at, finish, last_told, within
 from ..viewer import Viewer
 from .accuracy import leaks
-from .channel import Channel, Traced, weight_beside
+from .channel import Traced, weight_beside
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
-from .known import Optics, Place, cover, keys_of, measure, placed_for, uncovered
+from .known import (
+    Optics,
+    Place,
+    channels_of,
+    cover,
+    keys_of,
+    measure,
+    placed_for,
+    plans_of,
+    uncovered,
+    unmeasured,
+)
 from .memory import check_memory, check_traced
 from .pace import seconds_to_cover, seconds_to_measure
-from .painting import Clock, Placed, finished, paint, place
+from .painting import Clock, finished, paint, place
 from .picture_coverage import check_seen
 from .progress import STAGES, Bar
 from .reach import UNTRACED, sample_reached
@@ -80,8 +91,9 @@ class Session:
 
         # what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
-        unmeasured = [traced for traced in optics.channels if traced.measured is None]
-        to_measure = sum(traced.seconds_to_measure for traced in unmeasured)
+        plans = plans_of(rig, settings, optics)
+        to_be_measured = unmeasured(optics, plans)
+        to_measure = sum(traced.seconds_left for traced, _ in to_be_measured)
         to_be_covered = uncovered(optics, placed)
         to_cover = sum(seconds_to_cover(view_map) for _, view_map in to_be_covered)
         to_paint = sum(one.seconds_to_paint for one in placed.channels)
@@ -99,7 +111,7 @@ class Session:
         for one, _ in to_be_covered:
             check_seen(one.picture, one.viewer)
         self._placed = placed
-        if show is not None and (to_be_covered or unmeasured):
+        if show is not None and (to_be_covered or to_be_measured):
             show(source)
 
         # all that is not seen
@@ -107,8 +119,8 @@ class Session:
         yield from cover(to_be_covered, bar, to_measure)
         clock.lap("coverage")
         yield bar.at(to_measure)
-        n_rays += yield from bar.during(measure(unmeasured, clock), to_measure, 0.0)
-        channels = _channels(rig, settings, optics, placed, light)
+        n_rays += yield from bar.during(measure(to_be_measured, clock), to_measure, 0.0)
+        channels = channels_of(plans, optics, placed, light)
         clock.lap("coverage")
 
         yield 1.0
@@ -258,39 +270,3 @@ class Session:
 def _is_to_be_settled(place: Place, rig: Rig) -> bool:
     """Is it still to be looked at what the viewers of a rig disagree about?"""
     return place.settled is None and is_comparable(rig)
-
-
-def _channels(
-    rig: Rig, settings: Settings, optics: Optics, place: Place, light: NDArray[np.float32]
-) -> tuple[Channel, ...]:
-    """All channels of a rig, that is equal to the one that was traced, perhaps with other names."""
-    return tuple(
-        _channel(
-            replace(traced.plan, rig=rig, settings=settings, viewer=viewer), traced, placed, light
-        )
-        for viewer, traced, placed in zip(rig.viewers, optics.channels, place.channels, strict=True)
-    )
-
-
-def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
-    """A channel, all shares of which are painted.
-
-    plan : as traced, of the very rig that is solved
-    light : (H, W, 3) that is wanted of the display
-    """
-    picture_coverage, misses = placed.covered
-    measured = traced.measured
-
-    return Channel(
-        plan=plan,
-        view_map=traced.view_map,
-        accuracy=measured.accuracy,
-        plate=measured.plate,
-        glare=measured.beside and measured.beside.seen_of(plan.rig.display.nearest(light)),
-        shares=placed.shares,
-        shown=placed.shown,
-        coverage=placed.coverage,
-        view_coverage=placed.view_coverage,
-        picture_coverage=picture_coverage,
-        misses=misses,
-    )

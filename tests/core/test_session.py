@@ -22,7 +22,7 @@ from kiriko.core.map import dividing, rasterise, share_batches
 from kiriko.core.mesh import FURTHEST
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from kiriko.core.solve import painting, progress, reach
+from kiriko.core.solve import accuracy, painting, progress, reach
 from kiriko.core.solve import tessellation as of_mesh
 from kiriko.core.solve.accuracy import MANY_EVENTS, measure, rounding_error
 from kiriko.core.solve.pace import Seconds, pace
@@ -91,6 +91,48 @@ def test_a_solve_that_ends_after_its_picture_is_gone_on_with(monkeypatch):
     again = drain(kept.solve(a_rig, None, shown.append))
     assert len(shown) == 2
     assert again.first.accuracy is found.first.accuracy
+
+
+@pytest.mark.parametrize("is_stopped", [False, True])
+def test_what_is_told_of_the_pictures_light_follows_the_picture(monkeypatch, is_stopped):
+    """Light of the picture goes through a gap only after it was moved before that: nothing is
+    traced for a map or for the error of the mesh, and all that is told is of the picture where it
+    is. So it is where a solve before was stopped, with its picture shown.
+    """
+    a_rig = small(picture=0.01)
+    glass, picture = a_rig.glasses[0], a_rig.picture
+    middles = glass.mesh.corners.mean(axis=1)
+    gap = np.linalg.norm(middles[:, [0, 2]] - [0.012, 0], axis=1) < 0.004
+    opened = replace(glass, mesh=some_of(glass.mesh, ~gap))
+    here, there = (
+        replace(
+            a_rig,
+            glasses=(opened,),
+            pictures=(replace(picture, mesh=replace_vertices(picture.mesh, np.array([x, 0, 0]))),),
+        )
+        for x in (-0.01, 0.01)
+    )
+    expected = solve(there)
+    assert "through gaps" in " ".join(expected.notes)
+
+    kept, shown = Session(), []
+    steps = kept.solve(here, None, shown.append)
+    if is_stopped:
+        while not shown:
+            next(steps)
+        steps.close()
+    else:
+        assert "through gaps" not in " ".join(drain(steps).notes)
+    assert len(shown) == 1
+
+    monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
+    if not is_stopped:
+        monkeypatch.setattr(accuracy, "tessellation", lambda _: pytest.fail("measured again"))
+    found = solve(there, kept)
+    assert found.first.accuracy == expected.first.accuracy
+    assert found.notes == expected.notes
+    back = solve(here, kept)
+    assert "through gaps" not in " ".join(back.notes)
 
 
 def test_a_new_picture_alone_traces_nothing(monkeypatch):
@@ -205,6 +247,13 @@ def test_only_a_changed_mesh_builds_an_engine(monkeypatch):
 
 def replace_vertices(mesh, shift):
     return replace(mesh, vertices=mesh.vertices + shift)
+
+
+def some_of(mesh, some):
+    """Some of the triangles of a smooth mesh."""
+    return Mesh(
+        mesh.vertices, mesh.triangles[some], mesh.corner_normals[some], mesh.is_smooth[some]
+    )
 
 
 def test_settings_and_index_are_part_of_the_optics():
