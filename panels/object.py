@@ -6,6 +6,7 @@ from ..core.blender.bodies import bodiless
 from ..core.blender.chosen_product import display_product, glass_product, plate_product
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.look import has_own_faces, sides_of
+from ..core.blender.look_parts import is_flat
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.result_images import images_of
@@ -147,7 +148,7 @@ def _draw_glass(
     """The index of a glass, and the trouble with its shape or its material."""
     ours = thing.kiriko
     sides = sides_of(context.scene, thing)
-    if has_own_faces(context.scene, thing) and min(sides, default=1.0) == 0:
+    if has_own_faces(context.scene, thing) and is_flat(sides):
         text = Message(
             "It is flat: give it a thickness, as by a Solidify modifier, or set the role to None."
         )

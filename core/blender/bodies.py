@@ -86,6 +86,18 @@ def shows_instances_alone(shown: bpy.types.Object) -> bool:
     return has_nodes and shown.type == "MESH" and not len(shown.data.polygons)
 
 
+def makes_faces(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Does an object show faces by instances that it makes, as nodes do?"""
+    return any(
+        one.is_instance
+        and one.parent is not None
+        and one.parent.original == thing
+        and one.object.type == "MESH"
+        and len(one.object.data.polygons) > 0
+        for one in depsgraph.object_instances
+    )
+
+
 def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that an instance of a collection shows, once each, those of instances within it,
     too; none of other objects.

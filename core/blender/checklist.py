@@ -116,12 +116,21 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
     if thing.is_pictureless:
         yield Entry(thing.is_pictureless, PROBLEM, (choose_image(),))
 
+    yield from _on_shape(thing)
+
+
+def _on_shape(thing: Thing) -> Iterator[Entry]:
+    """The trouble with the size of a part, its thickness and its mesh."""
+    name = thing.named.name
     if thing.has_no_scale:
         text = Message("'{name}' is scaled to nothing.", name=name)
         button = Button(
             "kiriko.reset_scale", Message("Reset Scale"), naming(thing.named), "LOOP_BACK"
         )
         yield Entry(text, PROBLEM, (button,))
+    elif thing.is_empty:
+        text = Message("'{name}' has no faces: give it some, or set its role to None.", name=name)
+        yield Entry(text, PROBLEM, (select_part(thing.named),))
     elif thing.is_flat and thing.role == "GLASS":
         text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
         yield Entry(text, PROBLEM, (thicken(thing),))

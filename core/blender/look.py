@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..bench.helps import Help
-from .bodies import bodiless, shows_instances_alone, tools_of
+from .bodies import bodiless, makes_faces, shows_instances_alone, tools_of
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .doubles import doubled_polygons
@@ -20,6 +20,7 @@ from .look_parts import (
     BOXLESS,
     box_of,
     evaluated,
+    is_flat,
     named,
     refracts_as_shown,
     tiled_images,
@@ -43,13 +44,14 @@ Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 class LookedMesh(NamedTuple):
     """A mesh that was looked at: its faults as it is read and before modifiers, the sides (3,) of
-    its box in the object's own space, and the slots of its materials that are in use.
+    its own box, the slots of its materials in use; has neither it nor its instances a face?
     """
 
     as_read: Counts
     own: Counts
     sides: tuple[float, ...] = ()
     slots: tuple[int, ...] = ()
+    is_empty: bool = False
 
 
 def look_at(
@@ -157,7 +159,8 @@ def _thing(
         n_indices=_n_indices(scene, thing, looked.slots) if is_glass and looked is not None else 0,
         is_mesh=thing.type == "MESH",
         has_no_scale=min(map(abs, thing.scale)) == 0,
-        is_flat=has_mesh and min(sides, default=1.0) == 0,
+        is_empty=looked is not None and looked.is_empty,
+        is_flat=has_mesh and is_flat(sides),
         is_pictureless=why_no_picture(scene, thing) if role == "PICTURE" else "",
         faults=None if looked is None else _worth_telling(scene, looked.as_read),
         own_faults=None if looked is None else looked.own,
@@ -270,11 +273,12 @@ def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Loo
         points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
         sides = tuple(np.ptp(points, axis=0).tolist()) if len(points) else ()
         slots = used_slots(mesh)
-    if thing.type != "MESH":
-        return LookedMesh(as_read, Counts(), sides, slots)
-    if not any(m.show_viewport for m in thing.modifiers) and thing.data.shape_keys is None:
-        return LookedMesh(as_read, as_read, sides, slots)
-    return LookedMesh(as_read, counts_of(thing.data, is_glass), sides, slots)
+        is_empty = not len(mesh.polygons) and not makes_faces(thing, depsgraph)
+    own = Counts()
+    if thing.type == "MESH":
+        is_made = thing.data.shape_keys or any(m.show_viewport for m in thing.modifiers)
+        own = counts_of(thing.data, is_glass) if is_made else as_read
+    return LookedMesh(as_read, own, sides, slots, is_empty)
 
 
 def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:

@@ -109,6 +109,11 @@ def box_of(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Flo
     return corners.min(axis=0), corners.max(axis=0)
 
 
+def is_flat(sides: tuple[float, ...]) -> bool:
+    """Is a box with these sides one without a thickness, and no mere point, as that of no face?"""
+    return min(sides, default=1.0) == 0 < max(sides, default=0.0)
+
+
 def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
     """Why a plane shows no picture; '' where it does."""
     if scene.kiriko.picture_source == "IMAGE":

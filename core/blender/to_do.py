@@ -81,6 +81,7 @@ class Thing:
     faults : of its mesh as it is read; None where not known yet, or of no interest
     own_faults : of its mesh before modifiers, which can be edited
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
+    is_empty : is it known to have no face?
     has_facets : are facets wanted of it, by its setting Surface?
     has_ends : is it a bevelled curve whose ends are open?
     has_place : can it be given a material in this file?
@@ -96,6 +97,7 @@ class Thing:
     has_place: bool = True
     n_indices: int = 0
     has_no_scale: bool = False
+    is_empty: bool = False
     is_flat: bool = False
     is_pictureless: str = ""
     faults: Counts | None = None

@@ -174,6 +174,44 @@ def test_objects_that_nodes_scatter_are_no_fault_of_the_one_they_are_scattered_o
     assert f"'{grid.name}' is no glass: its material does not refract." in texts
 
 
+def without_faces(way: str) -> bpy.types.Object:
+    """The glass of a small rig, which is not flat: no face is left of it."""
+    glass = small_rig()["GLASS"]
+    if way == "mesh":
+        glass.data = bpy.data.meshes.new("empty")
+    elif way == "boolean":
+        far = new_object(primitive("cube", size=SIDE))
+        far.location.x = 10.0
+        cut = glass.modifiers.new("cut", "BOOLEAN")
+        cut.operation, cut.object = "INTERSECT", far
+    else:
+        tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        last = tree.nodes.new("NodeGroupOutput")
+        if way == "points":
+            points = tree.nodes.new("GeometryNodePoints")
+            tree.links.new(points.outputs[0], last.inputs[0])
+        glass.modifiers.new("nodes", "NODES").node_group = tree
+    bpy.context.view_layer.update()
+    return glass
+
+
+@pytest.mark.parametrize("way", ["mesh", "boolean", "nodes", "points"])
+def test_glass_without_a_face_is_told(
+    look: Callable[[], list], drawn: Callable[..., Layout], way: str
+) -> None:
+    """It is not flat, so that no thickness helps it, and the rig is not ready."""
+    glass = without_faces(way)
+    entries = look()
+    words = f"'{glass.name}' has no faces: give it some, or set its role to None."
+    assert labels_of(entries, words) == ["Select Part"]
+    assert "flat" not in " ".join(told(entries))
+    shown = drawn("object", "VIEW3D_PT_kiriko_object", glass, bpy.context.scene)
+    assert "flat" not in " ".join(shown.texts)
+    texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    assert not [text for text in texts if "Ready" in text]
+
+
 def test_wine_in_a_glass_is_told_and_taken(look: Callable[[], list]) -> None:
     """Without it the source image would be that of the empty glass; beside it, it is no matter."""
     small_rig()
