@@ -131,8 +131,9 @@ def measure(unmeasured: Sequence[tuple[Traced, Plan]], clock: Clock) -> Generato
         start, stop = (k / len(unmeasured) for k in (n, n + 1))
         before = traced.view_map
         traced.view_map = yield from at(start, checked(plan, before))
-        n_rays += traced.view_map.n_rays - before.n_rays
-        clock.lap("tracing")
+        if traced.view_map is not before:
+            n_rays += traced.view_map.n_rays - before.n_rays
+            clock.lap("tracing")
         steps = measuring(plan, traced.view_map, clock.lap, traced.measured)
         traced.measured = yield from within(steps, start, stop)
     return n_rays
