@@ -43,8 +43,8 @@ Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 
 class LookedMesh(NamedTuple):
-    """A mesh that was looked at: its faults as it is read and before modifiers, the sides (3,) of
-    its own box, the slots of its materials in use; has neither it nor its instances a face?
+    """A mesh that was looked at: its faults as it is read and before modifiers, sides (3,) of its
+    box in the object's own space, slots in use; is_empty: it makes no face, nor do its instances.
     """
 
     as_read: Counts

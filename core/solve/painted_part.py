@@ -47,8 +47,9 @@ class PaintedPart:
         if self.batches.are_kept:
             return n / max(len(self.batches), 1)
         gathered = min(1.0, self.batches.n_gathered / max(self.cells[-1], 1.0))
-        painted = min(1.0, n / self._n_expected)
-        return self.to_gather * gathered + self.to_make * self.made + self.to_paint * painted
+        expected = self._n_expected
+        of_shares = self.to_make * self.batches.n_made + self.to_paint * min(n, expected)
+        return self.to_gather * gathered + of_shares / expected
 
     @property
     def made(self) -> float:

@@ -132,7 +132,7 @@ def print_efforts(name: str, mesh: Mesh, index: float, arguments: argparse.Names
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
 
     kernel.use_threads(1)
-    line = None
+    before = None
     for effort in arguments.effort:
         started = thread_time()
         solution = finish(Session().solve(drawn, Settings(effort=effort)))
@@ -143,19 +143,19 @@ def print_efforts(name: str, mesh: Mesh, index: float, arguments: argparse.Names
             f"{100 * error.sampled:11.2f}{100 * error.unresolved:13.2f}",
             end="",
         )
-        line = print_errors(judge, solution.source, seconds, line)
+        before = print_errors(judge, solution.source, seconds, before)
 
     n_threads = mitsuba_splat.threads()
     mitsuba_splat.use_threads(1)
     splat.sums(1)  # compiled by now
-    line = None
+    before = None
     for samples in arguments.samples:
         started = process_time()
         sums = splat.sums(samples)
         seconds = process_time() - started
         n_rays = samples * a_rig.viewer.width * a_rig.viewer.height
         print(f"{name:<16}{f'{samples} spp':>8}{seconds:9.2f}{n_rays:10d}{'':24}", end="")
-        line = print_errors(judge, image_from_sums(sums), seconds, line)
+        before = print_errors(judge, image_from_sums(sums), seconds, before)
 
     mitsuba_splat.use_threads(n_threads)
 

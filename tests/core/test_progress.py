@@ -51,8 +51,6 @@ MADE = 0.4  # of it
 FOUND = 0.8e-6
 JOINED = 4e-6
 AT_ONCE = GlassPace(searched=1.0, search=0.0, measured=0.0)
-
-
 OF_COUNTS = Pace(
     flat=AT_ONCE,
     curved=AT_ONCE,
