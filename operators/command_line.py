@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import bpy
 
 from ..core import disk, image_io
-from ..core.blender.kept import Numbers
+from ..core.blender.kept import Numbers, take_reports
 from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.measure.work_precision import BUDGET
@@ -300,6 +300,9 @@ def run(argv: list[str]) -> int:
             f"kiriko: {telling.sentence(error, Message('The command'), translate=str)}\n"
         )
         return USAGE_ERROR if isinstance(error, UsageError) else 1
+    finally:
+        for text in take_reports():
+            sys.stderr.write(f"kiriko: {text}\n")
     return 0
 
 

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import bpy
 
+from ..core.blender.kept import take_reports
 from ..core.errors import KirikoError, one_line
 from ..core.messages import CONTEXT, Message, as_message
 
@@ -121,3 +122,6 @@ def told(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterat
         yield
     except (Exception, KeyboardInterrupt) as error:
         operator.report({"ERROR"}, sentence(error, operator.bl_label, stays()))
+    finally:
+        for text in take_reports():
+            report(operator, "WARNING", text)

@@ -20,6 +20,7 @@ ENDING, BEGINNING = {"Pe", "Pf", "Po"}, {"Ps", "Pi"}  # marks that end and begin
 # what a number is not parted from
 UNIT = re.compile(r"(?<=\d )(%|[kcm]?m|px|s)(?!\w)")
 # kana and the mark of a long vowel, with which no line of Japanese begins
+LONGEST = 2000  # characters of a sentence: a file may hold a text of any length
 SMALL = set("ぁぃぅぇぉっゃゅょァィゥェォッャュョー")
 
 
@@ -31,7 +32,7 @@ def sentence(
     column = layout.column(align=True)
     column.scale_y = 0.8
     width = max(LEAST, context.region.width / scale - MARGIN)
-    for n, line in enumerate(wrapped(in_words(text), width, points_of(context))):
+    for n, line in enumerate(wrapped(in_words(text)[:LONGEST], width, points_of(context))):
         column.label(text=line, icon=icon if n == 0 else ("NONE" if icon == "NONE" else "BLANK1"))
 
 

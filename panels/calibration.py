@@ -96,7 +96,8 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and bool(context.scene.kiriko.calibration.found)
+        found = context.scene.kiriko.calibration.found
+        return super().poll(context) and bool(Numbers.read(found).by_name)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

@@ -5,11 +5,11 @@ All of it is the scene's own data, so that undo, which puts datablocks back one 
 one rig's settings with another's.
 """
 
-import json
 from typing import Any
 
 import bpy
 
+from .kept import fields_of, text_of
 from .rigs import active_rig, rig_of, rigs
 
 WITHOUT_TEXT = bpy.types.ID | bpy.types.bpy_prop_collection  # a list of viewers is one of cameras
@@ -172,7 +172,7 @@ def settings_text(group: bpy.types.PropertyGroup) -> str:
     """A group of settings as JSON, those that are set: without its result, and without datablocks
     and lists of them, which have no place in a text.
     """
-    return json.dumps(_values(group))
+    return text_of(_values(group))
 
 
 def set_settings(group: bpy.types.PropertyGroup, text: str) -> None:
@@ -181,7 +181,7 @@ def set_settings(group: bpy.types.PropertyGroup, text: str) -> None:
     A value that this version does not know is passed by.
     """
     clear_settings(group)
-    _set_values(group, json.loads(text or "{}"))
+    _set_values(group, fields_of(text))
 
 
 def _values(group: bpy.types.PropertyGroup) -> dict[str, Any]:

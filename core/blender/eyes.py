@@ -2,7 +2,6 @@
 that they stand around, and belong to the active rig.
 """
 
-import json
 from collections.abc import Iterator
 from math import isclose
 from typing import NamedTuple
@@ -16,7 +15,7 @@ from ..viewer import Viewer
 from .own_words import data_name
 from .remove_rig import spaces
 from .rig_names import stem
-from .rigs import RIG_MARK, active_rig, marked_key
+from .rigs import active_rig, mark, marked_key
 from .scene import object_matrix
 from .viewer import orthonormal_axes
 from .viewer_list import add, take_out
@@ -197,7 +196,7 @@ def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.
         return
     rig.objects.link(thing)
     for block in (thing, thing.data):
-        block[RIG_MARK] = json.dumps([rig.kiriko.key, block.name])
+        mark(block, rig.kiriko.key)
 
 
 def _unscaled(viewer: bpy.types.Object) -> Matrix:

@@ -2,15 +2,14 @@
 is removed.
 """
 
-import json
-
 import bpy
 
+from .kept import fields_of, text_of
 from .rig_record import keep
 from .rigs import rig_of, rigs_of
 from .viewport_look import draw_as_solid
 
-GIVEN_MARK = "kiriko_given"  # on the material; in files of before on objects, for their `given`
+GIVEN_MARK = "kiriko_given"  # on the material
 SETTER = "GeometryNodeSetMaterial"
 
 
@@ -42,16 +41,16 @@ def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Mater
         slot.link = "OBJECT"
         slot.material = glass
 
-    if rig is not None and not _noted(thing):
+    if rig is not None and not thing.kiriko.given:
         glass[GIVEN_MARK] = True
-        thing.kiriko.given = json.dumps([rig.kiriko.key, slots if has_slots else []])
+        thing.kiriko.given = _given(rig.kiriko.key, slots if has_slots else [])
     draw_as_solid(thing)
     return kept
 
 
-def _noted(thing: bpy.types.Object) -> str:
-    """Key of the rig and the slots of an object that was made glass, '' of others."""
-    return thing.kiriko.given or thing.get(GIVEN_MARK, "")
+def _given(key: str, slots: list[tuple[str, str, bool]]) -> str:
+    """The record of an object that was made glass: key of its rig, and its slots before."""
+    return text_of({"rig": key, "slots": slots})
 
 
 def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
@@ -75,15 +74,15 @@ def take_back(scene: bpy.types.Scene, key: str) -> None:
     keys = rigs_of(scene)
     given = set()
     for thing in scene.objects:
-        of_rig, slots = json.loads(_noted(thing) or '["", []]')
-        if of_rig != key or not thing.is_editable:
+        given_before = fields_of(thing.kiriko.given)
+        if given_before.get("rig") != key or not thing.is_editable:
             continue
+        slots = given_before["slots"]
         heirs = keys(thing) - {key}
         if heirs:  # it is another rig's glass, too
-            thing.kiriko.given = json.dumps([min(heirs), slots])
+            thing.kiriko.given = _given(min(heirs), slots)
             continue
         thing.kiriko.given = ""
-        thing.pop(GIVEN_MARK, None)
         given |= _take_modifiers(thing)
         given |= {slot.material for slot in thing.material_slots if _is_given(slot.material)}
         _take_back(thing, slots)

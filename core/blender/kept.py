@@ -1,12 +1,15 @@
-"""Records that a scene keeps as text in its string properties.
+"""Records that a file keeps as text in its string properties.
 
-Each is JSON with a version, and so is the record of what a result was solved for, which
-`core/solve/solved_for.py` reads and writes. A text without a version is of Kiriko 0.1. An empty
-text is an empty record; a text that is no JSON raises ValueError.
+Each is JSON with a version and a checksum. A text of another version, or one that was damaged or
+edited, counts as an empty record: it is reported once, and no button fails because of it.
 """
 
+import hashlib
 import json
+import re
+import string
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from typing import Any
@@ -15,6 +18,52 @@ from ..errors import one_line
 from ..messages import Message, as_message
 
 RECORD_VERSION = 1
+SHOWN = 60  # characters of an unreadable record that its report quotes
+LONGEST = 2000  # characters of a sentence that is put together from a file's text
+SPEC = re.compile(r"(\.\d)?[efg]?")  # no width: a file could ask for a billion spaces
+
+_reported: set[str] = set()
+_unreported: list[Message] = []
+
+
+def text_of(fields: dict[str, Any]) -> str:
+    """A record as a file keeps it."""
+    fields = {"version": RECORD_VERSION, **fields}
+    return json.dumps({**fields, "checksum": _checksum(fields)})
+
+
+def fields_of(text: object) -> dict[str, Any]:
+    """The fields of a record's text; none if the text is empty or unreadable."""
+    if not text:
+        return {}
+    try:
+        fields = json.loads(text)
+        if fields.pop("checksum") == _checksum(fields) and fields.pop("version") == RECORD_VERSION:
+            return fields
+    except (ValueError, TypeError, AttributeError, KeyError, RecursionError):
+        pass
+
+    if (shown := str(text)[:SHOWN]) not in _reported:
+        _reported.add(shown)
+        _unreported.append(
+            Message(
+                "Kiriko ignores a record in this file that is damaged or comes from a newer"
+                " version: {start}",
+                start=shown,
+            )
+        )
+    return {}
+
+
+def take_reports() -> list[Message]:
+    """Reports on unreadable records that were met since the last call."""
+    reports = _unreported.copy()
+    _unreported.clear()
+    return reports
+
+
+def _checksum(fields: dict[str, Any]) -> str:
+    return hashlib.sha1(json.dumps(fields).encode(), usedforsecurity=False).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -26,11 +75,11 @@ class Offset:
     @classmethod
     def read(cls, text: str) -> "Offset":
         """The record of a text."""
-        return cls(_items(text, "sets"))
+        return cls(fields_of(text).get("sets", []))
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": RECORD_VERSION, "sets": self.sets})
+        return text_of({"sets": self.sets})
 
 
 @dataclass(frozen=True)
@@ -42,11 +91,11 @@ class Ladder:
     @classmethod
     def read(cls, text: str) -> "Ladder":
         """The record of a text."""
-        return cls(_items(text, "rungs"))
+        return cls(fields_of(text).get("rungs", []))
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": RECORD_VERSION, "rungs": self.rungs})
+        return text_of({"rungs": self.rungs})
 
 
 @dataclass(frozen=True)
@@ -62,33 +111,28 @@ class Changed:
     @classmethod
     def read(cls, text: str) -> "Changed":
         """The record of a text."""
-        kept = json.loads(text or "{}")
-        return cls(kept.get("rig", ""), kept.get("changes", []))
+        fields = fields_of(text)
+        return cls(fields.get("rig", ""), fields.get("changes", []))
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": RECORD_VERSION, "rig": self.rig, "changes": self.changes})
+        return text_of({"rig": self.rig, "changes": self.changes})
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers by name: of the last result, as `result.py` writes them, or of the last calibration.
-
-    Those of earlier versions lack some names.
-    """
+    """Numbers by name, of the last result or the last calibration."""
 
     by_name: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
     def read(cls, text: str) -> "Numbers":
         """The record of a text."""
-        by_name = json.loads(text or "{}")
-        by_name.pop("version", None)
-        return cls(by_name)
+        return cls(fields_of(text))
 
     def text(self) -> str:
         """As a scene keeps it."""
-        return json.dumps({"version": RECORD_VERSION, **self.by_name})
+        return text_of(self.by_name)
 
 
 @dataclass(frozen=True)
@@ -108,13 +152,16 @@ class Sentences:
     @classmethod
     def read(cls, text: str) -> "Sentences":
         """The record of a text."""
-        kept = json.loads(text or "{}").get("by_text", {})
-        return cls({sentence: _message(data) for sentence, data in kept.items()})
+        found = {}
+        for sentence, data in fields_of(text).get("by_text", {}).items():
+            with suppress(ValueError, TypeError, LookupError, RecursionError, OverflowError):
+                found[sentence] = _message(data)
+        return cls(found)
 
     def text(self) -> str:
         """As a scene keeps it."""
         by_text = {sentence: _data(message) for sentence, message in self.by_text.items()}
-        return json.dumps({"version": RECORD_VERSION, "by_text": by_text})
+        return text_of({"by_text": by_text})
 
     def message(self, text: str) -> Message:
         """The message that a sentence was; of one that had no values, or is unknown, a message
@@ -146,15 +193,22 @@ def _data(value: Any) -> Any:
 
 
 def _message(data: dict[str, Any]) -> Message:
+    """The message of such data, which may be anybody's: plain fields only, and of bounded length.
+
+    Raises
+    ------
+    ValueError
+        The template asks for more than the values by their names, or the text is too long.
+    """
     values = {
         name: _message(value) if isinstance(value, dict) else value
         for name, value in data["values"].items()
     }
-    template = data["template"]
-    return Message(template, **values)
-
-
-def _items(text: str, name: str) -> list[Any]:
-    """The list that a record is made of; it was all of the text in 0.1."""
-    kept = json.loads(text or "[]")
-    return kept[name] if isinstance(kept, dict) else kept
+    template = str(data["template"])[:LONGEST]
+    for _, name, spec, conversion in string.Formatter().parse(template):
+        if name is not None and (conversion or name not in values or not SPEC.fullmatch(spec)):
+            raise ValueError(template)
+    message = Message(template, **values)
+    if len(message) > LONGEST:
+        raise ValueError(template)
+    return message

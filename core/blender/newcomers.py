@@ -2,7 +2,6 @@
 another file. Each is made a rig of its own, with settings of its own, and no result.
 """
 
-import json
 from collections.abc import Iterable
 from secrets import token_hex
 
@@ -20,7 +19,7 @@ from .active_rig import (
 )
 from .kept import Changed
 from .rig_names import stem
-from .rigs import RIG_MARK, active_rig, held_by, mark_of, marked_key, rigs, take_in
+from .rigs import active_rig, held_by, mark, mark_of, marked_key, rigs, take_in
 from .viewer_list import bring_back_by_itself, have_viewer
 
 NO_RESULT = [["kiriko.result.summary", "", ""]]  # as a rig notes that the scene had none before
@@ -143,7 +142,7 @@ def _mark_anew(blocks: Iterable[bpy.types.ID], key: str, new: str) -> None:
     """Have datablocks that Add Rig made for one rig be those of another."""
     for block in blocks:
         if marked_key(block) == key:
-            block[RIG_MARK] = json.dumps([new, block.name])
+            mark(block, new)
 
 
 def _take_over(thing: bpy.types.Object, key: str, new: str) -> None:

@@ -2,7 +2,6 @@
 changed is put back. Things that are used elsewhere by now stay.
 """
 
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -21,10 +20,18 @@ from .made_for_rig import (
     objects_of,
     unused_elsewhere,
 )
-from .rigs import RIG_MARK, active_rig, let_go, marked_key, rig_of, rigs, rigs_of
+from .rigs import RIG_MARK, active_rig, let_go, mark, marked_key, rig_of, rigs, rigs_of
 from .viewer import camera_at
 from .viewer_list import bring_back, have_viewer, is_there, take_out
 from .viewer_render import remove_unused
+
+# paths of the settings that Add Rig can have changed; a record is text, which anything may write
+OF_THINGS = {"kiriko.role", "display_type", "diffuse_color"}
+OF_SCENE = {
+    "kiriko.picture_source",
+    *(f"{RESULT}{name}" for name in ("summary", "seen_summary", "notes", "sentences")),
+}
+OF_VIEWS = {"clip_start", "clip_end"}
 
 
 def rig_to_remove(
@@ -81,7 +88,7 @@ def _bequeath(
         for block in left:
             heirs = {marked_key(user) for user in users[block]} & living
             if heirs and marked_key(block) not in living:
-                block[RIG_MARK] = json.dumps([min(heirs), block.name])
+                mark(block, min(heirs))
                 is_done = False
 
 
@@ -161,7 +168,7 @@ def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy
         if heirs:
             owner.kiriko.changed = Changed(min(heirs), kept.changes).text()
         else:
-            put_back(owner, kept.changes)
+            put_back(owner, [one for one in kept.changes if one[0] in OF_THINGS])
             owner.kiriko.property_unset("changed")
     for thing in scene.objects:
         let_go(thing, rig)
@@ -203,13 +210,14 @@ def _put_settings_back(scene: bpy.types.Scene, rig: bpy.types.Collection) -> Non
     # as before there were several, the newer one may have its settings
     has_own = rig == active_rig(scene)
     if has_own:
-        put_back(scene, Changed.read(rig.kiriko.changed).changes)
+        changes = Changed.read(rig.kiriko.changed).changes
+        put_back(scene, [one for one in changes if one[0] in OF_SCENE])
     if newer:
         _hand_over(rig.kiriko, newer[0].kiriko, ("views",) if has_own else ("changed", "views"))
         return
 
     for screen, *change in Changed.read(rig.kiriko.views).changes:
-        for space in spaces(screen):
+        for space in spaces(screen) if change[0] in OF_VIEWS else ():
             put_back(space, [tuple(change)])
 
 

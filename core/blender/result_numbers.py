@@ -90,7 +90,6 @@ def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> N
     """
     result = scene.kiriko.result
     result.ladder = Ladder(ladder).text()
-    if result.details:
-        details = Numbers.read(result.details).by_name
+    if details := Numbers.read(result.details).by_name:
         details["cost"] = costs(scene, details["seconds"], details["tolerance"])
         result.details = Numbers(details).text()

@@ -2,7 +2,6 @@
 and changes of things that were there before are kept.
 """
 
-import json
 from secrets import token_hex
 from typing import Any
 
@@ -11,7 +10,7 @@ import bpy
 from .active_rig import begin, keep_as, replace
 from .changes import Change, change, put_back
 from .kept import Changed
-from .rigs import RIG_MARK, active_rig, is_copy, let_go, take_in
+from .rigs import RIG_MARK, active_rig, is_copy, let_go, mark, take_in
 from .viewer_list import bring_back, have_viewer, set_aside
 
 OF_GLASS = ("rigs", "taken_as", "changed")  # marks of an object that a rig has taken in
@@ -106,7 +105,7 @@ class Record:
 def mark_made(made: list[bpy.types.ID], rig: bpy.types.Collection) -> None:
     """Mark datablocks as those of a rig."""
     for block in made:
-        block[RIG_MARK] = json.dumps([rig.kiriko.key, block.name])
+        mark(block, rig.kiriko.key)
 
 
 def keep(block: bpy.types.ID) -> None:

@@ -6,12 +6,11 @@ stands there all the light knows. One whose rig lost its collection, as by Delet
 goes on with that rig alone.
 """
 
-import json
 from collections.abc import Callable, Iterator
 
 import bpy
 
-from .kept import Changed
+from .kept import Changed, fields_of, text_of
 
 RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
 
@@ -56,8 +55,13 @@ def has_roles(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
 
 def mark_of(block: bpy.types.ID) -> tuple[str, str]:
     """Key of the rig that a datablock was made for, and the name it got; '' if there is none."""
-    key, name = json.loads(block.get(RIG_MARK, '["", ""]'))
-    return key, name
+    fields = fields_of(block.get(RIG_MARK))
+    return fields.get("key", ""), fields.get("name", "")
+
+
+def mark(block: bpy.types.ID, key: str) -> None:
+    """Mark a datablock as made for the rig with this key."""
+    block[RIG_MARK] = text_of({"key": key, "name": block.name})
 
 
 def marked_key(block: bpy.types.ID) -> str:

@@ -73,5 +73,5 @@ def from_text(text: str) -> SolvedFor | None:
     try:
         kept = json.loads(text)
         return SolvedFor(kept["content"], np.array(kept["places"], float).reshape(-1, 3, 4))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None

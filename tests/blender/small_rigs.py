@@ -92,6 +92,13 @@ def short_reports(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     short_walks(kiriko, monkeypatch)
 
 
+def record_text(fields: dict[str, object]) -> str:
+    """Text of a record as Kiriko writes it; `fields` may be parsed from such a text."""
+    kept = importlib.import_module("bl_ext.user_default.kiriko.core.blender.kept")
+    own = ("version", "checksum")
+    return kept.text_of({name: value for name, value in fields.items() if name not in own})
+
+
 def pixels(image: bpy.types.Image) -> np.ndarray:
     """Pixels (h, w, 4), row 0 at the top."""
     flat = np.empty(len(image.pixels), np.float32)

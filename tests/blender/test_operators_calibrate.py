@@ -12,7 +12,15 @@ import bpy
 import numpy as np
 import pytest
 
-from small_rigs import inventory, linear_lattice, new_object, pixels, primitive, small_rig
+from small_rigs import (
+    inventory,
+    linear_lattice,
+    new_object,
+    pixels,
+    primitive,
+    record_text,
+    small_rig,
+)
 
 HIDDEN = {
     "Kiriko Viewer: turn about up": 0.08,
@@ -309,8 +317,8 @@ def test_an_offset_goes_into_the_scene(bench: Bench) -> None:
     display = bench.parts["DISPLAY"]
     display.parent = plate
     display.matrix_parent_inverse = plate.matrix_world.inverted()
-    bench.scene.kiriko.calibration.offset = json.dumps(
-        [HIDDEN, {"Kiriko Viewer: focal length": 0.2}]
+    bench.scene.kiriko.calibration.offset = record_text(
+        {"sets": [HIDDEN, {"Kiriko Viewer: focal length": 0.2}]}
     )
     wanted = bench.rig()
 
@@ -340,8 +348,8 @@ def test_a_tilted_picture_goes_along(bench: Bench) -> None:
     """
     bench.parts["PICTURE"].rotation_euler[0] += 0.3
     bpy.context.view_layer.update()
-    bench.scene.kiriko.calibration.offset = json.dumps(
-        [{**HIDDEN, "Kiriko Viewer: focal length": 0.2}]
+    bench.scene.kiriko.calibration.offset = record_text(
+        {"sets": [{**HIDDEN, "Kiriko Viewer: focal length": 0.2}]}
     )
     wanted = bench.rig()
 
@@ -358,7 +366,9 @@ def test_a_tilted_picture_goes_along(bench: Bench) -> None:
 @pytest.mark.parametrize("holds", ["constraint", "keyframes", "lens", "strip", "mirror", "name"])
 def test_what_is_held_is_not_moved(bench: Bench, holds: str) -> None:
     """All stays as it was, channel by channel, the offset too."""
-    bench.scene.kiriko.calibration.offset = json.dumps([{**HIDDEN, "Kiriko Plate: shift up": 0.5}])
+    bench.scene.kiriko.calibration.offset = record_text(
+        {"sets": [{**HIDDEN, "Kiriko Plate: shift up": 0.5}]}
+    )
     plate = bench.parts["PLATE"]
     if holds == "constraint":
         constraint = plate.constraints.new("LIMIT_LOCATION")

@@ -14,7 +14,7 @@ import pytest
 
 from kiriko.core.words import percent, summary
 from panel_layout import Layout
-from small_rigs import cube, new_object, primitive, small_rig
+from small_rigs import cube, new_object, primitive, record_text, small_rig
 
 OWN = {
     "IDEAL": [],
@@ -345,7 +345,7 @@ def test_all_of_the_picture_is_accounted_for(
         misses = {"missed the plate": 1 - share}
         result.summary = summary(share, misses)
         new = {**details, "tessellation_error": 2e-4, "picture_coverage": share, "misses": misses}
-        result.details = json.dumps(new)
+        result.details = record_text(new)
         shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
         assert f"{percent(share)} of the picture is shown" in shown
         told = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
@@ -485,7 +485,7 @@ def test_lost_light_and_open_glass_are_warned_of(
     assert drawn("result", "VIEW3D_PT_kiriko_details").icons["A plain note."] == "INFO"
     details = json.loads(result.details)
     del details["warnings"]
-    result.details = json.dumps(details)
+    result.details = record_text(details)
 
     assert drawn("result", "VIEW3D_PT_kiriko_details").icons[first] == "INFO"
 

@@ -14,7 +14,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 from panel_layout import Layout
-from small_rigs import inventory, pixels, short_reports, show_scene, small_rig
+from small_rigs import inventory, pixels, record_text, short_reports, show_scene, small_rig
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
 
@@ -593,7 +593,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     assert "Vertical disparity" in text
     for largest, is_warned in ((14.9, False), (15.0, True)):
         changed = {**details(), "two_eyes": {**told, "largest_vertical_arcmin": largest}}
-        bpy.context.scene.kiriko.result.details = json.dumps(changed)
+        bpy.context.scene.kiriko.result.details = record_text(changed)
         texts = drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts
         assert ("Eyes tire from 15 arcmin on" in texts) == is_warned
 

@@ -1,0 +1,117 @@
+"""Records in a .blend that are damaged, come from a newer version, or were written by somebody."""
+
+import importlib
+import json
+import time
+from collections.abc import Callable
+from types import ModuleType
+
+import bpy
+import pytest
+
+from panel_layout import Layout
+from small_rigs import record_text, small_rig
+
+NEWER = json.dumps({"version": 99, "rig": "a", "changes": [["kiriko.role", "NONE", "GLASS"]]})
+PANELS = (
+    ("result", "VIEW3D_PT_kiriko_result"),
+    ("result", "VIEW3D_PT_kiriko_details"),
+    ("calibration", "VIEW3D_PT_kiriko_calibration"),
+    ("rig", "VIEW3D_PT_kiriko_rig"),
+    ("checklist", "VIEW3D_PT_kiriko_checklist"),
+)
+DAMAGED = ("no JSON", "[]", "7", '"text"', '{"changes": 7}', NEWER, "[" * 100_000)
+
+
+def draw_all(drawn: Callable[..., Layout], glass: bpy.types.Object) -> None:
+    """Draw each panel that shows records; an error in one fails the test."""
+    for module, name in PANELS:
+        drawn(module, name, active=glass)
+
+
+@pytest.mark.parametrize("text", DAMAGED, ids=lambda text: text[:12])
+def test_every_verb_works_with_unreadable_records(
+    kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout], text: str
+) -> None:
+    """An unreadable record counts as empty: panels draw, the rig solves, and Remove Rig works."""
+    parts = small_rig()
+    bpy.ops.kiriko.solve()
+    ours, rig = scene.kiriko, bpy.data.collections["Kiriko Rig"]
+    for thing in parts.values():
+        thing.kiriko.changed = thing.kiriko.given = text
+        thing["kiriko_looking"] = text
+    for name in ("details", "ladder", "sentences", "solved_for"):
+        setattr(ours.result, name, text)
+    ours.calibration.offset = ours.calibration.found = ours.looking = text
+    rig.kiriko.changed = rig.kiriko.views = rig.kiriko.settings = text
+
+    draw_all(drawn, parts["GLASS"])
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+    assert ours.result.source is not None
+    draw_all(drawn, parts["GLASS"])
+    assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
+    assert "Kiriko Rig" not in bpy.data.collections
+
+
+def test_unreadable_marks_are_reported_once(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first button that meets an unreadable record reports it; the next ones do not."""
+    telling = importlib.import_module(f"{kiriko.__name__}.operators.telling")
+    small_rig()
+    scene.kiriko.calibration.offset = "damaged on 29 November"
+    reports: list[str] = []
+    monkeypatch.setattr(telling, "report", lambda operator, level, text: reports.append(str(text)))
+    for _ in range(2):
+        bpy.ops.kiriko.solve()
+    assert [text for text in reports if "damaged on 29 November" in text] == [
+        "Kiriko ignores a record in this file that is damaged or comes from a newer version:"
+        " damaged on 29 November"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("template", "value"),
+    [
+        ("{a:>1500000000}", "x"),
+        ("{a.__class__}", "x"),
+        ("{a!r}", "x"),
+        ("{a[0]}", "x"),
+        ("{}", "x"),
+        ("{a:g}", "x"),
+        ("{", "x"),
+    ],
+)
+def test_a_file_cannot_run_format_strings(kiriko: ModuleType, template: str, value: str) -> None:
+    """A stored sentence with anything but plain fields is shown as the plain text it stands for."""
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    stored = {"by_text": {"As shown.": {"template": template, "values": {"a": value}}}}
+    started = time.process_time()
+    message = kept.Sentences.read(record_text(stored)).message("As shown.")
+    assert (str(message), message.values) == ("As shown.", {})
+    assert time.process_time() - started < 1
+
+
+def test_sentences_that_double_are_cut(kiriko: ModuleType) -> None:
+    """Forty nested messages, each of which stands twice in the next, do not fill the memory."""
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    data: object = "a" * 100
+    for _ in range(40):
+        data = {"template": "{a}{a}", "values": {"a": data}}
+    read = kept.Sentences.read(record_text({"by_text": {"As shown.": data}}))
+    assert str(read.message("As shown.")) == "As shown."
+
+
+def test_remove_rig_sets_what_add_rig_changed_alone(scene: bpy.types.Scene) -> None:
+    """A record that names another setting does not make Remove Rig write to it."""
+    parts = small_rig()
+    glass, rig = parts["GLASS"], bpy.data.collections["Kiriko Rig"]
+    glass.location.x, scene.render.resolution_x = 3.0, 640
+    glass.kiriko.changed = record_text(
+        {"rig": rig.kiriko.key, "changes": [["location", [9.0, 0.0, 0.0], list(glass.location)]]}
+    )
+    rig.kiriko.changed = record_text(
+        {"rig": rig.kiriko.key, "changes": [["render.resolution_x", 7, 640]]}
+    )
+    bpy.ops.kiriko.remove_rig()
+    assert (glass.location.x, scene.render.resolution_x) == (3.0, 640)
