@@ -13,15 +13,18 @@ import importlib
 import os
 import platform
 import shutil
+import signal
 import sys
 import tempfile
 import tomllib
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
+from typing import NamedTuple
+from zipfile import ZipFile
 
 import bpy
 
 REPOSITORY = "kiriko_farm"
+LARGEST = 1_000_000  # bytes of a manifest that are read
 PACKAGE = f"bl_ext.{REPOSITORY}.kiriko"
 SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 MACHINES = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64", "aarch64": "arm64"}
@@ -37,69 +40,68 @@ def this_platform() -> str:
     return f"{SYSTEMS.get(system, system.lower())}-{MACHINES.get(machine.lower(), machine.lower())}"
 
 
-def manifest_of(path: Path) -> dict:
-    """The manifest in a zip, {} where it is of no extension."""
+class About(NamedTuple):
+    """A zip of Kiriko: its file and version, the oldest Blender, and the platforms (none: any)."""
+
+    path: Path
+    version: str
+    blender: tuple[int, ...]
+    platforms: list[str]
+
+
+def about(path: Path) -> About | None:
+    """What the manifest in a zip says; None for another extension's zip."""
     try:
-        with ZipFile(path) as archive:
-            if "blender_manifest.toml" not in archive.namelist():
-                return {}
-            return tomllib.loads(archive.read("blender_manifest.toml").decode())
-    except (BadZipFile, OSError, ValueError) as reason:
-        raise FarmError(f"The zip '{path}' cannot be read ({reason}): copy it again.") from None
-
-
-def platforms_of(manifest: dict) -> list[str]:
-    """The platforms that a zip is for; none: any."""
-    generated = manifest.get("build", {}).get("generated", {})
-    return generated.get("platforms", manifest.get("platforms", []))
-
-
-def numbers(version: str) -> tuple[int, ...]:
-    """A version as numbers, which can be compared."""
-    return tuple(int(part) for part in version.split("."))
+        with ZipFile(path) as archive, archive.open("blender_manifest.toml") as file:
+            manifest = tomllib.loads(file.read(LARGEST).decode())
+        if manifest.get("id") != "kiriko":
+            return None
+        generated = manifest.get("build", {}).get("generated", {})
+        platforms = generated.get("platforms", manifest.get("platforms", []))
+        oldest = tuple(int(part) for part in manifest["blender_version_min"].split("."))
+        return About(path, str(manifest["version"]), oldest, list(map(str, platforms)))
+    except Exception as reason:  # a zip can be broken in a dozen ways, each with its own error
+        why = " ".join(str(reason).split()).rstrip(".") or type(reason).__name__
+        raise FarmError(f"The zip '{path}' cannot be read ({why}): copy it again.") from None
 
 
 def fitting_zip(folder: Path, version: str | None) -> Path:
     """Kiriko's zip in a folder that is for this machine, and of a version where one is wanted."""
     here = this_platform()
-    found, broken = {}, None
+    found: list[About] = []
+    broken = None
     for path in sorted(folder.glob("*.zip")):
         try:
-            about = manifest_of(path)
+            found += filter(None, [about(path)])
         except FarmError as problem:
             broken = problem
-            continue
-        if about.get("id") == "kiriko":
-            found[path] = about
     if not found:
         raise broken or FarmError(
             f"There is no zip of Kiriko in '{folder}': put the one for {here} there,"
             f" beside {Path(__file__).name}."
         )
 
-    fit = [path for path, about in found.items() if here in (platforms_of(about) or [here])]
+    fit = [one for one in found if here in (one.platforms or [here])]
     if not fit:
-        path, about = next(iter(found.items()))
         raise FarmError(
-            f"The zip '{path}' is for {', '.join(platforms_of(about))}, and this machine is {here}:"
-            " put the zip for that beside it."
+            f"The zip '{found[0].path}' is for {', '.join(found[0].platforms)}, and this machine is"
+            f" {here}: put the zip for that beside it."
         )
 
-    same = [path for path in fit if version in (None, found[path]["version"])]
+    same = [one for one in fit if version in (None, one.version)]
     if not same:
         raise FarmError(
-            f"The zip '{fit[0]}' has Kiriko {found[fit[0]]['version']}, and the job was made with"
+            f"The zip '{fit[0].path}' has Kiriko {fit[0].version}, and the job was made with"
             f" {version}: put the zip of that version beside it, or make the job anew."
         )
 
-    path = same[-1]
-    needed = found[path]["blender_version_min"]
-    if numbers(needed) > bpy.app.version:
+    newest = same[-1]
+    if newest.blender > bpy.app.version:
         raise FarmError(
-            f"Kiriko needs Blender {needed} or newer, and this is {bpy.app.version_string}: have"
-            " the farm use a newer one."
+            f"Kiriko needs Blender {'.'.join(map(str, newest.blender))} or newer, and this is"
+            f" {bpy.app.version_string}: have the farm use a newer one."
         )
-    return path
+    return newest.path
 
 
 def enable(path: Path, home: Path) -> None:
@@ -144,6 +146,8 @@ def run(arguments: list[str]) -> int:
 
 def main() -> None:
     """Run, and leave with an exit code that is not 0 where it failed."""
+    # a farm ends a task so: the temporary folder goes as after an error
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
     arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
     try:
         code = run(arguments)

@@ -134,7 +134,7 @@ def with_two_materials() -> None:
 
 @pytest.mark.parametrize("made", [bare, suzanne, with_two_materials], ids=lambda f: f.__name__)
 def test_glass_that_was_made_glass_is_as_before(scene: bpy.types.Scene, made: Any) -> None:
-    """Its slots, its materials, and the mesh that other objects share, also after a second press."""
+    """Its slots, its materials, and the mesh that others share, also after a second press."""
     made()
     before = snapshot()
     bpy.ops.kiriko.add_rig(**SMALL)

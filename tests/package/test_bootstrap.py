@@ -4,12 +4,14 @@ import importlib.util
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from zipfile import ZipFile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import bpy
 import pytest
@@ -38,7 +40,10 @@ def work(job: Path, *words: object, file: Path | None = None) -> subprocess.Comp
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     return subprocess.run(
         [sys.executable, "-P", AS_BLENDER, *options, *script, *map(str, words)],
-        env={**kept, "BLENDER_USER_RESOURCES": str(job.parent / "profile")},
+        env={
+            **kept,
+            "BLENDER_USER_RESOURCES": str(job.parent / "profile"),
+        },
         capture_output=True,
         text=True,
         encoding="utf-8",
@@ -86,9 +91,10 @@ def test_worker_without_its_file(job: Path) -> None:
 
 
 @pytest.fixture
-def bootstrap(job: Path) -> ModuleType:
-    """The script as a module."""
-    spec = importlib.util.spec_from_file_location("bootstrap", job / "kiriko_bootstrap.py")
+def bootstrap(tmp_path: Path) -> ModuleType:
+    """The script as a module, in a folder without a zip."""
+    script = shutil.copy(ROOT / "farm" / "kiriko_bootstrap.py", tmp_path)
+    spec = importlib.util.spec_from_file_location("bootstrap", script)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -111,24 +117,29 @@ def told(
     return line
 
 
+def write_zip(path: Path, *change: str, packing: int = ZIP_STORED) -> None:
+    """Write a zip with Kiriko's manifest, in which one text is changed for another."""
+    manifest = (ROOT / "blender_manifest.toml").read_text("utf-8")
+    if change:
+        assert change[0] in manifest
+        manifest = manifest.replace(*change)
+    with ZipFile(path, "w", packing) as archive:
+        archive.writestr("blender_manifest.toml", manifest)
+
+
 def test_worker_without_kiriko(
-    bootstrap: ModuleType,
-    job: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
+    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
-    """Without the zip the sentence names the platform whose zip is wanted; so is a broken one."""
-    for path in job.glob("*.zip"):
-        path.unlink()
-    assert "There is no zip of Kiriko" in told(bootstrap, monkeypatch, capsys)
-    (job / "other.zip").write_bytes(b"")
-    assert "cannot be read" in told(bootstrap, monkeypatch, capsys)
+    """Without a zip the sentence names the platform whose zip belongs there."""
+    said = told(bootstrap, monkeypatch, capsys)
+    assert "There is no zip of Kiriko" in said
+    assert bootstrap.this_platform() in said
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (('platforms = ["', 'platforms = ["vax-vms", "pdp11-'), "is for vax-vms"),
+        (("platforms = [", 'platforms = ["vax-vms"]\nothers = ['), "is for vax-vms"),
         (('version = "0', 'version = "9'), "and the job was made with 0"),
         (('blender_version_min = "4', 'blender_version_min = "94'), "needs Blender 94"),
         (('schema_version = "1.0.0"', 'schema_version = "1.0.0"\nid ='), "cannot be read"),
@@ -136,18 +147,94 @@ def test_worker_without_kiriko(
 )
 def test_zips_that_do_not_fit(
     bootstrap: ModuleType,
-    job: Path,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
     change: tuple[str, str],
     said: str,
 ) -> None:
-    """Of another platform, another version, for a newer Blender, broken: each has its sentence."""
-    (path,) = job.glob("*.zip")
-    with ZipFile(path) as archive:
-        manifest = archive.read("blender_manifest.toml").decode()
-    assert change[0] in manifest
-    with ZipFile(path, "w") as archive:
-        archive.writestr("blender_manifest.toml", manifest.replace(*change))
+    """Another platform, another version, a newer Blender and a broken zip each have a sentence."""
+    write_zip(tmp_path / "kiriko.zip", *change)
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text("utf-8"))["version"]
     assert said in told(bootstrap, monkeypatch, capsys, "--version", version)
+
+
+def encrypted(path: Path) -> None:
+    """Mark the manifest in a zip as encrypted, in both of its headers."""
+    write_zip(path)
+    data = bytearray(path.read_bytes())
+    for magic, flags in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        data[data.index(magic) + flags] |= 1
+    path.write_bytes(data)
+
+
+def packed_oddly(path: Path) -> None:
+    """Name a packing that Python does not know."""
+    write_zip(path)
+    data = bytearray(path.read_bytes())
+    for magic, method in ((b"PK\3\4", 8), (b"PK\1\2", 10)):
+        data[data.index(magic) + method] = 97
+    path.write_bytes(data)
+
+
+def damaged(path: Path) -> None:
+    """Change bytes within the packed manifest."""
+    write_zip(path, packing=ZIP_DEFLATED)
+    data = bytearray(path.read_bytes())
+    data[80:120] = b"\xff" * 40
+    path.write_bytes(data)
+
+
+ODD = (
+    *(encrypted, packed_oddly, damaged),
+    lambda path: path.write_bytes(b""),
+    lambda path: path.write_bytes(b"PK\3\4" + b"x" * 100),
+    lambda path: path.mkdir(),
+    lambda path: write_zip(path, 'blender_version_min = "4', 'blender_version_min = "four'),
+    lambda path: write_zip(path, 'blender_version_min = "', 'oldest = "'),
+    lambda path: write_zip(path, "platforms = [", "platforms = 7\nothers = ["),
+    lambda path: write_zip(path, "[build]", "[others]\n[[build]]"),
+    lambda path: write_zip(path, 'version = "0', 'number = "0'),
+    lambda path: write_zip(path, 'id = "kiriko"', 'id = "other"'),
+)
+
+
+@pytest.mark.parametrize("make", ODD)
+def test_an_odd_zip_does_not_block_a_good_one(
+    bootstrap: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture,
+    make: Callable[[Path], object],
+) -> None:
+    """Alone, a zip that cannot be used gets one sentence; beside a good one it is passed over."""
+    make(tmp_path / "kiriko-a.zip")
+    told(bootstrap, monkeypatch, capsys)
+    write_zip(tmp_path / "kiriko-good.zip")
+    assert bootstrap.fitting_zip(tmp_path, None) == tmp_path / "kiriko-good.zip"
+
+
+STANDSTILL = """
+import runpy, sys, time
+import bpy
+script = runpy.run_path(sys.argv[1])
+variables = script["main"].__globals__
+variables["fitting_zip"] = lambda folder, version: folder
+variables["enable"] = lambda zip, home: (print(home, flush=True), time.sleep(60))
+script["main"]()
+"""
+
+
+def test_a_task_that_is_terminated_leaves_nothing(bootstrap: ModuleType, tmp_path: Path) -> None:
+    """SIGTERM, as farms end a task, removes the temporary folder and gives the signal's code."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", STANDSTILL, bootstrap.__file__],
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    home = Path(process.stdout.readline().strip())
+    assert home.parent == tmp_path
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(60) == 128 + signal.SIGTERM
+    assert not home.exists()
