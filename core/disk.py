@@ -256,8 +256,10 @@ def digest(path: Path | str) -> str:
 
 
 def read_bytes(path: Path | str) -> bytes:
-    """The image in a file; ImageError when it cannot be read."""
+    """The bytes of a file; ImageError when it cannot be read."""
     try:
+        if not Path(path).is_file():  # reading a pipe would wait for whoever writes to it
+            raise OSError(errno.ENOENT, os.strerror(errno.ENOENT))
         return Path(path).read_bytes()
     except (OSError, ValueError) as reason:
         why = getattr(reason, "strerror", None) or reason

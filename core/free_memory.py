@@ -3,10 +3,19 @@
 import ctypes
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from .errors import RigError
 from .numbers import number
+
+MEMINFO, STATM = Path("/proc/meminfo"), Path("/proc/self/statm")
+GROUPS, GROUPS_OF_SELF = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+# files of a control group: its limit and its use, bytes; a line of memory.stat: files that the
+# system can drop
+V1 = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
+V2 = "memory.max", "memory.current", "inactive_file"
 
 
 def check_free(needed: float, work: str, remedy: str) -> None:
@@ -31,25 +40,60 @@ def is_free(needed: float) -> bool:
 
 
 def available() -> float | None:
-    """Bytes of memory that are free; all there is where the
-    system tells no more; None where it tells nothing.
+    """Bytes of memory that this process can still take: free in the system, within the limits of
+    its control groups (containers, batch systems) and of its own address space; None if unknown.
     """
     if sys.platform == "win32":
         return _available_in_windows()
+    found = (_free_in_system(), *_free_in_groups(), _free_address_space())
+    return min((max(free, 0.0) for free in found if free is not None), default=None)
 
+
+def _free_in_system() -> float | None:
+    """Free bytes on Linux; on other systems all there are."""
     try:
-        kibibytes = dict(
-            line.split(":")
-            for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        )
-        return 1024.0 * int(kibibytes["MemAvailable"].split()[0])
+        lines = (line.split(":") for line in MEMINFO.read_text(encoding="ascii").splitlines())
+        return 1024.0 * int(dict(lines)["MemAvailable"].split()[0])
     except (OSError, KeyError, ValueError):
         pass
-
     try:
         return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (OSError, ValueError):
         return None
+
+
+def _free_in_groups() -> Iterator[float]:
+    """Free bytes within each limit of the process's control groups and of those above them."""
+    try:
+        groups = [line.split(":", 2) for line in GROUPS_OF_SELF.read_text().splitlines()]
+    except OSError:
+        return
+    for _, controllers, path in groups:
+        if controllers not in ("", "memory"):
+            continue
+        root = GROUPS / controllers  # version 2 has one tree for all controllers
+        limit, used, cached = V1 if controllers else V2
+        group = root / path.lstrip("/")
+        for folder in (group, *group.parents):
+            with suppress(OSError, ValueError, KeyError):  # "max": no limit
+                of_files = dict(map(str.split, (folder / "memory.stat").read_text().splitlines()))
+                free = int((folder / limit).read_text()) - int((folder / used).read_text())
+                yield float(free + int(of_files[cached]))
+            if folder == root:
+                break
+
+
+def _free_address_space() -> float | None:
+    """Bytes of addresses that the process's own limit leaves (`ulimit -v`), if there is one."""
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    try:
+        pages = int(STATM.read_text(encoding="ascii").split()[0])
+    except (OSError, ValueError):
+        return None
+    used = float(pages * os.sysconf("SC_PAGE_SIZE"))
+    return None if limit == resource.RLIM_INFINITY else limit - used
 
 
 class _MemoryStatus(ctypes.Structure):

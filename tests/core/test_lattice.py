@@ -455,6 +455,19 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     ],
     ids=["spreadsheet", "utf-16", "latin-1"],
 )
+def test_files_that_are_no_list_of_points_end_at_once(tmp_path: Path) -> None:
+    """A pipe is not waited for; points by the hundred thousand are counted before they are grown
+    into a lattice, which takes seconds for a thousand.
+    """
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe.csv")
+        with pytest.raises(ImageError, match="cannot be read"):
+            read_points(tmp_path / "pipe.csv", SEVEN, GRID)
+    lines = [f"{x:g},{y:g}" for x in range(300) for y in range(300)]
+    with pytest.raises(ImageError, match="of 90000 points have no place"):
+        read_points(written(tmp_path, "x,y\n" + "\n".join(lines)), SEVEN, GRID)
+
+
 def test_files_of_spreadsheets_are_read(tmp_path, data):
     (tmp_path / "points.csv").write_bytes(data)
     found = read_points(tmp_path / "points.csv", SEVEN, GRID)

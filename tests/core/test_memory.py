@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from environments import link_package
-from kiriko.core import free_memory
+from kiriko.core import free_memory, image_io
 from kiriko.core.errors import RigError
 from kiriko.core.kernel import library
 from kiriko.core.kernel.loading import SWITCH
@@ -190,3 +190,64 @@ def test_light_and_picture_count_together(monkeypatch):
 def test_what_is_free_is_known_here():
     free = free_memory.available()
     assert free is None or 1e7 < free < 1e14
+
+
+@pytest.mark.parametrize(
+    ("groups", "files"),
+    [
+        (
+            "0::/slice/box",
+            {
+                "slice/memory.max": "300000000",
+                "slice/memory.current": "250000000",
+                "slice/memory.stat": "anon 5\ninactive_file 20000000",
+                "slice/box/memory.max": "max",
+                "slice/box/memory.current": "90000000",
+                "slice/box/memory.stat": "inactive_file 7",
+            },
+        ),
+        (
+            "5:devices:/\n4:memory:/not/seen/from/inside",
+            {
+                "memory/memory.limit_in_bytes": "300000000",
+                "memory/memory.usage_in_bytes": "250000000",
+                "memory/memory.stat": "inactive_file 5\ntotal_inactive_file 20000000",
+            },
+        ),
+    ],
+    ids=["version 2", "version 1"],
+)
+def test_the_limit_of_a_container_counts(monkeypatch, tmp_path, groups, files):
+    """Free is what the tightest control group leaves, and files that the system can drop."""
+    (tmp_path / "of_self").write_text(groups)
+    for name, text in files.items():
+        path = tmp_path / "groups" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr(free_memory, "GROUPS", tmp_path / "groups")
+    monkeypatch.setattr(free_memory, "GROUPS_OF_SELF", tmp_path / "of_self")
+    assert free_memory.available() == 70e6
+
+
+def test_the_limit_of_the_address_space_counts():
+    """What a process with `ulimit -v` says is free can be allocated, and little more."""
+    resource = pytest.importorskip("resource")
+    code = (
+        "import resource, sys; import numpy as np; from kiriko.core.free_memory import available;"
+        "resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9,) * 2); free = available();"
+        "np.empty(int(free - 5e7), np.uint8)\n"
+        "try: np.empty(int(free + 5e7), np.uint8)\n"
+        "except MemoryError: sys.exit(7)"
+    )
+    assert resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY
+    assert subprocess.run([sys.executable, "-c", code], cwd=link_package()).returncode == 7
+
+
+def test_a_photograph_is_refused_before_it_is_read(monkeypatch, tmp_path):
+    """A photograph that needs more memory than is free is refused, and so is its remedy named."""
+    path = tmp_path / "large.png"
+    image_io.write(path, np.zeros((300, 200, 3), np.float32), "PNG8")
+    assert image_io.read_photograph(path).shape == (300, 200, 3)
+    monkeypatch.setattr(free_memory, "available", lambda: 1e6)
+    with pytest.raises(RigError, match=r"choose a smaller one \(200 x 300 pixels\)"):
+        image_io.read_photograph(path)

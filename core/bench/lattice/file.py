@@ -1,6 +1,8 @@
 """Points of a lattice from a file."""
 
 import csv
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -133,11 +135,11 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
     """The points of a table."""
     found = _Measured(np.full((len(lattice), 2), np.nan), {}, [])
     for number, cells in table.lines:
-        where = Message("Line {number} of '{path}'", number=number, path=table.path)
+        where = partial(Message, "Line {number} of '{path}'", number=number, path=table.path)
         if len(cells) <= max(table.places):
             raise ImageError(
                 "{where} has {n_cells} of {n_columns} columns: complete or remove it.",
-                where=where,
+                where=where(),
                 n_cells=len(cells),
                 n_columns=table.n_columns,
             )
@@ -157,7 +159,7 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
         if index in found.lines:
             raise ImageError(
                 "{where} has the point {point} of line {line} again: remove one.",
-                where=where,
+                where=where(),
                 point=lattice.name(index),
                 line=found.lines[index],
             )
@@ -168,14 +170,14 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
     return found
 
 
-def _index(values: list[str], where: str, lattice: Lattice) -> int:
+def _index(values: list[str], where: Callable[[], Message], lattice: Lattice) -> int:
     """The index of a point by its column and row, counted from 1."""
     column, row = (_number(value, where) for value in values)
     if not (column in range(1, lattice.columns + 1) and row in range(1, lattice.rows + 1)):
         raise ImageError(
             "{where} has a point ({column:g}, {row:g}), but columns run from 1 to"
             " {columns} and rows from 1 to {rows}: correct it.",
-            where=where,
+            where=where(),
             column=column,
             row=row,
             columns=lattice.columns,
@@ -185,18 +187,18 @@ def _index(values: list[str], where: str, lattice: Lattice) -> int:
     return (int(row) - 1) * lattice.columns + int(column) - 1
 
 
-def _number(text: str, where: str) -> float:
+def _number(text: str, where: Callable[[], Message]) -> float:
     try:
         value = float(text)
     except ValueError:
         raise ImageError(
-            "{where} has '{text}' where a number should be: correct it.", where=where, text=text
+            "{where} has '{text}' where a number should be: correct it.", where=where(), text=text
         ) from None
 
     if not np.isfinite(value):
         raise ImageError(
             "{where} has '{text}', which is no finite number: correct or remove the line.",
-            where=where,
+            where=where(),
             text=text,
         )
 

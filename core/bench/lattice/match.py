@@ -73,6 +73,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     ImageError : the points are not those of the lattice, or may be so in several ways
     """
     expected = np.asarray(expected, float)
+    _check_extra(len(points), len(lattice), lattice)  # else millions of them would be grown first
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
     if len(sites) < GROWTH.fewest:
         raise ImageError(
@@ -91,19 +92,22 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     found = np.full((len(lattice), 2), np.nan)
     found[place[place >= 0]] = at[place >= 0]
 
-    n = int((place >= 0).sum())
-    extra = len(points) - n
+    _check_extra(len(points), int((place >= 0).sum()), lattice)
+    return found
+
+
+def _check_extra(n_points: int, n: int, lattice: Lattice) -> None:
+    """Raise ImageError if, of so many points, too few (n) have a place in the lattice."""
+    extra = n_points - n
     if extra > max(CLARITY.n_extra, n // CLARITY.extra_of):
         raise ImageError(
             "{extra} of {n_points} points have no place in the lattice of {columns} x"
             " {rows}: remove other bright spots, or set the lattice that is shown.",
             extra=extra,
-            n_points=len(points),
+            n_points=n_points,
             columns=lattice.columns,
             rows=lattice.rows,
         )
-
-    return found
 
 
 def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArray]:
