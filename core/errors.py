@@ -10,6 +10,13 @@ def one_line(text: str) -> str:
     return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+", " ", text)
 
 
+# what taking apart a text that anybody may have written can raise
+MALFORMED = (
+    *(ValueError, LookupError, TypeError, AttributeError),
+    *(OverflowError, RecursionError),  # infinity as a whole number; brackets in brackets
+)
+
+
 class KirikoError(Exception):
     """Base of all errors whose text is meant for the user:
     one line, whatever is in the names of objects.

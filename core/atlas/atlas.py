@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import disk
-from ..errors import ImageError
+from ..errors import MALFORMED, ImageError
 from ..messages import Message
 from ..numbers import number
 from ..rig import Rig
@@ -135,6 +135,9 @@ def read(folder: Path) -> Atlas | None:
         if told["form"] != FORM:
             raise ValueError(f"form {told['form']}")
         nodes = [told["axes"][axis] for axis in AXES]
+        halvings = tuple(max((len(along) - 1).bit_length() - 1, 0) for along in nodes)
+        if list(halvings) != told["halvings"]:
+            raise ValueError("its halvings are not those of its axes")
         low, high = (tuple(float(along[k]) for along in nodes) for k in (0, -1))
         return Atlas(
             rig=told["rig"],
@@ -145,11 +148,11 @@ def read(folder: Path) -> Atlas | None:
             display_size=tuple(told["display_size"]),
             tolerance=float(told["tolerance_px"]),
             image_key=told["images_of"] if told["images"] else None,
-            grid=HeadGrid(HeadBox(low, high), tuple(map(int, told["halvings"]))),
+            grid=HeadGrid(HeadBox(low, high), halvings),
             planned=told["planned"],
             checked=told["checked"],
         )
-    except (ValueError, LookupError, TypeError) as reason:
+    except MALFORMED as reason:
         raise ImageError(
             "The file '{path}' is no index of an atlas ({why}): choose another folder, or remove"
             " it.",

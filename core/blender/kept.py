@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from numbers import Integral, Real
 from typing import Any
 
-from ..errors import one_line
+from ..errors import MALFORMED, one_line
 from ..messages import Message, as_message
 
 RECORD_VERSION = 1
@@ -40,7 +40,7 @@ def fields_of(text: object) -> dict[str, Any]:
         fields = json.loads(text)
         if fields.pop("checksum") == _checksum(fields) and fields.pop("version") == RECORD_VERSION:
             return fields
-    except (ValueError, TypeError, AttributeError, KeyError, RecursionError):
+    except MALFORMED:
         pass
 
     if (shown := str(text)[:SHOWN]) not in _reported:
@@ -154,7 +154,7 @@ class Sentences:
         """The record of a text."""
         found = {}
         for sentence, data in fields_of(text).get("by_text", {}).items():
-            with suppress(ValueError, TypeError, LookupError, RecursionError, OverflowError):
+            with suppress(*MALFORMED):
                 found[sentence] = _message(data)
         return cls(found)
 

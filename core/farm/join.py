@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterable
 from pathlib import Path
 
 from .. import disk, image_io
-from ..errors import ImageError
+from ..errors import MALFORMED, ImageError
 from ..messages import Message
 
 LOG = "frames.jsonl"
@@ -86,7 +86,7 @@ def join_logs(folder: Path) -> int:
         try:
             about = json.loads(line)
             frame, failed = int(about["frame"]), about.get("error")
-        except (ValueError, KeyError, TypeError):
+        except MALFORMED:
             continue
         if not failed or frame not in by_frame:
             by_frame[frame] = line

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
+from ..errors import MALFORMED
 from ..fingerprint import fingerprint
 
 # of the bench's size: the error, in float32, of a place that was left and returned to
@@ -73,5 +74,5 @@ def from_text(text: str) -> SolvedFor | None:
     try:
         kept = json.loads(text)
         return SolvedFor(kept["content"], np.array(kept["places"], float).reshape(-1, 3, 4))
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except MALFORMED:
         return None

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ..errors import ImageError
+from ..errors import MALFORMED, ImageError
 from .channel_maps import ChannelMaps
 from .images import SavePng, write_exr, write_png
 from .mesh import write_data, write_obj
@@ -78,7 +78,7 @@ def earlier_files(folder: Path) -> set[str]:
             for name in of_form
         ]
         return {name for form, name in names if _is_of(form, name)}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+    except (OSError, *MALFORMED):
         return set()
 
 

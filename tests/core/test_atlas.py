@@ -337,9 +337,21 @@ def test_overwriting_removes_maps_that_are_no_part(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"index.json", "map_mine.npz"}
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"form": 99}'])
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"form": 99}', "[" * 100_000])
 def test_broken_index_is_one_sentence(tmp_path, text):
     (tmp_path / atlases.INDEX).write_text(text)
+    with pytest.raises(ImageError, match="no index of an atlas"):
+        atlases.read(tmp_path)
+
+
+@pytest.mark.parametrize("halvings", [[40, 40, 40], [10**9] * 3, [-1, 0, 0], 7, [float("inf")] * 3])
+def test_an_index_whose_numbers_contradict_each_other_is_refused(ball_atlas, tmp_path, halvings):
+    """Halvings that are not those of the axes would ask for more heads than fit into memory."""
+    _, atlas = ball_atlas
+    atlases.write(tmp_path, atlas)
+    told = json.loads((tmp_path / atlases.INDEX).read_text())
+    assert atlases.read(tmp_path).grid == atlas.grid
+    (tmp_path / atlases.INDEX).write_text(json.dumps({**told, "halvings": halvings}))
     with pytest.raises(ImageError, match="no index of an atlas"):
         atlases.read(tmp_path)
 

@@ -207,6 +207,7 @@ def test_logs_are_one_in_the_order_of_frames(tmp_path: Path) -> None:
         ("6-7", [line(6, error=None), line(7, error="no display")]),
         ("1,3-5:2", [line(1, error=None), line(3, error=None), line(5, error=None)[:-4]]),
         ("7", [line(7, seconds=2, error=None)]),
+        ("8", ['{"frame": Infinity}', '{"frame": []}', "[7]", "[" * 100_000]),
     ):
         (tmp_path / join.log_of(part)).write_text("\n".join(lines))
     assert all(set(path.name) - set(':?*"<>|') == set(path.name) for path in tmp_path.iterdir())

@@ -1,6 +1,8 @@
 """Lattices in photographs whose points are known, rendered by other code than draws the lattice."""
 
+import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -446,15 +448,6 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         read_points(tmp_path / "binary.csv", SEVEN, GRID)
 
 
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"sep=;\r\ncolumn;row;x;y\r\n2;3;1,5;2,5\r\n",
-        "column\trow\tx\ty\n2\t3\t1.5\t2.5\n".encode("utf-16"),
-        "note,column,row,x,y\nS\xe4ule,2,3,1.5,2.5\n".encode("latin-1"),
-    ],
-    ids=["spreadsheet", "utf-16", "latin-1"],
-)
 def test_files_that_are_no_list_of_points_end_at_once(tmp_path: Path) -> None:
     """A pipe is not waited for; points by the hundred thousand are counted before they are grown
     into a lattice, which takes seconds for a thousand.
@@ -468,6 +461,15 @@ def test_files_that_are_no_list_of_points_end_at_once(tmp_path: Path) -> None:
         read_points(written(tmp_path, "x,y\n" + "\n".join(lines)), SEVEN, GRID)
 
 
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"sep=;\r\ncolumn;row;x;y\r\n2;3;1,5;2,5\r\n",
+        "column\trow\tx\ty\n2\t3\t1.5\t2.5\n".encode("utf-16"),
+        "note,column,row,x,y\nS\xe4ule,2,3,1.5,2.5\n".encode("latin-1"),
+    ],
+    ids=["spreadsheet", "utf-16", "latin-1"],
+)
 def test_files_of_spreadsheets_are_read(tmp_path, data):
     (tmp_path / "points.csv").write_bytes(data)
     found = read_points(tmp_path / "points.csv", SEVEN, GRID)
