@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import ImageError
-from .own_files import own_name
+from .own_files import MOVING, own_name
 
 
 @contextmanager
@@ -46,11 +46,12 @@ def _elsewhere(value: object, place: Path, folder: Path) -> object:
     return str(value).replace(str(place), str(folder)) if is_path else value
 
 
-def _temporary(folder: Path) -> Any:
+def _temporary(folder: Path, word: str = "") -> Any:
     """A temporary folder in another one: files moved from one
     to the other are not copied, and needs no room.
     """
-    return tempfile.TemporaryDirectory(prefix=own_name(), dir=folder, ignore_cleanup_errors=True)
+    prefix = f"{own_name()}{word}"
+    return tempfile.TemporaryDirectory(prefix=prefix, dir=folder, ignore_cleanup_errors=True)
 
 
 @contextmanager
@@ -59,7 +60,8 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
     in `folder` when all went well, else none.
 
     Files in folders within it go to the folders of these names, which are made if need be. Where
-    `folder` has a symbolic link of a file's name, the file that it points to is replaced.
+    `folder` has a symbolic link of a file's name, the file that it points to is replaced; a link to
+    nothing is replaced itself.
 
     of : names of files that belong together: those that are not among the new ones go
 
@@ -84,6 +86,8 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
                     _check_file(target)
                     near = Path(stack.enter_context(_temporary(folder)))
                     moves[path] = _Move(target, None, near / "old")
+            if len(moves) > 1:
+                stack.enter_context(_temporary(folder, MOVING))
             for path in moves:
                 moves[path].do(is_alone=len(moves) == 1)
         except BaseException as reason:
@@ -123,7 +127,7 @@ def _target(place: Path, stack: ExitStack) -> Path:
     """Where a file goes, in a folder that is there; one that is made for it, and stays empty, goes
     with the stack.
     """
-    target = Path(os.path.realpath(place))
+    target = Path(os.path.realpath(place)) if place.exists() else place
     _check_file(target)
     if not target.parent.exists():
         target.parent.mkdir()
@@ -161,9 +165,9 @@ def unwritable(path: Path, reason: OSError) -> ImageError:
 
 
 def is_there(path: Path) -> bool:
-    """Does a file or folder exist? ImageError where there can be none of that name."""
+    """Is a name taken by a file, a folder or a link? ImageError where there can be none of it."""
     try:
-        return path.exists()
+        return path.exists() or path.is_symlink()
     except (OSError, ValueError) as reason:  # too long, or with a character that no name may have
         why = getattr(reason, "strerror", None) or reason
         raise ImageError(

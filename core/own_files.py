@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 PREFIX = ".kiriko-"  # of such files' names
+MOVING = "-moving-"  # in the name of one that is there while a set of files takes its place
 BOOT = Path("/proc/sys/kernel/random/boot_id")  # another one at each start of Linux
 NUMBERS = Path("/proc/self/ns/pid")  # the set that numbers of processes are of
 
@@ -32,19 +33,24 @@ def _started() -> str:
         return "any"
 
 
-def remove_left(folder: Path) -> None:
+def remove_left(folder: Path) -> bool:
     """Remove temporary files and folders that processes left in a folder when they were killed.
+
+    Returns whether one was killed while it moved a set of files into the folder.
 
     Only those of this start of this machine, whose process is gone: another machine may be at work
     in the same folder. One that has a user's file, as of a set that was being replaced, stays.
     """
+    is_part = False
     for place in folder.glob(f"{PREFIX}*"):
         if is_of_the_gone(place.name) and not (place / "old").exists():
+            is_part |= MOVING in place.name
             if place.is_dir():
                 shutil.rmtree(place, ignore_errors=True)
             else:
                 with suppress(OSError):
                     place.unlink()
+    return is_part
 
 
 def is_of_the_gone(name: str) -> bool:

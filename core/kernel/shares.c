@@ -450,6 +450,7 @@ KIRIKO_API void kiriko_divide(Division *lots, int64_t n_lots) { divide_lots(lots
 static void add_sum(const Sum *sum) {
     double *image = sum->image;
     int64_t width = sum->width, height = sum->height, n_pixels = width * height;
+    if (n_pixels <= 0) return; /* no pixel is nearest to a place */
     for (int64_t i = 0; i < sum->n && !sum->places; i++) {
         int64_t pixel = sum->pixel ? sum->pixel[i] : sum->wide_pixel[i];
         if (pixel >= 0 && pixel < n_pixels) image[pixel] += sum->weights[i];

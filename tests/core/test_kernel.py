@@ -1035,6 +1035,16 @@ def test_several_images_are_added_to_side_by_side():
         kernel.use_threads(0)
 
 
+@pytest.mark.parametrize("size", [(0, 1), (1, 0), (0, 0)])
+def test_nothing_is_added_to_an_image_without_pixels(size):
+    """By places or numbers: memory around an empty image stays as it is."""
+    around = np.ones(9)
+    image = around[4:4].reshape(size)
+    for where in (np.zeros((3, 2)), np.zeros(3, np.int32), np.zeros(3, np.int64)):
+        kernel.add((image, where, np.ones(3)))
+    assert (around == 1).all()
+
+
 def test_a_display_of_more_pixels_than_an_int32_counts():
     """The pixel's number is as large as it has to be."""
     size = 70_000, 70_000

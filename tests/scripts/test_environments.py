@@ -1,3 +1,4 @@
+import re
 import sys
 from pathlib import Path
 
@@ -6,6 +7,18 @@ import pytest
 import environments
 
 RUNNING = Path(sys.executable)
+
+
+def test_every_package_has_its_hashes() -> None:
+    """Each line of a requirements file is a comment, an include, or a pin with its hashes."""
+    files = sorted((environments.ROOT / "scripts").glob("requirements-*.txt"))
+    assert files
+    for path in files:
+        whole = path.read_text(encoding="utf-8").replace("\\\n", " ")
+        for line in whole.splitlines():
+            assert re.fullmatch(r"#.*|-r \S+|[\w.-]+==\S+( +--hash=sha256:[0-9a-f]{64})+", line), (
+                f"{path.name}: {line[:80]}"
+            )
 
 
 @pytest.fixture
