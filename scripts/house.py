@@ -45,7 +45,7 @@ ROOMS = (
     "panels/overlay",
     "panels",
 )
-MOST_FILE_LINES = 300
+MOST_FILE_LINES = 600
 MOST_BODY_LINES = 60
 MOST_COLUMNS = 100
 SILENT = {

@@ -4,7 +4,7 @@ import house
 
 
 def test_files_and_functions_of_core_stay_small_and_no_import_goes_up() -> None:
-    """No file of core is over 300 lines, no function over 60, and no room asks a higher one."""
+    """No file of core is over 600 lines, no function over 60, and no room asks a higher one."""
     core = house.measured(house.ROOT, "core")
     assert [n for n, lines in core.file_lines.items() if lines > house.MOST_FILE_LINES] == []
     assert [n for n, lines in core.body_lines.items() if lines > house.MOST_BODY_LINES] == []
