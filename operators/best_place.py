@@ -14,7 +14,7 @@ from ..core.rig import Rig
 from ..core.steps import within
 from ..core.words import percent
 from . import automatic, needed, proposal, proposing, work
-from .choose_picture import the_picture
+from .needed import the_picture
 
 FAR = 1e-3  # of the picture's side: a smaller shift is not told
 REACH = 0.5  # of the picture's side: so far it may move by itself

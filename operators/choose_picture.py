@@ -13,21 +13,11 @@ from ..core.blender.moving import Timing, at_frame, number_at
 from ..core.blender.numbered_files import sequence_of
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
-from ..core.blender.rigs import elsewhere
 from ..core.errors import ImageError, RigError
 from ..core.messages import Message, joined
-from . import needed, telling
+from . import film, needed, telling
+from .needed import the_picture
 from .of_rig import OfRig
-
-
-def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
-    """The active object where it is a picture, and no other rig's, else the rig's only one."""
-    active = context.active_object
-    is_picture = active is not None and active.kiriko.role == "PICTURE"
-    if is_picture and not elsewhere(context.scene)(active):
-        return active
-    pictures = list(needed.parts(context.scene).get("PICTURE", ()))
-    return pictures[0] if len(pictures) == 1 else None
 
 
 def lacking(context: bpy.types.Context) -> list[str]:
@@ -92,6 +82,8 @@ class ChoosePicture:
         except RigError as why:
             problems.append(Message("the plane keeps its shape, for {why}", why=why))
 
+        if warning := film.other_rate(context):
+            problems.append(warning)
         new = [slot.material for slot in picture.material_slots if slot.material not in before]
         material = (
             Message(", by the new material '{material}'", material=new[0].name) if new else ""

@@ -6,7 +6,8 @@ from ..core.blender.plane import fit, shown_as, squeezed_words
 from ..core.errors import ImageError, RigError
 from ..core.messages import Message
 from . import needed, telling
-from .choose_picture import lacking, the_picture
+from .choose_picture import lacking
+from .needed import the_picture
 
 
 class KIRIKO_OT_fit_picture(bpy.types.Operator):

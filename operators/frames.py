@@ -21,16 +21,17 @@ from ..core import disk, image_io, placeholder
 from ..core.blender.frames import frame_kept
 from ..core.blender.image import save_png
 from ..core.blender.moving import OfMovie, Reel
+from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.errors import ImageError, KirikoError
-from ..core.farm.join import LOG
+from ..core.farm.join import LOG, logged
 from ..core.light.kept import Kept as KeptGlass
 from ..core.messages import Message, joined
 from ..core.placeholder import PATIENCE
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from ..core.steps import within
-from . import work
+from . import watch, work
 from .export import gamma_of
 
 
@@ -59,6 +60,7 @@ class Tally:
 
     files : that were written
     there : number of files that were there already
+    stale : frames whose files were there and show an earlier state of the scene
     others : number of frames that other processes have at work
     traced : number of frames for which light was traced
     failed : frames that could not be solved, and why
@@ -68,6 +70,7 @@ class Tally:
 
     files: list[Path] = field(default_factory=list)
     there: int = 0
+    stale: list[int] = field(default_factory=list)
     others: int = 0
     traced: int = 0
     failed: list[tuple[int, str]] = field(default_factory=list)
@@ -101,6 +104,16 @@ class Tally:
         ]
 
     @property
+    def stale_words(self) -> Message:
+        """A sentence on the stale frames."""
+        return Message(
+            "Frames solved for an earlier state of the scene: {n}, the first is {frame}. Solve all"
+            " frames anew, or remove these.",
+            n=len(self.stale),
+            frame=self.stale[0],
+        )
+
+    @property
     def written(self) -> int:
         """Number of files that were written."""
         return len(self.files)
@@ -118,6 +131,8 @@ class Tally:
         ]
         if self.there:
             parts.append(Message("Already there: {n}.", n=self.there))
+        if self.stale:
+            parts.append(self.stale_words)
         if self.others:
             parts.append(
                 Message(
@@ -177,9 +192,16 @@ def solved(
         _open_reel(keeps.shapes),
         _made_since(run) as since,
     ):
+        solved_for = {} if run.overwrite else _solved_for(run)
         for k, (frame, path) in enumerate(run.files.items()):
             yield k / n
             if not _is_wanted(path, run, tally, since):
+                if path.name in solved_for:
+                    scene.frame_set(frame)
+                    if watch.is_another(
+                        solved_for[path.name], work.scene_now, context, keeps.shapes
+                    ):
+                        tally.stale.append(frame)
                 continue
             try:
                 for done in within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n):
@@ -190,6 +212,13 @@ def solved(
                     placeholder.give_up(path)
 
     return tally
+
+
+def _solved_for(run: Run) -> dict[str, str]:
+    """The fingerprint of the scene that each file of the folders was solved for, by its name."""
+    folders = {path.parent for path in run.files.values()}
+    lines = [line for folder in folders for line in logged(folder)]
+    return {str(line["file"]): str(line["scene"]) for line in lines if "scene" in line}
 
 
 def _made_since(run: Run) -> AbstractContextManager[float]:
@@ -247,7 +276,7 @@ def _one(
 
     try:
         scene.frame_set(frame)
-        reading = work.read(context, keeps.shapes)
+        reading = work.read_to_solve(context, keeps.shapes)
         solution = yield from keeps.session.solve(reading.rig, work.settings_of(scene))
     except KirikoError as error:
         tally.failed.append((frame, error.message))
@@ -264,7 +293,7 @@ def _one(
             overwrite=True,  # another process may have written the same meanwhile
             save_png=save_png,
         )
-        _log(path.parent / run.log, line, began, **_done(solution, reading.notes), error=None)
+        _log(path.parent / run.log, line, began, **_done(solution, reading), error=None)
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
 
@@ -273,16 +302,14 @@ def _one(
     tally.traced += solution.n_rays > 0
 
 
-def _done(solution: Solution, notes: tuple[str, ...]) -> dict[str, Any]:
-    """What a frame took, and what it shows.
-
-    notes : on the scene as it was read
-    """
+def _done(solution: Solution, reading: Reading) -> dict[str, Any]:
+    """What a frame took, and what it shows."""
     return {
         "did": "traced" if solution.n_rays else "painted",
         "rays": solution.n_rays,
         "coverage": round(solution.picture_coverage, 6),
-        "notes": [str(note) for note in dict.fromkeys((*notes, *solution.notes))],
+        "scene": reading.solved_for,
+        "notes": [str(note) for note in dict.fromkeys((*reading.notes, *solution.notes))],
     }
 
 

@@ -68,6 +68,8 @@ def made(
     yield from within(frames.solved(context, run, tally), 0.0, SOLVED)
     if tally.failed or tally.others:
         raise RigError("The movie would lack frames: {told}", told=tally.told(wish.file.parent))
+    if tally.stale:
+        raise RigError("{reason}", reason=tally.stale_words)
     files = list(run.files.values())
     _check_sizes(set(files) - set(tally.files), size)
 

@@ -63,6 +63,16 @@ def parts(scene: bpy.types.Scene, is_left_out: LeftOut | None = None) -> Parts:
     return _parts_among(things, scene, is_left_out)
 
 
+def the_picture(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The active object where it is a picture, and no other rig's, else the rig's only one."""
+    active = context.active_object
+    is_picture = active is not None and active.kiriko.role == "PICTURE"
+    if is_picture and not elsewhere(context.scene)(active):
+        return active
+    pictures = list(parts(context.scene).get("PICTURE", ()))
+    return pictures[0] if len(pictures) == 1 else None
+
+
 def parts_met(scene: bpy.types.Scene) -> Parts:
     """The parts that are shown of those that were there as all objects were last looked at, which
     takes long among thousands.

@@ -11,7 +11,7 @@ from ..core.blender.paths import absolute
 from ..core.errors import ImageError, RigError
 from ..core.frame_list import frames_of
 from ..core.messages import Message, joined
-from . import folder, frames, long_work, movies, needed, telling, windows
+from . import film, folder, frames, long_work, movies, needed, telling, windows
 from .export import unwritable, use_bundled_modules
 
 
@@ -94,5 +94,8 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
         )
         with self.run_of(context) as run, folder.made(wish.file.parent):
             yield from movies.made(context, run, wish, self.tally, Message("set Overwrite"))
-            self.level = "WARNING" if self.tally.of_movies else "INFO"
-            return joined([movies.told(wish, run), *self.tally.of_movies])
+            remarks = self.tally.of_movies
+            if warning := film.other_rate(context):
+                remarks.append(Message("But {warning}.", warning=warning))
+            self.level = "WARNING" if remarks else "INFO"
+            return joined([movies.told(wish, run), *remarks])

@@ -78,20 +78,21 @@ def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
     A result that does not know its scene is taken as it is. A scene that
     cannot be read has changed, for when it was solved it could be read.
     """
-    return _is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, kept)
+    return is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, kept)
 
 
 def has_rig_changed(context: bpy.types.Context, made_for: str, kept: Kept | None = None) -> bool:
     """Is the rig, read now, another one than a surface was made for? As `has_changed`."""
-    return _is_another(made_for, work.rig_now, context, kept)
+    return is_another(made_for, work.rig_now, context, kept)
 
 
-def _is_another(
+def is_another(
     text: str,
     now: Callable[[bpy.types.Context, Kept | None], SolvedFor],
     context: bpy.types.Context,
     kept: Kept | None,
 ) -> bool:
+    """Is the scene another one than that of a fingerprint? No, where the text is no fingerprint."""
     before = from_text(text)
     if before is None:
         return False

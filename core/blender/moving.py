@@ -94,6 +94,19 @@ def set_timing(
         user.use_auto_refresh = True
 
 
+def rate_of(image: bpy.types.Image) -> float:
+    """Frames per second of a movie, by its file; 0 if Blender cannot tell."""
+    known = set(bpy.data.movieclips)
+    try:
+        clip = bpy.data.movieclips.load(_absolute(image), check_existing=True)
+    except RuntimeError:  # the file is gone
+        return 0.0
+    rate = clip.fps
+    if clip not in known:
+        bpy.data.movieclips.remove(clip)
+    return rate
+
+
 def number_at(image: bpy.types.Image, timing: Timing | None, now: int) -> int | None:
     """The frame of a moving image at a frame of the scene; None for an image that stands still.
 

@@ -13,7 +13,7 @@ from . import shaders
 from .layout import axis_factors, laid_out, size_of
 from .material import Texture, find_texture, read_texture
 from .mesh import used_slots
-from .moving import Timing, at_frame, check_there, is_moving, number_at, set_timing
+from .moving import Timing, at_frame, check_there, is_moving, number_at, set_timing, whole
 from .picture import UNREADABLE, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
@@ -250,6 +250,15 @@ def _frame_shown(
         return None
     texture = texture_showing(thing, image)
     return number_at(image, texture and texture.timing, scene.frame_current)
+
+
+def film_of(thing: bpy.types.Object) -> tuple[bpy.types.Image, Timing] | None:
+    """The movie that a plane shows, and when; None if it shows none."""
+    image = image_of(thing)
+    if image is None or image.source != "MOVIE":
+        return None
+    texture = texture_showing(thing, image)
+    return image, whole(image) if texture is None else texture.timing
 
 
 def _image_size(thing: bpy.types.Object, scene: bpy.types.Scene) -> tuple[int, int]:

@@ -3,7 +3,9 @@
 import hashlib
 import json
 from collections.abc import Generator, Iterable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from .. import disk, image_io
 from ..errors import MALFORMED, ImageError
@@ -74,28 +76,29 @@ def join_logs(folder: Path) -> int:
 
     Lines that were cut, as of a task that was killed, are left out.
     """
-    parts = sorted(folder.glob(PARTS))
-    whole = folder / LOG
-    lines = [
-        line
-        for path in ([whole] if whole.exists() else []) + parts
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines()
-    ]
-    by_frame: dict[int, str] = {}
-    for line in lines:
-        try:
-            about = json.loads(line)
-            frame, failed = int(about["frame"]), about.get("error")
-        except MALFORMED:
-            continue
-        if not failed or frame not in by_frame:
-            by_frame[frame] = line
+    by_frame: dict[int, dict[str, Any]] = {}
+    for about in logged(folder):
+        if not about.get("error") or about["frame"] not in by_frame:
+            by_frame[about["frame"]] = about
 
     if by_frame:
-        disk.write_text(whole, "".join(f"{by_frame[frame]}\n" for frame in sorted(by_frame)))
-    for path in parts:
+        lines = [json.dumps(by_frame[frame]) for frame in sorted(by_frame)]
+        disk.write_text(folder / LOG, "".join(f"{line}\n" for line in lines))
+    for path in folder.glob(PARTS):
         path.unlink()
     return len(by_frame)
+
+
+def logged(folder: Path) -> list[dict[str, Any]]:
+    """The lines of all logs of frames in a folder, the newest of each log last."""
+    found = []
+    for path in (folder / LOG, *sorted(folder.glob(PARTS))):
+        text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+        for line in text.splitlines():
+            with suppress(*MALFORMED):
+                about = json.loads(line)
+                found.append({**about, "frame": int(about["frame"])})
+    return found
 
 
 def told(n: int, size: tuple[int, int], folder: Path) -> Message:

@@ -167,6 +167,41 @@ def test_frames_that_are_there_stay_and_missing_ones_are_made(
     assert contents(out) == made
 
 
+@pytest.mark.parametrize("change", ["glass", "picture", "tolerance", "nothing"])
+def test_frames_of_an_earlier_scene_are_stale(
+    run: Callable[..., int],
+    parts: dict[str, bpy.types.Object],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    change: str,
+) -> None:
+    """Frames solved before glass, picture or settings were changed are named, and no movie is made
+    of them; solved anew they are no longer stale.
+    """
+    scene, out = bpy.context.scene, folder(tmp_path)
+    words = ("solve", "--out", out, "--frames", "1-3", "--movie", "H264")
+    assert run("solve", "--out", out, "--frames", "1-3") == 0
+    if change == "glass":
+        parts["GLASS"].scale.x *= 1.1
+    elif change == "picture":
+        parts["PICTURE"].kiriko.picture.brightness = 0.5
+    elif change == "tolerance":
+        scene.kiriko.tolerance *= 2
+    is_same = change == "nothing"
+    assert run(*words) == (0 if is_same else 1)
+    stale = "Frames solved for an earlier state of the scene: 3, the first is 1."
+    assert (stale in capsys.readouterr().err) != is_same
+    assert run("solve", "--out", out, "--frames", "1-3") == 0
+    assert (stale in capsys.readouterr().out) != is_same
+
+    if not is_same:
+        assert run("solve", "--out", out, "--frames", "1-2", "--overwrite") == 0
+        assert run(*words) == 1
+        said = "Frames solved for an earlier state of the scene: 1, the first is 3."
+        assert said in capsys.readouterr().err
+        assert run(*words, "--overwrite") == 0
+
+
 def test_the_scene_gives_range_and_step(
     run: Callable[..., int], parts: dict[str, bpy.types.Object], tmp_path: Path
 ) -> None:

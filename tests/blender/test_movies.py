@@ -3,6 +3,7 @@
 import importlib
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -131,6 +132,43 @@ def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
     clip = bpy.data.movieclips.load(str(path))
     assert (clip.fps, clip.frame_duration) == (pytest.approx(30 / 1.001, abs=1e-3), 60)
     bpy.data.movieclips.remove(clip)
+
+
+@pytest.mark.parametrize(("rate", "base"), [(12, 1.0), (30, 1.001)])
+def test_a_film_can_give_the_scene_its_rate_and_range(
+    movie: ModuleType,
+    core: Callable[[str], ModuleType],
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture,
+    rate: int,
+    base: float,
+) -> None:
+    """Open Picture says that a film of another rate plays too fast; one button makes rate and range
+    the film's, also of a film that begins later.
+    """
+    small_rig()
+    assert not bpy.ops.kiriko.use_film.poll()
+    scene.render.fps, scene.render.fps_base = rate, base
+    path = tmp_path / "film.mkv"
+    movie.encode(path, written(tmp_path, 5, core("image_io")), "FFV1", SIZE, scene)
+    scene.render.fps, scene.render.fps_base = 24, 1.0
+    clips = len(bpy.data.movieclips)
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    assert f"{24 * base / rate:.2g} times as fast" in capfd.readouterr().out
+
+    assert bpy.ops.kiriko.use_film() == {"FINISHED"}
+    assert scene.render.fps / scene.render.fps_base == pytest.approx(rate / base, rel=1e-4)
+    assert (scene.frame_start, scene.frame_end) == (1, 5)
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    assert "times as fast" not in capfd.readouterr().out
+    plane = core("blender.plane")
+    picture = next(thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
+    image, timing = plane.film_of(picture)
+    plane.set_shown_timing(picture, image, replace(timing, frame_start=11))
+    assert bpy.ops.kiriko.use_film() == {"FINISHED"}
+    assert (scene.frame_start, scene.frame_end) == (11, 15)
+    assert len(bpy.data.movieclips) == clips
 
 
 @pytest.mark.parametrize("name", ["{fps}.mkv", "take #1.mkv", "#.mkv"])

@@ -135,7 +135,7 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
     """The points of a table."""
     found = _Measured(np.full((len(lattice), 2), np.nan), {}, [])
     for number, cells in table.lines:
-        where = partial(Message, "Line {number} of '{path}'", number=number, path=table.path)
+        where = partial(_line, number, table.path)
         if len(cells) <= max(table.places):
             raise ImageError(
                 "{where} has {n_cells} of {n_columns} columns: complete or remove it.",
@@ -168,6 +168,10 @@ def _measured(table: _Table, lattice: Lattice) -> _Measured:
         found.named[index] = xy
 
     return found
+
+
+def _line(number: int, path: Path) -> Message:
+    return Message("Line {number} of '{path}'", number=number, path=path)
 
 
 def _index(values: list[str], where: Callable[[], Message], lattice: Lattice) -> int:
