@@ -1,8 +1,8 @@
 """Mend a part: the buttons of the checklist that change an object, its mesh or the scene's unit."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from math import radians
+from contextlib import contextmanager, suppress
+from math import isclose, radians
 
 import bmesh
 import bpy
@@ -10,6 +10,7 @@ import numpy as np
 from mathutils import Vector
 
 from ..core.arrays import Ints
+from ..core.bench.placement import REFERENCE_BENCH
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.doubles import doubled_polygons
 from ..core.blender.eyes import keep_eyes_apart
@@ -18,10 +19,14 @@ from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
 from ..core.blender.look import has_open_ends, sides_of
 from ..core.blender.mesh import column, mesh_of
+from ..core.blender.resize import move_by, scale_by
+from ..core.blender.rigs import active_rig, marked_key
 from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.viewer import viewer_of
 from ..core.errors import MeshError, RigError
 from ..core.messages import Message, joined, quoted
 from . import needed, telling
+from .framing import corners
 from .parts import NamesPart
 
 JOINED = 1e-5  # of an object's size: vertices nearer than this are one after Weld
@@ -489,7 +494,7 @@ def _found(mesh: bpy.types.Mesh, kind: str) -> Ints:
 
 
 class KIRIKO_OT_rescale_scene(bpy.types.Operator):
-    """Change the size of the scene's unit: all stays where it is drawn, and is as much smaller"""
+    """Change the scene's unit; parts that Add Rig made keep sizes that can be built"""
 
     bl_idname = "kiriko.rescale_scene"
     bl_label = "Rescale Scene"
@@ -523,10 +528,56 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
         if result.source is None:
             result.summary = ""  # of Add Rig, whose lengths are others now
         text = Message(
-            "A unit of the scene is {length} now (Scene > Units): nothing has moved, and all is"
-            " {factor} times as large.",
+            "A unit of the scene is {length} now (Scene > Units), and all is {factor} times as"
+            " large.",
             length=length_text(context.scene, unit),
             factor=f"{self.factor:g}",
         )
-        telling.report(self, "INFO", text)
+        with telling.told(self):
+            if _keep_bench(context, before, unit):
+                text = joined([text, Message("The rig's own parts keep sizes that can be built.")])
+            telling.report(self, "INFO", text)
         return {"FINISHED"}
+
+
+def _keep_bench(context: bpy.types.Context, before: float, after: float) -> bool:
+    """Move what Add Rig made, where the scene's unit (m) was changed, to the distances that it has
+    from glass of the new size. Returns whether anything was moved.
+
+    Distances and the plate grow with glass that is larger than `REFERENCE_BENCH.large_m`; the
+    picture, the viewer's field, and a display without a plate are always as the glass is.
+    """
+    scene = context.scene
+    rig = active_rig(scene)
+    parts = needed.parts(scene)
+    pictures, glasses = parts.get("PICTURE", ()), parts.get("GLASS", ())
+    if rig is None or not rig.is_editable or not pictures or not glasses:
+        return False
+    width = max(max(sides_of(scene, thing, None), default=0.0) for thing in glasses)
+    grown = [max(1.0, width * unit / REFERENCE_BENCH.large_m) for unit in (before, after)]
+    factor = grown[1] / grown[0] * before / after
+    if isclose(factor, 1.0, rel_tol=1e-6):
+        return False
+
+    plates = parts.get("PLATE", ())
+    # the display is the picture's mirror image in a plate; without one it stays at the glass
+    middle = np.array(next(iter(pictures)).matrix_world.translation)
+    if not plates:
+        points = np.concatenate([corners(thing) for thing in glasses])
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    moved = [thing for thing in (*plates, *(parts.get("DISPLAY", ()) if plates else ()))]
+    for thing in (*moved, viewer_of(scene)):
+        if thing is None or marked_key(thing) != rig.kiriko.key:
+            continue
+        shift = (factor - 1) * (np.array(thing.matrix_world.translation) - middle)
+        if thing in plates:
+            scale_by(context, thing, factor, shift)
+        else:
+            move_by(context, thing, shift)
+        if thing.type == "CAMERA":
+            thing.data.lens *= factor
+            thing.data.stereo.convergence_distance *= factor
+    if plates:
+        with suppress(RuntimeError):  # no light arrives: the checklist tells why
+            bpy.ops.kiriko.fit_display()
+    return True
