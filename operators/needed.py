@@ -9,7 +9,7 @@ from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
-from ..core.blender.viewer import is_deleted, own_images, viewer_of
+from ..core.blender.viewer import instanced_viewers, is_deleted, own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by, is_visible
 from ..core.messages import Message
 from ..core.rig import ROLES
@@ -163,7 +163,7 @@ def _is_there(viewer: bpy.types.Object | None, scene: bpy.types.Scene) -> bool:
     """
     if viewer is None or is_deleted(viewer):
         return False
-    if viewer == scene.camera:
+    if viewer == scene.camera or any(viewer == one for one, _ in instanced_viewers(scene)):
         return True
     # one of another file may have the same name: the name finds either
     found = scene.objects.get(viewer.name)

@@ -56,7 +56,11 @@ def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
     flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
     is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
     is_enabled = is_in and not getattr(camera, flag)
-    return camera == scene.camera or (is_enabled and camera in set(layer.objects))
+    if camera == scene.camera or (is_enabled and camera in set(layer.objects)):
+        return True
+    return not camera.users_scene and any(
+        one.is_instance and one.object.original == camera for one in depsgraph.object_instances
+    )
 
 
 def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:

@@ -1,5 +1,6 @@
 """Reads a camera into a Viewer: the same pixel grid as a render from it, in float64."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import RigError
 from ..rig import Rig, Viewer
+from .rigs import marked_key
 
 MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise
 SAME_SHAPE = 1e-3  # of width to height: nobody sees less
@@ -131,11 +133,32 @@ class Seat(NamedTuple):
 def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
     """The camera of an entry of the scene's viewers.
 
-    The first entry is the viewer that was chosen, else the scene's own camera.
+    The first entry is the viewer that was chosen, else that of a rig whose collection an object
+    instances, as by Link, else the scene's own camera.
     """
     ours = scene.kiriko
     own = ours.viewers[number].camera if number < len(ours.viewers) else None
-    return own or (ours.viewer or scene.camera if number == 0 else None)
+    if own or number > 0:
+        return own
+    return ours.viewer or next((camera for camera, _ in instanced_viewers(scene)), scene.camera)
+
+
+def instanced_viewers(
+    scene: bpy.types.Scene,
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Object]]:
+    """Cameras that Add Rig made for rigs whose collections objects of a scene instance, each with
+    that object.
+    """
+    for rig in bpy.data.collections:
+        key = rig.kiriko.key
+        if not key:
+            continue
+        cameras = [
+            one for one in rig.all_objects if one.type == "CAMERA" and marked_key(one) == key
+        ]
+        for thing in rig.users_dupli_group if cameras else ():
+            if scene in thing.users_scene:
+                yield from ((camera, thing) for camera in cameras)
 
 
 def is_deleted(camera: bpy.types.Object) -> bool:
@@ -217,6 +240,12 @@ def read_viewer(
         )
 
     matrix = np.array(evaluated.matrix_world, dtype=float)
+    for one, thing in instanced_viewers(depsgraph.scene.original):
+        if one == camera:
+            to_place = np.array(thing.evaluated_get(depsgraph).matrix_world, dtype=float)
+            matrix[:3, 3] -= np.array(thing.instance_collection.instance_offset)
+            matrix = to_place @ matrix
+            break
     frame = frame_of(camera, render)
     width, height = frame.size
 

@@ -549,6 +549,28 @@ def test_a_rig_from_another_file_brings_viewer_and_settings(
     assert scene.kiriko.tolerance == pytest.approx(0.05)
 
 
+def test_a_linked_instance_of_a_rig_has_its_own_viewer(
+    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Link makes an instance of the collection: the rig's camera counts, wherever the instance
+    stands, not the one that the scene happens to have.
+    """
+    saved(scene, tmp_path / "rig.blend")
+    scene = bpy.context.scene
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+    with bpy.data.libraries.load(str(tmp_path / "rig.blend"), link=True) as (_, wanted):
+        wanted.collections = ["Kiriko Rig"]
+    thing = bpy.data.objects.new("instance", None)
+    thing.instance_type, thing.instance_collection = "COLLECTION", wanted.collections[0]
+    scene.collection.objects.link(thing)
+    for turn in (0.0, 0.7):
+        thing.location, thing.rotation_euler = (turn, 2 * turn, 3 * turn), (turn, 0.1, turn)
+        bpy.context.view_layer.update()
+        assert bpy.ops.kiriko.solve() == {"FINISHED"}
+        assert scene.kiriko.result.summary == "The display shows 100 % of the picture."
+
+
 def test_a_rig_of_a_file_of_before_misses_its_plate(
     kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
