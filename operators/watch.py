@@ -14,6 +14,7 @@ from time import monotonic, perf_counter
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.blender.image import is_out_of_date
 from ..core.blender.made_for_rig import read_images_anew
 from ..core.blender.result_images import images_of
 from ..core.blender.shapes import Kept
@@ -211,8 +212,12 @@ def on_undo(*_: object) -> None:
 
 @persistent
 def on_load(*_: object) -> None:
-    """Another file, whose result is looked at anew."""
+    """Another file, whose result is looked at anew: it is whole if its image was saved with it."""
     work.forget_written()
+    for scene in bpy.data.scenes:
+        source = scene.kiriko.result.source
+        if source is not None and source.packed_file and not is_out_of_date(source):
+            work.note_written(scene)
     _watched.clear()
 
 

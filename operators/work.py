@@ -18,9 +18,9 @@ from ..core.solve.solved_for import SolvedFor
 
 _sessions: list[Session] = []
 _running: list[Any] = []  # operators with long work
-# session uid of the scene that Solve has written a whole result to, and the scene it was solved
-# for: until undo, which puts back the image apart from its record
-_written: list[tuple[int, str]] = []
+# what whole results were solved for, by session uid of the scene: until undo, which puts back the
+# image apart from its record
+_written: dict[int, str] = {}
 
 
 def session() -> Session:
@@ -40,15 +40,14 @@ def forget() -> None:
 
 def note_written(scene: bpy.types.Scene) -> None:
     """A scene's result is whole now."""
-    _written[:] = [(scene.session_uid, scene.kiriko.result.solved_for)]
+    _written[scene.session_uid] = scene.kiriko.result.solved_for
 
 
 def is_written(scene: bpy.types.Scene, solved_for: str) -> bool:
     """Is a scene's result whole, and that of a scene, as nothing has been undone since?"""
     result = scene.kiriko.result
     is_whole = not result.is_coarse and not lacks_numbers(result)
-    is_noted = (scene.session_uid, result.solved_for) in _written
-    is_of_it = is_noted and result.solved_for == solved_for
+    is_of_it = _written.get(scene.session_uid) == result.solved_for == solved_for
     return is_of_it and is_whole and result.source is not None
 
 

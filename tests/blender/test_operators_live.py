@@ -250,6 +250,28 @@ def test_undo_into_live_takes_no_image_for_that_of_its_numbers(
     assert watch.has_changed(bpy.context)
 
 
+@pytest.mark.parametrize("is_changed", [False, True])
+def test_live_keeps_the_image_of_an_opened_file(
+    live: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_changed: bool
+) -> None:
+    """A file that was solved and saved: nothing is solved or written while the scene is the same,
+    not even a coarse image; where it was changed after the solve, it is.
+    """
+    monkeypatch.setattr(live.live_follower, "QUICK", 0.0)
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    before = shown()
+    if is_changed:
+        turn(rig["GLASS"], 0.3)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "solved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "solved.blend"))
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    settle(live)
+    assert (live.followed().n_pictures > 0) == is_changed
+    assert np.array_equal(shown(), before) != is_changed
+    assert not bpy.context.scene.kiriko.result.is_coarse
+
+
 def test_a_coarse_picture_comes_first(
     live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
