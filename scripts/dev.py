@@ -9,6 +9,12 @@ import argparse
 import subprocess
 import sys
 
+if sys.version_info < (3, 11):  # noqa: UP036, for the Pythons that cannot run the rest
+    sys.exit(
+        "This is Python {}.{}, and Kiriko's scripts need 3.11 or newer: install Python 3.13 and run"
+        " 'python3.13 scripts/dev.py'.".format(*sys.version_info)
+    )
+
 import build_kernel
 from environments import (
     BENCH,
