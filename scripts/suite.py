@@ -1,8 +1,9 @@
 """The steps of `dev.py test`: runs them two at a time and adds up their results.
 
 A step is stopped when it hangs, and not because it takes long on a busy machine: it hangs when
-nothing was added to its log for `STILL_MINUTES`. Tests write a dot each, and their stack when one
-takes longer than `STACK_AFTER_S`, so that the log of a step that was stopped says where it stood.
+it slept for `ASLEEP_MINUTES` or used `BUSY_MINUTES` of CPU since it last printed. Tests print a dot
+each, and their stack when one takes longer than `STACK_AFTER_S`, so that the log of a step that was
+stopped says where it stood.
 """
 
 from __future__ import annotations
@@ -30,8 +31,11 @@ from environments import (
 
 LOGS = ROOT / "out" / "test"
 AT_ONCE = 2
-# a step that prints nothing for so long hangs; the slowest test takes a tenth of it
-STILL_MINUTES = 15.0
+# the slowest test takes a tenth of either
+ASLEEP_MINUTES = 15.0
+BUSY_MINUTES = 60.0
+ASLEEP = "SZX"  # states in /proc of a thread that wants no CPU: it waits for an event, or has ended
+TICK_S = 0.01  # of CPU times in /proc
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
@@ -333,11 +337,14 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
             stdout=output,
             stderr=subprocess.STDOUT,
         )
-        code = wait_while_it_prints(process, log)
+        code = wait_while_it_works(process, log)
 
     result = count(report) if report.exists() else Result(passed=int(code == 0))
     if code is None:
-        hung = f"stopped, since it printed nothing for {STILL_MINUTES:g} minutes"
+        hung = (
+            f"stopped: since it last printed, it slept {ASLEEP_MINUTES:g} minutes or used"
+            f" {BUSY_MINUTES:g} minutes of CPU"
+        )
         result = Result(result.passed, max(result.failed, 1), result.skipped, hung)
     elif code and not result.failed:
         # Blender may crash after the last test.
@@ -350,24 +357,46 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
     return result
 
 
-def wait_while_it_prints(process: subprocess.Popen[bytes], log: Path) -> int | None:
-    """Exit code of a process that prints into a log; None where
-    the log stood still and the process was stopped.
+def wait_while_it_works(process: subprocess.Popen[bytes], log: Path) -> int | None:
+    """Exit code of a process that prints into a log; None if it hung and was stopped.
+
+    Time in which a thread is stopped, or wants a CPU and gets none, is no sleep.
     """
-    size = 0
-    grown = time.monotonic()
+    size, asleep_s, busy_s = 0, 0.0, 0.0
+    before: dict[str, int] = {}
     while True:
         try:
             return process.wait(timeout=LOOK_EVERY_S)
         except subprocess.TimeoutExpired:
-            before = size
-            size = log.stat().st_size
-        if size != before:
-            grown = time.monotonic()
-        elif time.monotonic() - grown > 60 * STILL_MINUTES:
+            now = list(threads(process.pid))
+
+        ran_s = TICK_S * sum(ticks - before.get(thread, 0) for thread, _, ticks in now)
+        before = {thread: ticks for thread, _, ticks in now}
+        if log.stat().st_size != size:
+            size, asleep_s, busy_s = log.stat().st_size, 0.0, 0.0
+            continue
+        busy_s += ran_s
+        if not ran_s and all(state in ASLEEP for _, state, _ in now):
+            asleep_s += LOOK_EVERY_S  # counted, since this process may be suspended, too
+        if asleep_s > 60 * ASLEEP_MINUTES or busy_s > 60 * BUSY_MINUTES:
             process.kill()
             process.wait()
             return None
+
+
+def threads(process: int) -> Iterator[tuple[str, str, int]]:
+    """Each thread of a process and of those it started: its id, its state and its CPU time in
+    ticks. None where the system has no /proc.
+    """
+    for thread in Path(f"/proc/{process}/task").glob("*"):
+        try:
+            fields = (thread / "stat").read_text().rpartition(") ")[2].split()
+            children = (thread / "children").read_text().split()
+        except OSError:
+            continue  # it ended meanwhile
+        yield thread.name, fields[0], int(fields[11]) + int(fields[12])
+        for child in children:
+            yield from threads(int(child))
 
 
 def count(report: Path) -> Result:
