@@ -1,6 +1,7 @@
 import sys
 import time
 from concurrent.futures import Future
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -145,54 +146,58 @@ def test_an_environment_that_cannot_be_set_up_ends_the_suite(
         suite.run_steps([suite.Step("step", "any", ())], {"any": Path("one")})
 
 
-def files_of(environment: str, kind: str, everywhere: bool) -> list[str]:
-    """The files of tests that an environment's steps of a kind run."""
-    steps = suite.steps("any", "any", everywhere)
-    of_kind = [s for s in steps if s.environment == environment and s.name.startswith(kind)]
-    words = [word for step in of_kind for word in step.arguments if word.startswith("tests/")]
-    return sorted(words)
+def files_of(folder: str, everywhere: bool) -> dict[tuple[str, bool, str], list[str]]:
+    """The files in a folder of tests that steps run, by environment, kernel or none, and marks."""
+    found: dict[tuple[str, bool, str], list[str]] = {}
+    for step in suite.steps("any", next(iter(suite.BLENDERS)), everywhere):
+        words = [word for word in step.arguments if word.startswith(f"tests/{folder}")]
+        if "scripts/sanitise_kernel.py" not in step.arguments and words:
+            marks = [m for m, after in pairwise(step.arguments[::-1]) if after == "-m"]
+            key = step.environment, step.without_kernel, next(iter(marks), "")
+            found.setdefault(key, []).extend(words)
+    return {key: sorted(words) for key, words in found.items()}
 
 
-def test_each_blender_runs_each_file_of_its_tests_once() -> None:
-    """The parts of a Blender's tests have all files, none of them twice. The newest leaves out
-    none, an older one those over many cases, unless all is asked for.
+def all_files(folder: str) -> list[str]:
+    found = (suite.ROOT / "tests" / folder).rglob("test_*.py")
+    return sorted(file.relative_to(suite.ROOT).as_posix() for file in found)
+
+
+def test_the_gate_runs_each_test_once_in_the_newest_versions() -> None:
+    """All files in the newest Blender, with its numpy and the kernel. Older ones run the smoke
+    file, and numpy alone the cases that are marked.
     """
-    files = sorted(
-        file.relative_to(suite.ROOT).as_posix()
-        for file in (suite.ROOT / "tests" / "blender").rglob("test_*.py")
-    )
-    newest, *between, oldest = suite.BLENDERS
-    both_ends = [file for file in files if Path(file).name not in suite.AT_NEWEST]
-    assert len(files) - len(both_ends) == len(suite.AT_NEWEST)
-    everywhere = [file for file in both_ends if Path(file).name not in suite.AT_BOTH_ENDS]
-    assert len(both_ends) - len(everywhere) == len(suite.AT_BOTH_ENDS)
-
-    assert files_of(newest, "blender-", everywhere=False) == files
-    assert files_of(oldest, "blender-", everywhere=False) == both_ends
-    for name in between:
-        assert files_of(name, "blender-", everywhere=False) == everywhere
-    for name in suite.BLENDERS:
-        assert files_of(name, "blender-", everywhere=True) == files
+    newest, *older = suite.BLENDERS
+    assert files_of("core", everywhere=False) == {
+        (newest, False, "not long"): all_files("core"),
+        ("core", True, "numpy_alone"): ["tests/core"],
+    }
+    assert files_of("blender", everywhere=False) == {
+        (newest, False, "not long"): all_files("blender"),
+        **{(name, False, "pytest"): [suite.SMOKE] for name in older},
+    }
+    assert suite.SMOKE in all_files("blender")
+    assert files_of("package", everywhere=False) == {(newest, False, "not long"): ["tests/package"]}
 
 
-def test_what_a_numpy_leaves_out_is_there() -> None:
-    """Files that are left out by name are files; those left to numpy alone are run by it, and where
-    all is asked for each file of core is run with the kernel and without.
+def test_everywhere_runs_all_tests_in_all_versions() -> None:
+    """Each Blender runs each file once, the oldest one part of them without the kernel; both numpys
+    run all of core, the oldest with the kernel and without. Tests marked `long` run once.
     """
-    for file in (*suite.NUMPY_ALONE, *suite.AT_NEWEST_NUMPY):
-        assert (suite.ROOT / file).is_file()
-    assert not set(suite.NUMPY_ALONE) & set(suite.AT_NEWEST_NUMPY)
-    assert files_of("core", "core-numpy-alone", everywhere=False) == sorted(suite.NUMPY_ALONE)
-
-    for name in ("core-oldest-numpy", "core-numpy-alone"):
-        assert files_of("core", name, everywhere=True) == ["tests/core"]
-
-    n = len(suite.NUMPY_ALONE) + len(suite.AT_NEWEST_NUMPY)
-    for everywhere, n_left_out in ((False, n), (True, 0)):
-        steps = suite.steps("any", "any", everywhere)
-        (step,) = [step for step in steps if step.name == "core-oldest-numpy"]
-        left_out = [word for word in step.arguments if word.startswith("--ignore=")]
-        assert len(left_out) == n_left_out
+    newest, between, oldest = suite.BLENDERS
+    found = files_of("blender", everywhere=True)
+    assert found[newest, False, "pytest"] == all_files("blender")
+    assert found[between, False, "not long"] == all_files("blender")
+    alone = found[oldest, True, "not long"]
+    assert sorted(found[oldest, False, "not long"] + alone) == all_files("blender")
+    assert alone
+    assert files_of("core", everywhere=True) == {
+        (newest, False, "pytest"): all_files("core"),
+        ("core", False, "not long"): ["tests/core"],
+        ("core", True, "not long"): ["tests/core"],
+    }
+    names = {step.name for step in suite.steps("any", newest, everywhere=True)}
+    assert names >= {"farm", "kernel-elsewhere", "kernel-sanitised", "install-4.2.23"}
 
 
 def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
