@@ -134,6 +134,9 @@ def test_ball(kiriko, scene, lattice):
     assert before.mean > 20  # it is a strong lens
 
 
+@pytest.mark.long(
+    reason="the ball and the cube are compared with Cycles, and the slab with its closed form in core"
+)
 def test_slab(kiriko, scene, lattice):
     """A slab turned by 25 degrees: plain dots where the slab
     formula puts them to 1 px, compensated ones as wanted.
