@@ -135,7 +135,7 @@ def test_ball(kiriko, scene, lattice):
 
 
 @pytest.mark.long(
-    reason="the ball and the cube are compared with Cycles, and the slab with its closed form in core"
+    reason="ball and cube are compared with Cycles, the slab with its closed form in core"
 )
 def test_slab(kiriko, scene, lattice):
     """A slab turned by 25 degrees: plain dots where the slab
