@@ -9,10 +9,13 @@ stopped says where it stood.
 from __future__ import annotations
 
 import heapq
+import os
+import signal
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -292,6 +295,9 @@ def wait_while_it_works(process: subprocess.Popen[bytes], log: Path) -> int | No
         if not ran_s and all(state in ASLEEP for _, state, _ in now):
             asleep_s += LOOK_EVERY_S  # counted, since this process may be suspended, too
         if asleep_s > 60 * ASLEEP_MINUTES or busy_s > 60 * BUSY_MINUTES:
+            for thread, _, _ in now:  # those that it started, too
+                with suppress(ProcessLookupError):
+                    os.kill(int(thread), signal.SIGKILL)
             process.kill()
             process.wait()
             return None

@@ -1,3 +1,4 @@
+import re
 import sys
 import time
 from concurrent.futures import Future
@@ -11,7 +12,7 @@ from environments import ToolError
 
 ASLEEP_S = 1.0
 BUSY_S = 3.0
-SLEEPS = "import time\nprint('begun', flush=True)\ntime.sleep(600)\n"
+SLEEPS = "import os, time\nprint('begun', os.getpid(), flush=True)\ntime.sleep(600)\n"
 CHILD_SLEEPS = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {SLEEPS!r}])\n"
 POLLS = "import time\nwhile True:\n    time.sleep(0.05)\n"
 LOOPS = "while True:\n    pass\n"
@@ -79,12 +80,16 @@ def test_a_step_that_hangs_is_stopped_and_says_so(
     code: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A step that sleeps, looks again and again for what never comes, or loops without end is
-    stopped, fails and shows its output.
+    stopped with all that it started, fails and shows its output.
     """
     result = run(code)
     assert result.failed == 1
     assert "stopped: since it last printed" in result.remark
-    assert ("begun" in capsys.readouterr().out) == ("begun" in code)
+    begun = re.search(r"begun (\d+)", capsys.readouterr().out)
+    assert bool(begun) == ("begun" in code)
+    ended = time.monotonic() + 60
+    while begun and Path("/proc", begun[1]).exists():  # until its parent has heard of its end
+        assert time.monotonic() < ended
 
 
 def test_without_proc_a_silent_step_is_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
