@@ -12,6 +12,7 @@ import platform
 import sys
 import tempfile
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -151,12 +152,12 @@ def version() -> str:
     return f"{manifest['version']}+{fingerprint()[:8]}"
 
 
-def make_wheels() -> None:
-    """Build a wheel for each platform into wheels/."""
+def make_wheels(targets: Iterable[Target]) -> None:
+    """Build a wheel for each of some platforms into wheels/."""
     WHEELS.mkdir(exist_ok=True)
     for old in WHEELS.glob(f"{MODULE}-*.whl"):
         old.unlink()
-    for target in TARGETS:
+    for target in targets:
         with tempfile.TemporaryDirectory() as folder:
             make_package(target, Path(folder, MODULE))
             info = Path(folder, f"{MODULE}-{version()}.dist-info")

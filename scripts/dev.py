@@ -9,6 +9,12 @@ import argparse
 import subprocess
 import sys
 
+if sys.version_info < (3, 11):  # noqa: UP036, for the Pythons that cannot run the rest
+    sys.exit(
+        "This is Python {}.{}, and Kiriko's scripts need 3.11 or newer: install Python 3.13 and run"
+        " 'python3.13 scripts/dev.py'.".format(*sys.version_info)
+    )
+
 import build_kernel
 from environments import (
     BENCH,
@@ -299,8 +305,8 @@ def answer_help(script: str, rest: list[str]) -> None:
 
 
 def test(arguments: argparse.Namespace) -> None:
-    """Lint, test core alone and in every Blender whose Python is
-    found, build, install and solve from the zip.
+    """Lint, run each test in the newest Blender and a smoke file in the older
+    ones, build, install and solve from the zip.
     """
     sys.exit(
         not run_suite(
@@ -409,8 +415,8 @@ def main() -> None:
     options.add_argument(
         "--everywhere",
         action="store_true",
-        help="run tests over many cases in older Blenders and with the oldest numpy, too, and all"
-        " of core without the kernel",
+        help="run all tests in each Blender and with each numpy, the sanitisers, and the kernels"
+        " and zips of all platforms",
     )
     options.add_argument(
         "--only", nargs="+", default=[], metavar="NAME", help="steps whose names begin so"

@@ -7,10 +7,15 @@ Runs in an environment that has bpy: `python scripts/dev.py build` calls it ther
 import argparse
 import hashlib
 import importlib.util
+import json
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import tomllib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import build_kernel
@@ -26,6 +31,8 @@ from environments import (
 
 ROOT = Path(__file__).resolve().parent.parent
 DIST = ROOT / "dist"
+# folders of the checkout that no zip holds
+UNPACKED = (".dev", ".git", "dist", "docs", "out", "scripts", "tests")
 WHEELS_PINS = ROOT / "scripts" / "requirements-wheels.txt"
 
 
@@ -97,11 +104,36 @@ def make_manual() -> None:
         sys.exit(code)
 
 
-def build(is_manual_kept: bool) -> None:
-    """Make dist/ anew: one valid zip for each platform."""
+def system(tag: str) -> str:
+    """A wheel's platform without the versions of systems: `manylinux_x86_64`."""
+    return re.sub(r"(_\d+){2}_", "_", tag.rpartition(".")[2])
+
+
+@contextmanager
+def source_for(target: build_kernel.Target, wheels: Sequence[str]) -> Iterator[Path]:
+    """A copy of the checkout whose manifest has one platform, and these wheels."""
+    manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
+    for name, values in (("platforms", [target.platform]), ("wheels", wheels)):
+        manifest = re.sub(
+            rf"^{name} = \[[^]]*]", f"{name} = {json.dumps(values)}", manifest, flags=re.MULTILINE
+        )
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name, "kiriko")
+        shutil.copytree(ROOT, folder, ignore=lambda f, _: UNPACKED if f == str(ROOT) else ())
+        (folder / "blender_manifest.toml").write_text(manifest, encoding="utf-8")
+        yield folder
+
+
+def build(is_manual_kept: bool, is_for_here: bool) -> None:
+    """Make dist/ anew: one valid zip for each platform, or for that of this machine alone."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    build_kernel.make_wheels()
-    for wheel in manifest["wheels"]:
+    targets = [
+        t for t in build_kernel.TARGETS if t == build_kernel.this_target() or not is_for_here
+    ]
+    systems = {system(target.tag) for target in targets}
+    wheels = [w for w in manifest["wheels"] if system(Path(w).stem.rpartition("-")[2]) in systems]
+    build_kernel.make_wheels(targets)
+    for wheel in wheels:
         name = Path(wheel).name
         if not name.startswith(build_kernel.MODULE):
             fetch_wheel(ROOT / wheel)
@@ -113,18 +145,16 @@ def build(is_manual_kept: bool) -> None:
 
     if not is_manual_kept:
         make_manual()
-    extension_tool("validate", ROOT)
     DIST.mkdir(exist_ok=True)
     for old in DIST.glob("kiriko-*.zip"):
         old.unlink()
-    extension_tool("build", "--source-dir", ROOT, "--output-dir", DIST, "--split-platforms")
+    with source_for(targets[0], wheels) if is_for_here else nullcontext(ROOT) as source:
+        extension_tool("validate", source)
+        extension_tool("build", "--source-dir", source, "--output-dir", DIST, "--split-platforms")
     zips = sorted(DIST.glob("kiriko-*.zip"))
 
-    if len(zips) != len(manifest["platforms"]):
-        sys.exit(
-            f"dist/ has {len(zips)} zips for {len(manifest['platforms'])} platforms: see the"
-            f" output above."
-        )
+    if len(zips) != len(targets):
+        sys.exit(f"dist/ has {len(zips)} zips for {len(targets)} platforms: see the output above.")
 
     for path in zips:
         extension_tool("validate", path)
@@ -137,4 +167,8 @@ if __name__ == "__main__":
         action="store_true",
         help="pack manual/ as it is, if it is there, as for pictures that its pages still lack",
     )
-    build(parser.parse_args().keep_manual)
+    parser.add_argument(
+        "--here", action="store_true", help="build the zip for this machine's platform alone"
+    )
+    options = parser.parse_args()
+    build(options.keep_manual, options.here)

@@ -1,18 +1,22 @@
 """The steps of `dev.py test`: runs them two at a time and adds up their results.
 
 A step is stopped when it hangs, and not because it takes long on a busy machine: it hangs when
-nothing was added to its log for `STILL_MINUTES`. Tests write a dot each, and their stack when one
-takes longer than `STACK_AFTER_S`, so that the log of a step that was stopped says where it stood.
+it slept for `ASLEEP_MINUTES` or used `BUSY_MINUTES` of CPU since it last printed. Tests print a dot
+each, and their stack when one takes longer than `STACK_AFTER_S`, so that the log of a step that was
+stopped says where it stood.
 """
 
 from __future__ import annotations
 
 import heapq
+import os
+import signal
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -30,118 +34,22 @@ from environments import (
 
 LOGS = ROOT / "out" / "test"
 AT_ONCE = 2
-# a step that prints nothing for so long hangs; the slowest test takes a tenth of it
-STILL_MINUTES = 15.0
+# the slowest test takes a tenth of either
+ASLEEP_MINUTES = 15.0
+BUSY_MINUTES = 60.0
+ASLEEP = "SZX"  # states in /proc of a thread that wants no CPU: it waits for an event, or has ended
+TICK_S = 0.01  # of CPU times in /proc
 STACK_AFTER_S = 300
 LOOK_EVERY_S = 1.0
 SLOWEST = 25  # tests that each log names
-# Tests of core that the oldest numpy runs without the kernel: those of all that the kernel does,
-# and of a solve as a whole. The others it runs with it: else they take two to ten times as long.
-NUMPY_ALONE = tuple(
-    f"tests/core/test_{name}.py"
-    for name in (
-        "chaos",
-        "closed_forms",
-        "curved",
-        "landings",
-        "leaks",
-        "memory",
-        "outline",
-        "own_images",
-        "picture",
-        "properties",
-        "ray_guess",
-        "session",
-        "shares",
-        "source_image",
-        "trace",
-        "view_map",
-    )
-)
-# Tests of core over many cases, next to nothing of which is numpy's: the newest numpy runs them,
-# the oldest where all is asked for.
-AT_NEWEST_NUMPY = tuple(
-    f"tests/core/test_{name}.py"
-    for name in (
-        "atlas",
-        "best_place",
-        "explain_paper",
-        "extremes",
-        "eye_box",
-        "ghosts",
-        "glare",
-        "head_box",
-        "helps",
-        "judge",
-        "kernel",
-        "lattice",
-        "misalignment",
-        "remarks",
-        "room",
-        "several_viewers",
-        "surface_error",
-        "threads",
-        "two_eyes",
-        "warp_map",
-        "work_precision",
-    )
-)
-# Tests in Blender over many cases of optics, next to nothing of which is Blender's: the newest
-# Blender runs them, the others where all is asked for.
-AT_NEWEST = tuple(
-    f"test_{name}.py"
-    for name in (
-        "against_cycles",
-        "glasses",
-        "operators_best_place",
-        "operators_calibrate",
-        "operators_export_atlas",
-        "operators_report",
-        "several_viewers",
-        "shapes",
-        "stale",
-    )
-)
-# The Blenders between the oldest and the newest leave out these, too, which are long. Some are of
-# Blender: a fault of theirs alone was not met yet. The others ask what core or the command line
-# says, writes or solves, and little of Blender that its versions could do each in their own way.
-AT_BOTH_ENDS = tuple(
-    f"test_{name}.py"
-    for name in (
-        "before_after",
-        "bench_drawing",
-        "brought_glass",
-        "checklist",
-        "conflict_image",
-        "engines",
-        "extreme_scenes",
-        "faults",
-        "frames",
-        "fuzz",
-        "hidden",
-        "lab",
-        "operators_add_rig",
-        "operators_command_line",
-        "operators_export",
-        "operators_export_job",
-        "operators_export_maps",
-        "operators_eye_box",
-        "operators_fit",
-        "operators_live",
-        "operators_simulate",
-        "operators_visible_range",
-        "own_images",
-        "plate_cycles",
-        "preview",
-        "rigs",
-        "rigs_by_hand",
-    )
-)
 SLOWEST_OF_ALL = 8  # tests named at the end
-# Processes into which the tests in Blender are dealt: few files each, so that two processes are at
-# work to the end, and a fault of one that stays in memory meets few others.
-PARTS = 4
+# Processes into which the tests of core and those in a Blender are dealt: few files each, so that
+# two processes are at work to the end, and a fault of one that stays in memory meets few others.
+CORE_PARTS = 2
+BLENDER_PARTS = 4
 WITHOUT_KERNEL = 1  # the part that the oldest Blender runs with numpy alone
+NOT_LONG = ("-m", "not long")
+SMOKE = "tests/blender/test_smoke.py"
 
 
 @dataclass(frozen=True)
@@ -177,67 +85,79 @@ class Timed:
 
 
 def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
-    """All steps, in the order in which they start.
+    """All steps, in the order in which they start, the longest first.
 
-    `tools` is the environment for steps that need any Blender; `newest` that in which no test is
-    left out; `everywhere`: are those over many cases left out of no other one either, and none
-    without the kernel?
+    The gate runs each test once, in the newest Blender or beside the newest numpy; in the others
+    the tests marked `numpy_alone` and the smoke file. `everywhere` runs all tests in all of them,
+    and those marked `long` in the newest.
+
+    tools : environment of the steps for which any Blender will do
+    newest : environment of the newest Blender
     """
-    told = f"--durations={SLOWEST}", "-o", f"faulthandler_timeout={STACK_AFTER_S}"
-    pytest = ("-m", "pytest", "-q", "--color=no", *told)
-    older = (*pytest, "-m", "not newest_only")
-    blenders = {name: name.removeprefix("bpy-") for name in BLENDERS}
-    ends = next(iter(blenders)), list(blenders)[-1]
-    without = dict.fromkeys(blenders, () if everywhere else (*AT_NEWEST, *AT_BOTH_ENDS))
-    without |= {ends[1]: () if everywhere else AT_NEWEST, ends[0]: ()}
-    without[newest] = ()
-    left_out = () if everywhere else (*NUMPY_ALONE, *AT_NEWEST_NUMPY)
-    alone = ("tests/core",) if everywhere else NUMPY_ALONE
-    by_name = {name: pytest if name == newest else older for name in BLENDERS}
-    return [
+    slow = f"--durations={SLOWEST}", "-o", f"faulthandler_timeout={STACK_AFTER_S}"
+    pytest = ("-m", "pytest", "-q", "--color=no", *slow)
+    once = pytest if everywhere else (*pytest, *NOT_LONG)
+    alone = NOT_LONG if everywhere else ("-m", "numpy_alone")
+    package = ("scripts/package.py", *([] if everywhere else ["--here"]))
+    found = [
         Step("lint", tools, ("-m", "ruff", "check", "--output-format=concise", ".")),
         Step("format", tools, ("-m", "ruff", "format", "--check", ".")),
-        Step("package", tools, ("scripts/package.py",)),
-        Step("scripts", tools, (*pytest, "tests/scripts")),
-        # the longest first, so that no processor waits for it at the end
-        Step("core-newest-numpy", newest, (*pytest, "tests/core")),
-        # what other programs make of the files for shows, and a scheduler of the jobs
+        Step("package", tools, package),
+        *in_parts("core-newest-numpy", newest, once, "core", CORE_PARTS),
+        *in_parts(f"blender-{short(newest)}", newest, once, "blender", BLENDER_PARTS),
+        Step("core-numpy-alone", "core", (*pytest, *alone, "tests/core"), without_kernel=True),
+        Step("scripts", tools, (*once, "tests/scripts")),
+        Step(f"install-{short(newest)}", newest, (*once, "tests/package"), "package"),
+    ]
+    older = [name for name in BLENDERS if name != newest]
+    return found + (more_steps(newest, older, pytest) if everywhere else smoke(older, pytest))
+
+
+def smoke(blenders: Sequence[str], pytest: Sequence[str]) -> list[Step]:
+    """The steps of the gate in older Blenders."""
+    return [Step(f"smoke-{short(name)}", name, (*pytest, SMOKE)) for name in blenders]
+
+
+def more_steps(newest: str, blenders: Sequence[str], pytest: Sequence[str]) -> list[Step]:
+    """The steps that are no part of the gate: all tests in older versions, and of the kernel and
+    files what other programs and platforms make of them.
+    """
+    older = (*pytest, *NOT_LONG)
+    kernel = ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py")
+    found = [
         Step("farm", newest, ("scripts/dev.py", "farm", "--only", "maps", "jobs"), "package"),
-        Step("core-oldest-numpy", "core", (*older, "tests/core", *map(ignored, left_out))),
-        Step("core-numpy-alone", "core", (*older, *alone), without_kernel=True),
-        *(
-            Step(
-                f"blender-{short}-{part + 1}",
-                name,
-                (*by_name[name], *dealt(part, without[name])),
-                without_kernel=name == ends[1] and part == WITHOUT_KERNEL,
-            )
-            for name, short in blenders.items()
-            for part in range(PARTS)
-        ),
+        Step("core-oldest-numpy", "core", (*older, "tests/core")),
+    ]
+    for name in blenders:
+        parts = in_parts(f"blender-{short(name)}", name, older, "blender", BLENDER_PARTS)
+        if name == blenders[-1]:
+            parts[WITHOUT_KERNEL] = replace(parts[WITHOUT_KERNEL], without_kernel=True)
+        found += [
+            *parts,
+            Step(f"install-{short(name)}", name, (*older, "tests/package"), "package"),
+        ]
+    return [
+        *found,
         Step("kernel-elsewhere", newest, ("scripts/dev.py", "kernel")),
-        Step(
-            "kernel-sanitised",
-            newest,
-            ("scripts/sanitise_kernel.py", *pytest, "tests/core/test_kernel.py"),
-        ),
-        *(
-            Step(f"install-{short}", name, (*by_name[name], "tests/package"), "package")
-            for name, short in blenders.items()
-        ),
+        Step("kernel-sanitised", newest, kernel),
     ]
 
 
-def ignored(file: str) -> str:
-    """The argument by which pytest leaves out a file."""
-    return f"--ignore={file}"
+def short(blender: str) -> str:
+    """The version of an environment's Blender."""
+    return blender.removeprefix("bpy-")
 
 
-def dealt(part: int, without: Sequence[str] = ()) -> tuple[str, ...]:
-    """The files of one part of the tests in Blender, without those of some names."""
-    files = sorted((ROOT / "tests" / "blender").glob("test_*.py"))
-    files = [file for file in files if file.name not in without]
-    return tuple(file.relative_to(ROOT).as_posix() for file in files[part::PARTS])
+def in_parts(
+    name: str, environment: str, pytest: Sequence[str], folder: str, parts: int
+) -> list[Step]:
+    """Steps that each run a part of the files in a folder of tests."""
+    files = sorted((ROOT / "tests" / folder).glob("test_*.py"))
+    names = [file.relative_to(ROOT).as_posix() for file in files]
+    return [
+        Step(f"{name}-{part + 1}", environment, (*pytest, *names[part::parts]))
+        for part in range(parts)
+    ]
 
 
 def chosen(everything: Sequence[Step], prefixes: Sequence[str]) -> list[Step]:
@@ -333,11 +253,14 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
             stdout=output,
             stderr=subprocess.STDOUT,
         )
-        code = wait_while_it_prints(process, log)
+        code = wait_while_it_works(process, log)
 
     result = count(report) if report.exists() else Result(passed=int(code == 0))
     if code is None:
-        hung = f"stopped, since it printed nothing for {STILL_MINUTES:g} minutes"
+        hung = (
+            f"stopped: since it last printed, it slept {ASLEEP_MINUTES:g} minutes or used"
+            f" {BUSY_MINUTES:g} minutes of CPU"
+        )
         result = Result(result.passed, max(result.failed, 1), result.skipped, hung)
     elif code and not result.failed:
         # Blender may crash after the last test.
@@ -350,24 +273,49 @@ def run_step(step: Step, interpreter: Path, before: Future[Result] | None) -> Re
     return result
 
 
-def wait_while_it_prints(process: subprocess.Popen[bytes], log: Path) -> int | None:
-    """Exit code of a process that prints into a log; None where
-    the log stood still and the process was stopped.
+def wait_while_it_works(process: subprocess.Popen[bytes], log: Path) -> int | None:
+    """Exit code of a process that prints into a log; None if it hung and was stopped.
+
+    Time in which a thread is stopped, or wants a CPU and gets none, is no sleep.
     """
-    size = 0
-    grown = time.monotonic()
+    size, asleep_s, busy_s = 0, 0.0, 0.0
+    before: dict[str, int] = {}
     while True:
         try:
             return process.wait(timeout=LOOK_EVERY_S)
         except subprocess.TimeoutExpired:
-            before = size
-            size = log.stat().st_size
-        if size != before:
-            grown = time.monotonic()
-        elif time.monotonic() - grown > 60 * STILL_MINUTES:
+            now = list(threads(process.pid))
+
+        ran_s = TICK_S * sum(ticks - before.get(thread, 0) for thread, _, ticks in now)
+        before = {thread: ticks for thread, _, ticks in now}
+        if log.stat().st_size != size:
+            size, asleep_s, busy_s = log.stat().st_size, 0.0, 0.0
+            continue
+        busy_s += ran_s
+        if not ran_s and all(state in ASLEEP for _, state, _ in now):
+            asleep_s += LOOK_EVERY_S  # counted, since this process may be suspended, too
+        if asleep_s > 60 * ASLEEP_MINUTES or busy_s > 60 * BUSY_MINUTES:
+            for thread, _, _ in now:  # those that it started, too
+                with suppress(ProcessLookupError):
+                    os.kill(int(thread), signal.SIGKILL)
             process.kill()
             process.wait()
             return None
+
+
+def threads(process: int) -> Iterator[tuple[str, str, int]]:
+    """Each thread of a process and of those it started: its id, its state and its CPU time in
+    ticks. None where the system has no /proc.
+    """
+    for thread in Path(f"/proc/{process}/task").glob("*"):
+        try:
+            fields = (thread / "stat").read_text().rpartition(") ")[2].split()
+            children = (thread / "children").read_text().split()
+        except OSError:
+            continue  # it ended meanwhile
+        yield thread.name, fields[0], int(fields[11]) + int(fields[12])
+        for child in children:
+            yield from threads(int(child))
 
 
 def count(report: Path) -> Result:

@@ -33,11 +33,9 @@ EXIT_STATUS = pytest.StashKey[int]()
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        for mark in item.iter_markers("newest_only"):
+        for mark in item.iter_markers("long"):
             if not mark.kwargs.get("reason"):
-                raise pytest.UsageError(
-                    f"{item.nodeid} runs with the newest versions only: say why by a reason="
-                )
+                raise pytest.UsageError(f"{item.nodeid} is left out of the gate: give a reason=")
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

@@ -14,7 +14,6 @@ import coverage
 import pytest
 
 SECONDS: Counter[str] = Counter()
-NEWEST_ONLY: set[str] = set()
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -22,8 +21,6 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Count lines to a test from its setup to its teardown."""
     now = coverage.Coverage.current()
     now.switch_context(item.nodeid)
-    if item.get_closest_marker("newest_only"):
-        NEWEST_ONLY.add(item.nodeid)
     result = yield
     now.switch_context("")
     return result
@@ -36,5 +33,5 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 def pytest_sessionfinish() -> None:
     """Leave the notes where run.py looks for them."""
-    noted = {"seconds": SECONDS, "newest_only": sorted(NEWEST_ONLY)}
-    Path(os.environ["KIRIKO_REACH"], "tests.json").write_text(json.dumps(noted), encoding="utf-8")
+    path = Path(os.environ["KIRIKO_REACH"], "tests.json")
+    path.write_text(json.dumps({"seconds": SECONDS}), encoding="utf-8")

@@ -93,16 +93,6 @@ class Reach:
         """How long some tests take."""
         return sum(self.seconds[test] for test in tests)
 
-    def run_by_none_but(self, some: set[str]) -> list[str]:
-        """Lines of core that none but these tests run."""
-        lines = (
-            (file, line, set(tests))
-            for file, run in self.tests.items()
-            for line, tests in run.items()
-        )
-        found = sorted((file, line) for file, line, tests in lines if tests <= some)
-        return [f"core/{file}:{line}" for file, line in found]
-
 
 def assigned(source: str, line: int) -> set[str]:
     """Names that the statement on a line assigns."""
@@ -223,11 +213,6 @@ def find_reach(tree: Path, everything: str) -> Reach:
     reach = Reach(noted["seconds"], read_coverage(data))
     text = json.dumps({"everything": everything, "seconds": reach.seconds, "tests": reach.tests})
     path.write_text(text, encoding="utf-8")
-
-    for line in reach.run_by_none_but(set(noted["newest_only"])):
-        print(
-            f"{line} runs with the newest numpy alone, in tests so marked: mark one of them no more"
-        )
 
     return reach
 

@@ -11,6 +11,7 @@ from types import FunctionType, ModuleType, SimpleNamespace
 import bpy
 import pytest
 
+from long_work import live, rig, window  # noqa: F401, fixtures of tests of long work
 from panel_layout import Layout
 
 # Blender has Python keep nothing of what it compiles, so that each run would compile all anew.

@@ -134,8 +134,8 @@ def test_ball(kiriko, scene, lattice):
     assert before.mean > 20  # it is a strong lens
 
 
-@pytest.mark.newest_only(
-    reason="it adds a closed form to ball and cube, by which Cycles is held in each version"
+@pytest.mark.long(
+    reason="ball and cube are compared with Cycles, the slab with its closed form in core"
 )
 def test_slab(kiriko, scene, lattice):
     """A slab turned by 25 degrees: plain dots where the slab
@@ -184,7 +184,7 @@ def test_cube(kiriko, scene, lattice):
     assert before.mean > 100
 
 
-@pytest.mark.newest_only(reason="four renders of the ball, by which Cycles is held in each version")
+@pytest.mark.long(reason="four renders of the ball, which other tests compare with Cycles")
 def test_two_eyes_see_the_ball_at_the_depth_that_is_told(kiriko, scene):
     """Dots in renders of both eyes give two lines of sight by Blender's own cameras; where these
     come nearest, and how high either runs, is what core's `two_eyes` has.
@@ -216,7 +216,7 @@ def test_two_eyes_see_the_ball_at_the_depth_that_is_told(kiriko, scene):
 
 @pytest.mark.parametrize(
     "name",
-    ["tablet", pytest.param("aquarium", marks=pytest.mark.newest_only(reason="a second rig"))],
+    ["tablet", "aquarium"],
 )
 def test_rigs_without_a_plate(kiriko, scene, lattice, monkeypatch, name):
     """A crystal before a tablet, water in its glass before a monitor: the dots of a lattice

@@ -178,9 +178,6 @@ def test_a_photograph_does_it_too(bench: Bench, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_advice")
-@pytest.mark.newest_only(
-    reason="the fit is core's; the way to it is that of benches with a plate, tried in each version"
-)
 @pytest.mark.parametrize(("look_down", "by"), [(0, "photograph"), (90, "points")])
 def test_a_bench_without_a_plate_is_calibrated(
     kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, look_down: float, by: str
@@ -288,9 +285,6 @@ def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("no_advice")
-@pytest.mark.newest_only(
-    reason="both fits and their sum are core's; that an offset is kept is told in each version"
-)
 def test_offsets_add_up(bench: Bench, tmp_path: Path) -> None:
     """A second photograph is of the calibrated picture: its amounts come on top."""
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "first.csv")))

@@ -173,9 +173,6 @@ def test_a_limit_is_told(scene, capfd) -> None:
     )
 
 
-@pytest.mark.newest_only(
-    reason="light beside edges is core's; the buttons are tried in each version"
-)
 @pytest.mark.parametrize("display", [1.0, 12.0])
 def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, display) -> None:
     """Where light beside an edge goes far aside in a strip as thin as 1/500 of the picture: what
@@ -198,9 +195,6 @@ def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, 
     assert float(text[2]) / 100 == pytest.approx(before, abs=1e-3)
 
 
-@pytest.mark.newest_only(
-    reason="light beside edges is core's; the buttons are tried in each version"
-)
 def test_all_of_a_picture_that_was_fitted_arrives_through_hard_glass(scene, kiriko) -> None:
     """In a monkey's head, where light is lost in strips as thin as 1/1000 of the picture: what
     Solve leaves out is only what is finer than a viewer pixel, and rays that are ten times as

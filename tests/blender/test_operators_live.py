@@ -125,9 +125,7 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
-@pytest.mark.newest_only(
-    reason="drivers and scripts are followed by what other tests of Live follow"
-)
+@pytest.mark.long(reason="100 places, by drivers and scripts, which other tests of Live follow")
 def test_a_head_is_followed_along_a_path(live: ModuleType) -> None:
     """A viewer that a driver and a script move, as a head tracker's add-on does: each of 100
     positions has an image of its own, and the last of each ten is that of a plain solve.

@@ -165,21 +165,7 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
     assert missed["FACETS"] > 10 * missed["SMOOTH"]
 
 
-FINE = pytest.mark.newest_only(
-    reason="the fine triangles are core's; glass inside out and units are read in each Blender, and"
-    " an old one takes long for so many triangles"
-)
-
-
-@pytest.mark.parametrize(
-    "way",
-    [
-        pytest.param("inside out", marks=FINE),
-        "mirrored",
-        "instance",
-        pytest.param("millimetres", marks=FINE),
-    ],
-)
+@pytest.mark.parametrize("way", ["inside out", "mirrored", "instance", "millimetres"])
 def test_cycles_agrees_on_a_curved_surface(
     core: ModuleType, scene: bpy.types.Scene, way: str
 ) -> None:

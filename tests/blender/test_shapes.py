@@ -153,7 +153,6 @@ def test_previews(kiriko, scene, make):
     assert np.median(shown[dots] / seen[dots]) > 0.6
 
 
-@pytest.mark.newest_only(reason="her mesh is the same in all, the map is core's")
 def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     """Held to a ray through each pixel's middle, where it is not
     sampled, as tests/core/test_view_map.py holds others.

@@ -18,7 +18,6 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample
 from kiriko.core.settings import Settings
-from known.marks import STATISTICS
 from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
 from known.work import drain, solve
 
@@ -68,7 +67,6 @@ def test_the_light_is_that_of_random_rays():
     assert np.sqrt(np.mean(((found - light) / error) ** 2)) < 1.2
 
 
-@STATISTICS
 def test_four_times_the_effort_halves_the_noise():
     """Of the light on single display pixels, against very many samples of the same pixels."""
     many = solved(1024).weight
@@ -96,6 +94,7 @@ def test_no_pixel_is_seen_more_than_whole():
     assert pixels.max() < PIXELS
 
 
+@pytest.mark.numpy_alone
 def test_the_map_gives_the_nearest_sample():
     """At a sample the map gives its landing."""
     found = solved().first.view_map
@@ -119,6 +118,7 @@ def test_samples_stay_where_they_are():
     assert areas.sum() == 0.25
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("a_rig", [ball_rig(3, pixels=64), cube_rig(pixels=64)])
 def test_clear_glass_is_not_sampled(a_rig):
     """But for the pixels in which a cube's corners are seen, where several edges meet."""

@@ -145,6 +145,7 @@ def test_a_torus_of_index_1_is_met_at_the_roots_of_the_quartic():
     assert {2, 4} == set(counts)
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_light_goes_back_the_way_it_came(solid):
     """A path sent back from its end meets the same points in

@@ -30,7 +30,6 @@ from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.closed_forms import unit
-from known.marks import CASES, ORDER
 from known.reference_rigs import (
     bottle,
     cube_rig,
@@ -272,7 +271,6 @@ def rms(x):
 # How exact
 
 
-@ORDER
 @normals_kinds
 @pytest.mark.parametrize("name", ANALYTIC)
 def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_normals):
@@ -456,7 +454,6 @@ def test_faces_of_fine_regular_meshes_keep_their_own_normals():
 DISTURBED = (0, 0), (0.2, 0), (0.3, 0), (0, 1e-5), (0, 1e-4), (0, 1e-3), (0.2, 1e-5), (0.2, 1e-3)
 
 
-@CASES
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize(("aside", "noise"), DISTURBED)
 def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
@@ -680,7 +677,6 @@ def aimed(mesh, n, seed=1):
     return start, unit(np.concatenate([targets, random.uniform(-reach, reach, (n, 3))]) - start)
 
 
-@CASES
 @pytest.mark.parametrize("ior", [1.0, 1.49])
 @normals_kinds
 @closed
@@ -706,7 +702,6 @@ def entering(i, hits):
     return hits.enters & (hits.distance > 1e-7), np.zeros(len(i), bool)
 
 
-@CASES
 @pytest.mark.parametrize(
     "name", ["ball 1280", "ball 32 x 16", "lens", "cylinder 32 x 4", "cylinder 8 x 1"]
 )
@@ -1245,6 +1240,7 @@ def test_a_turned_mesh_has_the_same_surface_turned(name, has_mean_normals):
     assert np.abs(n - m @ turn).max() < 1e-4
 
 
+@pytest.mark.numpy_alone
 def test_an_open_sheet_is_met_from_both_sides():
     """A curved mirror, the upper half of a ball: rays from within
     and from outside meet it where they meet the ball.
@@ -1307,6 +1303,7 @@ def test_edges_are_cut_into_no_more_parts_than_their_turn_needs(angle, n):
     assert count_parts(curved, angle, 8) == n
 
 
+@pytest.mark.numpy_alone
 def test_a_point_that_was_found_on_a_curved_face_is_on_it():
     """Also where its coordinates lie just beyond an edge, on every curved face.
 

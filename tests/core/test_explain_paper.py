@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from kiriko.core.rig import MirrorArray
-from known.marks import FITS
 from known.reference_rigs import cube_rig
 from paper.experiment import Experiment, dots
 from paper.explain import UNMOVED, ability
@@ -123,7 +122,6 @@ def test_to_take_mirrors_for_an_ideal_plate_moves_all_alike(experiment):
     )  # the half cube stays where the mirrors image
 
 
-@FITS
 def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
     """dx stays though dy moves, or nothing does: glass that is shifted, all that moves
     up and down.
@@ -149,7 +147,6 @@ def test_what_cannot_explain_does_not_at_three_tolerances(experiment, named):
     assert {ability(one / 3) for one in moved[len(upright) :]} == {"nothing"}
 
 
-@FITS
 def test_no_one_bench_moves_the_first_photograph_further_than_the_last(experiment, named):
     """Turns and shifts move both alike, so that 28.5 px are
     left of the paper's, whatever their amounts.
@@ -188,7 +185,6 @@ def test_dots_are_lost_where_the_cube_ends(experiment, named):
     assert lost[0].reshape(7, 7)[:, 6].all()
 
 
-@FITS
 def test_a_bench_that_was_touched_explains_the_paper(experiment, named):
     """Of few suspects the smallest two are found: the camera, and
     the camera once more before the first photograph.

@@ -187,6 +187,9 @@ def without_further():
     return patch.object(faint, "numbers_along", lambda along: [])
 
 
+@pytest.mark.long(
+    reason="a comparison of two ways to spend rays: what they show is tested next to it"
+)
 def test_further_rays_for_faint_light_are_worth_more_than_more_effort():
     """Against very many samples, with all display pixels alike, it errs no more by two fifths
     fewer.

@@ -17,7 +17,6 @@ from kiriko.core.measure.choices import measure_choices
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
-from known.marks import STATISTICS
 from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
 from known.work import solve
@@ -179,7 +178,6 @@ def test_coverage_knows_the_glass_alone():
     assert apart.max() < 0.01
 
 
-@STATISTICS
 def test_the_share_that_is_told_is_the_one_that_is_seen():
     """The share of the light, as a sample of rays has it, is
     that of the seen image: to three standard errors.

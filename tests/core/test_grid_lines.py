@@ -19,7 +19,6 @@ from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known import closed_forms
 from known.catmull_clark import limit_mesh, ring_cage, uneven_profile
-from known.marks import ORDER
 from known.on_limits import vertices_and_edges
 from known.reference_rigs import mean_normals, rig, smooth_mesh, split_quads, torus, uv_ellipsoid
 
@@ -155,11 +154,11 @@ def test_subdivided_glass_is_curved_where_its_patches_meet():
 @pytest.mark.parametrize(
     ("points", "seed", "level"),
     [
-        pytest.param(4, 0, 2, marks=ORDER),
-        pytest.param(6, 1, 2, marks=ORDER),
-        pytest.param(8, 1, 2, marks=ORDER),
+        (4, 0, 2),
+        (6, 1, 2),
+        (8, 1, 2),
         (5, 2, 1),
-        pytest.param(7, 0, 1, marks=ORDER),
+        (7, 0, 1),
     ],
 )
 def test_subdivided_rings_are_curved_from_patches_of_two_edges_on(points, seed, level):

@@ -26,10 +26,7 @@ from known.judges import (
 from known.judges.light import OUT_OF_THE_WAY
 from known.judges.prisms import Prism
 from known.judges.verdicts import EXACT
-from known.marks import CASES
 from known.reference_rigs import rig
-
-pytestmark = CASES
 
 CASES = {
     judge_refraction: 3000,

@@ -8,10 +8,7 @@ import pytest
 from bench import lab
 from kiriko.core.bench.placement import lattice
 from kiriko.core.rig import PRESETS, MirrorArray
-from known.marks import ORDER
 from known.reference_rigs import box, rig
-
-pytestmark = ORDER
 
 ASKA = PRESETS["ASKA3D-488"]
 

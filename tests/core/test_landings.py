@@ -132,6 +132,7 @@ def test_no_landing_at_all_is_a_miss():
     assert not landings.branch.any()
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize(
     ("name", "better", "worse"),
     [
@@ -255,6 +256,7 @@ def in_halves(landings):
     return shuffled(join([half, half]))
 
 
+@pytest.mark.numpy_alone
 def test_a_ray_that_parts_in_halves_shows_the_same(monkeypatch):
     """The simulated image is that of whole rays, to rounding: all light of a ray counts."""
     plan = make_plan(ball_rig(2, pixels=32), Settings())

@@ -17,7 +17,6 @@ from kiriko.core.errors import ImageError
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.solve.solution import without_glass
-from known.marks import CASES
 from known.reference_rigs import ball_rig, cube_rig, rig, wavy_slab
 from known.work import solve
 
@@ -197,7 +196,6 @@ def test_points_are_found_to_a_part_of_a_pixel(style):
     assert rms(found - true) < (0.03 if style == "dots" else 0.05)
 
 
-@CASES
 @pytest.mark.parametrize(("spacing", "radius"), [(14, 0.18), (40, 0.2), (110, 0.27)])
 def test_dots_of_5_to_60_pixels_are_found(spacing, radius):
     size = (8 * spacing + 3, 8 * spacing)
@@ -295,7 +293,6 @@ def test_a_photograph_of_a_few_pixels_is_refused():
 # Told apart
 
 
-@CASES
 @pytest.mark.parametrize("seed", range(25))
 def test_points_are_told_apart(seed):
     """Shuffled, shifted, scaled, turned and bent, some inner
@@ -567,7 +564,6 @@ def test_points_of_another_lattice_are_refused():
     check(np.where((N < 3)[:, None], GRID, np.nan), SEVEN)
 
 
-@CASES
 def test_a_lattice_seen_through_the_cube_is_measured():
     """The drawn lattice, solved for, seen by core and found
     in the image: where Bench has it, to 0.1 px.

@@ -18,10 +18,7 @@ from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
-from known.marks import CASES
 from known.reference_rigs import icosphere, rig
-
-pytestmark = CASES
 
 EVERY = {0: 1, 1: 16}  # of the targets of the smaller and larger meshes
 

@@ -59,7 +59,7 @@ TRACE = (
 )
 
 
-LONG = pytest.mark.newest_only(
+LONG = pytest.mark.long(
     reason="by numpy alone these take longest, and of all solves it takes the same amount more"
 )
 
@@ -187,6 +187,7 @@ def test_light_and_picture_count_together(monkeypatch):
         finish(Session().solve(a_rig))
 
 
+@pytest.mark.numpy_alone
 def test_what_is_free_is_known_here():
     free = free_memory.available()
     assert free is None or 1e7 < free < 1e14

@@ -18,7 +18,6 @@ from kiriko.core.light import kept
 from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
-from known.marks import FITS
 from known.reference_rigs import ball_rig, box, cube_rig, rig
 
 PX = 1942  # viewer px over 50 mm: 1165 over the lattice of 30 mm, as in the paper's photographs
@@ -90,7 +89,6 @@ def test_a_viewer_that_turns_sees_all_turn(bare):
     assert zoomed == pytest.approx((bare.view - PX / 2) / 100, rel=1e-3, abs=1e-3)
 
 
-@FITS
 @pytest.mark.parametrize(
     "make", [lambda: cube_rig(pixels=PX), lambda: ball_rig(4, pixels=PX, display=0.1)]
 )
@@ -172,7 +170,6 @@ def tolerances_of(found):
     return np.array([TOLERANCES[parameter.unit] for parameter in found.parameters])
 
 
-@FITS
 @pytest.mark.parametrize("seed", range(3))
 def test_hidden_errors_are_made_up_for(cube, seed):
     """0.3 px of noise, one point in ten missing: solved again
@@ -238,7 +235,6 @@ def test_a_few_points_that_are_off_alone_are_left_out(cube):
     assert np.nanmean(np.linalg.norm(left, axis=1)) < 0.3
 
 
-@FITS
 def test_another_photograph_tells_more(cube):
     """Of no amount less, of the plate's turn a third more; the most telling place comes first."""
     tolerances = tolerances_of(cube)

@@ -72,6 +72,7 @@ def test_no_light_is_lost_or_won_at_the_outline(a_rig):
     assert (solution.source[..., 0] * solution.weight).sum() == pytest.approx(seen, rel=1e-6)
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("k", [3, 4])
 def test_pieces_lie_on_one_side_and_make_up_the_whole(k):
     """Cut pieces have the area of the whole on both images and

@@ -17,7 +17,6 @@ from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.warp.stmap import warp_map
 from known import closed_forms
-from known.marks import STATISTICS
 from known.reference_rigs import ball_rig, box, lattice_image, rig
 from known.work import drain, solve
 
@@ -112,6 +111,7 @@ def test_viewers_who_see_other_pixels_each_see_their_image(way):
         np.testing.assert_allclose(seen[4:-4, 4:-4], ideal[4:-4, 4:-4], atol=0.5 * 0.8 / 64 + 1e-5)
 
 
+@pytest.mark.numpy_alone
 def test_a_pixel_that_both_see_shows_the_mean_of_their_colours():
     """By weight, in closed form; beside the overlap each viewer's own colour."""
     a_rig = straight(0.006, weights=(1.0, 3.0))
@@ -152,7 +152,6 @@ def test_through_glass_it_is_the_weighted_mean_of_solves_for_each():
     assert np.array_equal(both.source, blended.source)
 
 
-@STATISTICS
 def test_it_is_the_limit_of_the_splat():
     """The distance falls as samples^-1/2, to the end of the ladder."""
     a_rig = two(ball_rig(4, pixels=96, display_pixels=24), 0.02, RAMPS, (1, 2.5))

@@ -40,6 +40,7 @@ def ramp(h=8, w=16):
 TILTED = rectangle([0.02, 0, 0.05], [0.8, 0.6, 0], [0, 0, 1], 0.07, 0.05)
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_the_short_way_equals_tracing(projection, monkeypatch):
     """The homography gives the picture's pixels and
@@ -339,6 +340,7 @@ def footprints(random, n, most=2.0):
     return np.stack([a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c])
 
 
+@pytest.mark.numpy_alone
 @BOTH_READS
 def test_points_are_read_as_one_by_one(reads):
     """Any places and footprints, beyond the picture's edges and

@@ -27,7 +27,6 @@ from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.closed_forms import unit
 from known.marching import march, turned
-from known.marks import CASES, STATISTICS
 from known.reference_rigs import ball_rig, box, rectangle
 
 EPS = np.finfo(float).eps
@@ -110,7 +109,6 @@ ARRAYS = {
 }
 
 
-@CASES
 @pytest.mark.parametrize("name", ARRAYS)
 def test_a_fold_comes_out_where_marching_from_mirror_to_mirror_does(name):
     """Number of reflections equal; place within 8 eps (|place| +
@@ -187,7 +185,6 @@ reals = st.floats(-1e6, 1e6, allow_nan=False)
 slopes = st.one_of(st.floats(-5, 5), st.floats(-1e4, 1e4), st.integers(-50, 50).map(float))
 
 
-@CASES
 @given(q=st.one_of(reals, st.floats(-3, 3), st.integers(-700, 700).map(float)), travel=slopes)
 @example(q=0.0, travel=-1e-300)
 @example(q=-1e-300, travel=1.0)
@@ -280,7 +277,6 @@ def test_a_plate_gives_numbers_from_grazing_to_normal(array, place, azimuth, cos
             assert slopes_along[0] == pytest.approx(slopes_along[1], abs=4 * EPS)
 
 
-@CASES
 @given(arrays, places, azimuths, st.floats(0.02, 1), st.sampled_from([1.0, -1.0]))
 def test_light_sent_back_comes_out_where_it_came_in(array, place, azimuth, cosine, way):
     """Reversed, light takes its own way: place, direction, path
@@ -437,7 +433,6 @@ def test_shares_are_those_of_the_formula_in_and_out_of_the_symmetric_plane(
     assert np.abs(share[[IMAGED, STRAY_1, STRAY_2, THROUGH]] - expected).max() < 2 / GRID
 
 
-@STATISTICS
 @pytest.mark.parametrize("layout", ["crossed", "holes"])
 @pytest.mark.parametrize(
     ("degrees", "azimuth", "way"), [(30, 0, 1), (45, 10, -1), (65, 25, 1), (48.4, 180, 1)]

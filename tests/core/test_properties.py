@@ -21,7 +21,6 @@ from kiriko.core.solve.picture_coverage import TOO_FINE
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known.closed_forms import unit
-from known.marks import CASES, STATISTICS
 from known.rasterised import to_display, to_view
 from known.reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab
 
@@ -92,6 +91,7 @@ def out_of_the_way(glasses):
 # one interface
 
 
+@pytest.mark.numpy_alone
 @more
 @given(seeds, indices, indices)
 def test_an_interface_keeps_length_tangent_and_energy(seed, n1, n2):
@@ -181,7 +181,6 @@ def faceted():
     )
 
 
-@CASES
 @few
 @given(flat_glasses(most=2), st.integers(-1, 2), seeds)
 def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
@@ -291,7 +290,6 @@ def curved():
     return icosphere(0.02, 2), torus(0.018, 0.007, 32, 16), wavy_slab(8)
 
 
-@CASES
 @few
 @given(flat_glasses(), st.integers(-1, 2), seeds, st.floats(-3, 3), st.floats(0, 4))
 def test_turned_scaled_and_moved_a_rig_lands_on_the_same_pixels(
@@ -310,7 +308,6 @@ def test_turned_scaled_and_moved_a_rig_lands_on_the_same_pixels(
     assert_same(landings_of(a_rig, xy), landings_of(other, xy))
 
 
-@CASES
 @few
 @given(flat_glasses(), st.integers(1, 3), seeds)
 def test_subdividing_flat_faces_changes_nothing(glasses, times, seed):
@@ -347,7 +344,6 @@ def wild_glasses():
     return ball, ring, slab, hollow, inside_out, shell, cracked, *faceted()
 
 
-@CASES
 @more
 @given(
     st.integers(0, 9),
@@ -402,7 +398,6 @@ def shoelace(polygon):
     return 0.5 * abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
 
-@CASES
 @few
 @given(
     st.floats(-40, 40),
@@ -508,7 +503,6 @@ def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_gla
     assert abs(sum(shares) - 1) < 1e-9
 
 
-@STATISTICS
 @pytest.mark.parametrize("shape", ["facets", "gap", "ball", "cut"])
 def test_shares_by_reason_are_those_of_rays(shape):
     """Rays through random points of the viewer's image, each

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.light.trace import trace_all
-from known.marks import ORDER
 from known.rules import RULES
-
-pytestmark = ORDER
 
 
 @pytest.mark.parametrize("name", RULES)

@@ -6,7 +6,6 @@ import pytest
 from kiriko.core.image.seen_image import dot_centroids, lattice_shift
 from kiriko.core.solve.solution import without_glass
 from known import closed_forms
-from known.marks import ORDER
 from known.reference_rigs import ball_rig, box, lattice_image, rig
 from known.work import solve
 
@@ -25,7 +24,6 @@ CASES = {
 }
 
 
-@ORDER
 @pytest.mark.parametrize("name", CASES)
 def test_the_lattice_moves_as_the_closed_form_says_and_returns(name):
     """Uncompensated dots stand where the closed form puts them, to the mesh's own error.

@@ -32,7 +32,6 @@ from kiriko.core.solve.tessellation import tessellation
 from known import closed_forms
 from known.extremes.bench import filled_cavity
 from known.extremes.cases import joined, rays_of
-from known.marks import ORDER
 from known.reference_rigs import (
     ball_rig,
     bottle,
@@ -135,6 +134,7 @@ def test_what_is_told_of_the_pictures_light_follows_the_picture(monkeypatch, is_
     assert "through gaps" not in " ".join(back.notes)
 
 
+@pytest.mark.numpy_alone
 def test_a_new_picture_alone_traces_nothing(monkeypatch):
     """Same optics, other picture: equal to a solve from
     scratch, with no ray traced and no place looked for.
@@ -266,6 +266,7 @@ def test_settings_and_index_are_part_of_the_optics():
     assert solve(denser, kept, only_through_glass=False).n_rays > 0
 
 
+@pytest.mark.numpy_alone
 def test_a_failed_or_stopped_solve_leaves_the_session_as_it_was():
     """After an error and after a stop in the middle the next solve of the old rig needs
     no tracing.
@@ -482,6 +483,7 @@ def test_a_rig_that_cannot_be_solved_is_told_in_one_sentence(name):
     assert ":" in text
 
 
+@pytest.mark.numpy_alone
 def test_solutions_say_what_was_left_out():
     """A rig of few flat faces builds no engine and says so, as others say which.
 
@@ -669,7 +671,6 @@ ROUNDED = {
 }
 
 
-@ORDER
 @pytest.mark.parametrize("far", [1.0, 10.0])
 @pytest.mark.parametrize("shape", ROUNDED)
 def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
@@ -783,7 +784,6 @@ def test_a_tolerance_that_cannot_be_kept_is_refused(tolerance):
     assert solve(a_rig, kept).n_rays == 0
 
 
-@ORDER
 def test_the_measured_error_goes_with_the_tolerance():
     """A smaller tolerance, a smaller measured error, more rays; it is told with the result."""
     tolerances = (0.3, 0.1, 0.03)

@@ -14,7 +14,6 @@ from kiriko.core.measure.viewers import conflict_in_light, displaced, viewer_rep
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from known import closed_forms
-from known.marks import STATISTICS
 from known.reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, rig
 from known.work import drain, solve
 
@@ -186,7 +185,6 @@ def test_sharp_paints_the_place_in_the_middle(way):
     np.testing.assert_allclose(conflict, np.sqrt(3) / 4 * apart, rtol=1e-4)
 
 
-@STATISTICS
 def test_blended_is_the_limit_of_the_splat_over_all_viewers():
     """The distance falls as samples^-1/2, to the end of the ladder."""
     a_rig = eyes(ball_rig(4, pixels=96, display_pixels=48, image=waves()), 0.02, (1, 2.5))

@@ -186,6 +186,7 @@ def test_the_area_in_a_rectangle_is_the_exact_clippers(corners, far, size):
     assert area_within(x, y, size)[0] == pytest.approx(exact, abs=slack)
 
 
+@pytest.mark.numpy_alone
 @fixed
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=4, max_size=4))
 def test_any_quad_conserves_its_area(corners):
@@ -296,6 +297,7 @@ def keystone_means(size):
     return area, moment / area[..., None]
 
 
+@pytest.mark.numpy_alone
 def test_smooth_map_is_inverted_to_second_order():
     """Halving the cells divides the error of the mean viewer
     position by about four, large cells or small.
@@ -622,6 +624,7 @@ def test_images_and_indices_of_any_kind_are_added_to(of_image, dtype):
         add_at(image, index, np.ones(3))
 
 
+@pytest.mark.numpy_alone
 def test_order_and_chunks_do_not_matter():
     """The image is the same when the cells come shuffled, so no
     share depends on its neighbours in the batch.

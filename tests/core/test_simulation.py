@@ -14,7 +14,6 @@ from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import Display, MirrorArray
 from kiriko.core.settings import Settings
-from known.marks import STATISTICS
 from known.reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from known.work import drain, solve
 
@@ -36,7 +35,6 @@ def plain_rig(**options):
     return rig(NO_GLASS, ior=1.0, projection="orthographic", **options)
 
 
-@STATISTICS
 def test_an_ideal_plate_shows_the_seen_image():
     """Sample by sample the result of the shares by area: no further
     off than its own standard error, and unbiased.
@@ -54,7 +52,6 @@ def test_an_ideal_plate_shows_the_seen_image():
     assert np.sqrt((np.mean(off, axis=0) ** 2).mean()) < 0.65 * found[0].error
 
 
-@STATISTICS
 def test_the_standard_error_is_what_two_runs_differ_by():
     a_rig = with_mirrors(cube_rig(pixels=48, display_pixels=64, image=lattice_image(64)))
     plan = make_plan(a_rig, Settings())
@@ -153,7 +150,6 @@ def test_a_display_that_is_not_seen_has_none_either():
     )
 
 
-@STATISTICS
 @pytest.mark.parametrize("spp", [2, 3, 16, 64])
 def test_the_standard_error_holds_for_any_number_of_samples(spp):
     """Of independent seeds: rms of their difference / sqrt 2, to 10 %. An odd number is
@@ -209,7 +205,6 @@ def test_brightness_is_the_share_that_each_direction_leaves():
     assert share.max() > 1.05 * share.mean() > 1.1 * share.min()
 
 
-@STATISTICS
 def test_blur_does_not_mind_how_the_display_is_unwrapped():
     """Two halves that have changed places in UV: a landing in the other one is not far away."""
     a_rig = with_mirrors(ball_rig(3, pixels=64))
@@ -232,7 +227,6 @@ def test_blur_does_not_mind_how_the_display_is_unwrapped():
     assert two.brightness == pytest.approx(one.brightness, abs=4 * one.brightness_error)
 
 
-@STATISTICS
 def test_the_standard_errors_are_how_samples_spread():
     """Over 12 seeds, to a factor of 1.6: of 12 values a standard deviation is known to a fifth."""
     plan = make_plan(with_mirrors(ball_rig(2, pixels=64)), Settings())

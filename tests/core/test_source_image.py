@@ -16,7 +16,6 @@ from kiriko.core.map.shares import Coverage
 from kiriko.core.rig import MirrorArray, PicturePlace
 from kiriko.core.settings import Settings
 from known.exact_source import exact_source
-from known.marks import STATISTICS
 from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, box, cube_rig, rig
 from known.work import drain, solve
@@ -35,6 +34,7 @@ def ramp(size=64):
     return np.stack([x, y, 0 * x + 0.25, 0 * x + 1], axis=2).astype(np.float32)
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize(("pixels", "display_pixels"), [(64, 512), (512, 64), (64, 64), (50, 333)])
 def test_without_glass_the_source_is_the_mirrored_picture(pixels, display_pixels):
     """Index 1, a picture as large as the display: each display
@@ -118,7 +118,6 @@ def test_no_pinholes_and_no_ghost_lines_in_the_ball():
     assert solution.source.max() <= 1 + 1e-6
 
 
-@STATISTICS
 @pytest.mark.parametrize("make", [lambda **o: ball_rig(4, **o), cube_rig], ids=["ball", "cube"])
 def test_the_splat_converges_to_the_source_image_as_monte_carlo_does(make):
     """The distance between splat and source image falls as samples^-1/2, to the end of
@@ -146,7 +145,6 @@ def test_a_splat_of_all_light_is_the_same_by_an_ideal_plate():
     assert (drain(splat(plan, 2)) == drain(splat(plan, 2, light="folded"))).all()
 
 
-@STATISTICS
 def test_a_splat_of_all_light_keeps_white_and_comes_to_the_source_image_as_mirrors_get_finer():
     """White by any plate, stray light and all. Blur falls with the pitch.
 
@@ -244,6 +242,7 @@ def test_the_source_image_of_a_picture_of_any_brightness_is_finite(has_kernel):
     assert (brightest[shown] == np.float32(MOST_LIGHT)).all()
 
 
+@pytest.mark.numpy_alone
 def test_margin_grows_the_covered_area_by_its_neighbours():
     """One pixel in the middle, margin 2: a square of 5 of its colour; nothing else changes."""
     image = np.zeros((9, 9, 3), np.float32)

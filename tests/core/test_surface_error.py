@@ -7,9 +7,6 @@ from pathlib import Path
 import pytest
 
 from bench.surface import FLOOR, SHAPES, drawn, errors, order
-from known.marks import ORDER
-
-pytestmark = ORDER
 
 SEGMENTS = 32, 64, 128
 MEASURED = Path(__file__).resolve().parents[2] / "docs" / "measured.md"

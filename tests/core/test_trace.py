@@ -44,6 +44,7 @@ def error_px(a_rig, landings, through, o, d, **shape):
     return np.linalg.norm(landings.xy[found] - exact[found], axis=1), exact
 
 
+@pytest.mark.numpy_alone
 def test_without_glass_the_landing_is_the_mirror_image():
     """Index 1: each landing is the mirror image of the point on the aerial plane, within
     1e-12 m.
@@ -61,6 +62,7 @@ def test_without_glass_the_landing_is_the_mirror_image():
     assert np.abs(landings.xy - closed_forms.landing(a_rig, o, d)).max() < 1e-12 / (0.05 / 512) * 2
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("degrees", [0.0, 15.8, 40.0])
 def test_slab_landings_are_right_to_a_nanometre(degrees):
     """A flat-faced solid: within 1e-9 m of the shifted ray of the slab formula."""
@@ -184,6 +186,7 @@ def test_nested_and_touching_solids_follow_the_priority_rule():
         assert np.nanmax(np.abs(one.xy - other.xy)) < 1e-9
 
 
+@pytest.mark.numpy_alone
 def test_hollow_glass_equals_its_two_walls():
     """A box with a cavity is two slabs with air between,
     whichever way the cavity's faces were drawn.
@@ -250,6 +253,7 @@ def test_an_air_solid_inside_glass_is_a_cavity():
     assert np.abs(found.xy - expected.xy).max() < 1e-9
 
 
+@pytest.mark.numpy_alone
 def test_priority_decides_where_solids_overlap():
     """Two overlapping slabs: the one with the higher priority fills the overlap."""
     a = box([0.3, 0.02, 0.3], (0, -0.005, 0))
@@ -266,6 +270,7 @@ def test_priority_decides_where_solids_overlap():
     assert np.nanmax(np.abs(found.xy - expected.xy)) < 1e-9
 
 
+@pytest.mark.numpy_alone
 def test_total_internal_reflection_goes_on_up_to_the_limit():
     """A right-angled prism turns the light by 90 degrees onto the plate.
 
@@ -299,6 +304,7 @@ def test_total_internal_reflection_goes_on_up_to_the_limit():
     assert (short.reason == Reason.CUT_OFF).all()
 
 
+@pytest.mark.numpy_alone
 def test_every_ray_keeps_its_reason():
     """Missed the glass, the plate, the display, blocked: each where the geometry says so."""
     reasons = lambda r, **s: traced(r, grid(r.viewer, 9), **s)[2].reason  # noqa: E731 - a name for five uses
@@ -372,6 +378,7 @@ def vertices_and_edges(mesh):
     return np.concatenate([mesh.vertices, mesh.vertices[pairs].mean(axis=1)])
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("surface", ["smooth", "facets"])
 def test_rays_at_vertices_and_edges_do_not_leak(surface):
     """Rays aimed from outside at every vertex and edge midpoint of

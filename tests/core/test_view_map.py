@@ -16,7 +16,6 @@ from kiriko.core.map.points import Points, is_seen
 from kiriko.core.map.sampling import sample
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
 from kiriko.core.settings import Settings
-from known.marks import ORDER
 from known.rasterised import rasterise
 from known.reference_rigs import (
     ball_rig,
@@ -68,6 +67,7 @@ def turned_square(degrees, side=0.02):
     return Mesh(mesh.vertices @ turn.T, mesh.triangles)
 
 
+@pytest.mark.numpy_alone
 @pytest.mark.parametrize("degrees", [0.0, 17.0, 45.0])
 def test_cut_cells_cover_the_silhouette_exactly(degrees):
     """Seen in parallel along the rod, the covered area is the
@@ -130,6 +130,7 @@ def test_every_piece_has_the_same_orientation_and_none_is_empty():
     assert coverage(found).max() < 1 + 1e-9
 
 
+@pytest.mark.numpy_alone
 def test_pieces_and_misses_make_up_the_image():
     """Where all corners of a pixel miss nothing is covered,
     where all arrive on one branch all of it is.
@@ -189,6 +190,7 @@ def test_a_saddle_pixel_is_not_covered_twice():
     assert abs(covered.sum() - 800) < 1.5  # eight corners of squares, each cut off within its pixel
 
 
+@pytest.mark.numpy_alone
 def test_faceted_glass_is_cut_at_its_edges():
     """A flat-shaded ball maps each facet by its own prism:
     cells join no two facets, so they map affinely.
@@ -259,7 +261,6 @@ def judged(scene, n=None):
     return a_rig, *dense(a_rig, n)
 
 
-@ORDER
 @pytest.mark.parametrize("tolerance", [0.1, 0.02])
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_map_keeps_the_tolerance(scene, tolerance):
@@ -298,7 +299,6 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.998
 
 
-@ORDER
 def test_a_critical_curve_runs_through_that_scene():
     """The map of the scene so named is folded: det J has both signs on one branch."""
     a_rig, at, _ = judged("critical curve")
@@ -338,7 +338,6 @@ THIN = {
 }
 
 
-@ORDER
 @pytest.mark.parametrize("thing", THIN)
 def test_things_one_pixel_wide_are_found(thing):
     """A needle and a bubble as wide as a pixel, seen through a
@@ -379,7 +378,6 @@ def agreement(a_rig, found, n=40_000):
     return (mine & theirs).sum() / (mine | theirs).sum()
 
 
-@ORDER
 def test_what_is_lost_in_cut_pixels_is_told():
     """A flat-shaded ball of 1280 facets: the part that no piece covers is small, and counted as
     unresolved.
@@ -393,7 +391,6 @@ def test_what_is_lost_in_cut_pixels_is_told():
     assert lost < 0.02
 
 
-@ORDER
 def test_a_marble_between_the_first_nodes_is_found():
     """A ball of glass that few nodes meet, and from which none of them reaches the display."""
     marble = icosphere(0.0004, 3, centre=(0.0011, 0, 0.0013))
@@ -401,7 +398,6 @@ def test_a_marble_between_the_first_nodes_is_found():
     assert agreement(a_rig, view_map(a_rig), 2_000_000) > 0.9
 
 
-@ORDER
 @pytest.mark.parametrize("distance", [0.5, 3.0])
 def test_a_strip_is_found_from_far_away(distance):
     """A mirror strip five pixels wide beside the glass, met

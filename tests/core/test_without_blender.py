@@ -16,7 +16,6 @@ PATHS = {
 MODULES = sorted(
     name for name in PATHS if not name.startswith("blender.") and not name.endswith("__init__")
 )
-OF_FILES = pytest.mark.newest_only(reason="files are the same beside any numpy")
 # from the bottom to the top
 ROOMS = (
     "",
@@ -58,7 +57,6 @@ def test_core_loads_without_blender(name: str) -> None:
     assert "bpy" not in sys.modules
 
 
-@OF_FILES
 @pytest.mark.parametrize("name", MODULES)
 def test_core_keeps_to_its_imports(name: str) -> None:
     """Blender, OpenImageIO and ray engines are imported in
@@ -89,7 +87,6 @@ def asked(name: str, is_at_once: bool = False) -> set[str]:
     return found
 
 
-@OF_FILES
 @pytest.mark.parametrize("name", sorted(PATHS))
 def test_rooms_are_in_order(name: str) -> None:
     """A file imports from its own room or a lower one.
@@ -106,7 +103,6 @@ def test_rooms_are_in_order(name: str) -> None:
     assert [other for other in sorted(asked_for) if floor(other) > floor(name)] == []
 
 
-@OF_FILES
 @pytest.mark.parametrize("name", sorted(PATHS))
 def test_no_file_asks_for_itself(name: str) -> None:
     """Imports do not go round in circles."""

@@ -24,7 +24,6 @@ from kiriko.core.rig import MirrorArray
 from kiriko.core.settings import LEAST_TOLERANCE, Settings
 from kiriko.core.solve.cost import cost
 from kiriko.core.solve.session import Session
-from known.marks import ORDER
 from known.reference_rigs import cube_rig
 from known.work import drain
 
@@ -161,7 +160,6 @@ def test_times_are_kept_apart(found):
     assert found.peak_memory is None or found.peak_memory > 5e7
 
 
-@ORDER
 @pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.01])
 def test_the_view_map_keeps_its_promise(tolerance):
     """The true session: 99.9 % of the map's errors are within the tolerance."""

@@ -1,5 +1,6 @@
 import re
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from shutil import copytree
 from zipfile import ZipFile
@@ -19,16 +20,26 @@ WHEEL_ENDS = {
 }
 WITHOUT_EMBREE = {"windows_arm64", "linux_arm64"}
 ZIPS = [*WHEEL_ENDS, *WITHOUT_EMBREE]
+LONG = pytest.mark.long(reason="the gate builds the zip of this machine's platform alone")
 ROOMS = ("core", "operators", "panels", "languages")
 KERNELS = {target.platform.replace("-", "_"): target for target in build_kernel.TARGETS}
 
 
+def each_of(platforms: Iterable[str]) -> pytest.MarkDecorator:
+    """Each platform as a parameter, and that of this machine as one of the gate."""
+    here = build_kernel.this_target()
+    own = here.platform.replace("-", "_") if here else ""
+    cases = [pytest.param(name, marks=() if name == own else LONG) for name in platforms]
+    return pytest.mark.parametrize("platform", cases)
+
+
+@LONG
 def test_one_zip_for_each_platform(contents: dict[str, list[str]]) -> None:
     """There is a zip for each platform of the manifest and no other."""
     assert set(contents) == {name.replace("-", "_") for name in MANIFEST["platforms"]} == set(ZIPS)
 
 
-@pytest.mark.parametrize("platform", WHEEL_ENDS)
+@each_of(WHEEL_ENDS)
 def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -> None:
     """A zip bundles embreex for its own platform, once for each
     Python of Blender 4.2 - 5.2 and distributions.
@@ -38,7 +49,7 @@ def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -
     assert sorted(Path(name).name.split("-")[2] for name in wheels) == ["cp311", "cp313", "cp314"]
 
 
-@pytest.mark.parametrize("platform", ZIPS)
+@each_of(ZIPS)
 def test_zip_has_its_own_kernel(
     contents: dict[str, list[str]], kernels: dict[str, bytes], platform: str
 ) -> None:
@@ -52,7 +63,7 @@ def test_zip_has_its_own_kernel(
     assert len(kernels[platform]) < 200_000
 
 
-@pytest.mark.newest_only(reason="the same compiler builds it, whichever Python calls that")
+@pytest.mark.long(reason="each platform takes a compiler with an empty cache")
 # For Windows the compiler's cache takes more than a minute to fill.
 @pytest.mark.parametrize("platform", [name for name in ZIPS if not name.startswith("windows")])
 def test_the_kernel_is_built_the_same_anywhere(
@@ -69,6 +80,7 @@ def test_the_kernel_is_built_the_same_anywhere(
     assert made.read_bytes() == kernels[platform]
 
 
+@LONG
 @pytest.mark.parametrize("platform", WITHOUT_EMBREE)
 def test_zip_without_embreex_is_like_the_others(
     zips: dict[str, Path], contents: dict[str, list[str]], platform: str
@@ -93,7 +105,7 @@ def test_zip_without_embreex_is_like_the_others(
     ]
 
 
-@pytest.mark.parametrize("platform", ZIPS)
+@each_of(ZIPS)
 def test_zip_has_the_package_and_nothing_else(
     contents: dict[str, list[str]], platform: str
 ) -> None:
@@ -114,7 +126,7 @@ def test_zip_has_the_package_and_nothing_else(
     assert not [name for name in names if "__pycache__" in name or "/." in name]
 
 
-@pytest.mark.parametrize("platform", ZIPS)
+@each_of(ZIPS)
 def test_zip_has_the_manual(zips: dict[str, Path], platform: str) -> None:
     """A zip has the manual's site in each language, and it makes the zip larger by less than
     a megabyte and a half.

@@ -1,4 +1,5 @@
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -59,6 +60,21 @@ def test_help_after_a_verb_of_dev_itself_is_its_own(verb: str) -> None:
     """The verbs that hand nothing on say their work, and which options they have."""
     assert OWN[verb] in told(verb)
     assert f"dev.py {verb}" in told(verb)
+
+
+@pytest.mark.parametrize("version", ["3.7", "3.9", "3.10"])
+def test_an_old_python_is_told_which_one_is_needed(version: str) -> None:
+    """A Python without `tomllib` ends with one sentence that names the Python to run."""
+    pyenv = Path.home().glob(f".pyenv/versions/{version}.*/bin/python")
+    found = [shutil.which(f"python{version}") or "", *pyenv]
+    python = next((path for path in found if environments.ask([path, "-c", "print(1)"])), None)
+    if python is None:
+        pytest.skip(f"no Python {version} was found")
+    answer = subprocess.run([python, DEV, "lint"], stderr=subprocess.PIPE, check=False)
+    assert answer.returncode == 1
+    (line,) = answer.stderr.decode().splitlines()
+    assert f"This is Python {version}" in line
+    assert "python3.13 scripts/dev.py" in line
 
 
 def test_growth_shows_time_and_rays_of_1_2_9_and_49_viewers() -> None:

@@ -1,23 +1,40 @@
+import re
 import sys
 import time
 from concurrent.futures import Future
+from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 import suite
 from environments import ToolError
 
-TALKS = "import time\nfor k in range(30):\n    print(k, flush=True)\n    time.sleep(0.25)\n"
-HANGS = "import time\nprint('begun', flush=True)\ntime.sleep(600)\n"
+ASLEEP_S = 1.0
+BUSY_S = 3.0
+SLEEPS = "import os, time\nprint('begun', os.getpid(), flush=True)\ntime.sleep(600)\n"
+CHILD_SLEEPS = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {SLEEPS!r}])\n"
+POLLS = "import time\nwhile True:\n    time.sleep(0.05)\n"
+LOOPS = "while True:\n    pass\n"
+WORKS = "import time\nwhile time.process_time() < 1.5:\n    pass\n"
+CHILD_WORKS = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {WORKS!r}])\n"
+TALKS = "import time\nfor k in range(5):\n    print(k, flush=True)\n    time.sleep(0.5)\n"
+# it stops itself, as Ctrl Z does, and a child that sleeps wakes it up
+STOPPED = """
+import os, signal, subprocess, sys
+wake = "import os, signal, time; time.sleep(2); os.kill(os.getppid(), signal.SIGCONT)"
+subprocess.Popen([sys.executable, "-c", wake])
+os.kill(os.getpid(), signal.SIGSTOP)
+"""
+HAS_PROC = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 
 
 @pytest.fixture(autouse=True)
 def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Logs apart from the suite's own, which may be under way, and a hang after five seconds."""
+    """Logs apart from the suite's own, which may be under way, and hangs of seconds."""
     monkeypatch.setattr(suite, "LOGS", tmp_path)
-    monkeypatch.setattr(suite, "STILL_MINUTES", 5 / 60)
+    monkeypatch.setattr(suite, "ASLEEP_MINUTES", ASLEEP_S / 60)
+    monkeypatch.setattr(suite, "BUSY_MINUTES", BUSY_S / 60)
     monkeypatch.setattr(suite, "LOOK_EVERY_S", 0.1)
     return tmp_path
 
@@ -26,27 +43,60 @@ def run(code: str, name: str = "step") -> suite.Result:
     return suite.run_step(suite.Step(name, "any", ("-c", code)), Path(sys.executable), None)
 
 
-def test_a_step_may_take_long_as_long_as_it_prints() -> None:
-    """Output every quarter of a second for seven seconds is no
-    hang, where five seconds of silence are.
+@pytest.mark.parametrize(
+    "code",
+    [
+        TALKS,
+        pytest.param(WORKS, marks=HAS_PROC),
+        pytest.param(CHILD_WORKS, marks=HAS_PROC),
+        pytest.param(STOPPED, marks=HAS_PROC),
+    ],
+    ids=["talks", "works", "child works", "stopped"],
+)
+def test_a_step_that_works_or_is_held_up_is_no_hang(code: str) -> None:
+    """More than the time of a hang may pass if a step prints, computes in silence, itself or in a
+    child, or is suspended.
     """
     started = time.monotonic()
-    assert run(TALKS) == suite.Result(passed=1)
-    assert time.monotonic() - started > 60 * suite.STILL_MINUTES
+    assert run(code) == suite.Result(passed=1)
+    assert time.monotonic() - started > ASLEEP_S
 
 
-def test_a_step_that_stands_still_is_stopped_and_says_so(
-    capsys: pytest.CaptureFixture[str],
+def test_a_step_that_gets_no_cpu_is_no_hang(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread that wants a CPU and gets none, and one that waits for the disk, do not sleep."""
+    for state in "RDT":
+        monkeypatch.setattr(
+            suite, "threads", lambda _, state=state: [("1", "S", 7), ("2", state, 7)]
+        )
+        assert run("import time; time.sleep(1.5)") == suite.Result(passed=1)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [SLEEPS, CHILD_SLEEPS, POLLS, pytest.param(LOOPS, marks=HAS_PROC)],
+    ids=["sleeps", "child sleeps", "polls", "loops"],
+)
+def test_a_step_that_hangs_is_stopped_and_says_so(
+    code: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A step that prints nothing more is stopped long before
-    it ends, fails, and shows its output.
+    """A step that sleeps, looks again and again for what never comes, or loops without end is
+    stopped with all that it started, fails and shows its output.
     """
-    started = time.monotonic()
-    result = run(HANGS)
-    assert time.monotonic() - started < 60
+    result = run(code)
     assert result.failed == 1
-    assert "printed nothing for" in result.remark
-    assert "begun" in capsys.readouterr().out
+    assert "stopped: since it last printed" in result.remark
+    begun = re.search(r"begun (\d+)", capsys.readouterr().out)
+    assert bool(begun) == ("begun" in code)
+    ended = time.monotonic() + 60
+    while begun and Path("/proc", begun[1]).exists():  # until its parent has heard of its end
+        assert time.monotonic() < ended
+
+
+def test_without_proc_a_silent_step_is_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the system does not list threads, a step is stopped after the silence alone."""
+    monkeypatch.setattr(suite, "threads", lambda _: [])
+    assert run(TALKS) == suite.Result(passed=1)
+    assert run(LOOPS).failed == 1
 
 
 def test_a_test_that_hangs_is_named_by_its_stack(
@@ -54,15 +104,6 @@ def test_a_test_that_hangs_is_named_by_its_stack(
 ) -> None:
     """The log of a step of pytest that was stopped shows the function in which it stood."""
     monkeypatch.setattr(suite, "STACK_AFTER_S", 0.5)
-    monkeypatch.setattr(suite, "STILL_MINUTES", 1.0)  # pytest has to begin, on a busy machine
-
-    def clock() -> float:
-        """Runs a thousand times as fast as soon as the stack is there."""
-        log = logs / "step.log"
-        has_stack = log.exists() and "in test_that_hangs" in log.read_text()
-        return time.monotonic() * (1000 if has_stack else 1)
-
-    monkeypatch.setattr(suite, "time", SimpleNamespace(monotonic=clock))
     hanging = logs / "test_hanging.py"
     hanging.write_text("import time\n\n\ndef test_that_hangs():\n    time.sleep(600)\n")
     step = next(step for step in suite.steps("any", "any") if step.name == "scripts")
@@ -110,54 +151,58 @@ def test_an_environment_that_cannot_be_set_up_ends_the_suite(
         suite.run_steps([suite.Step("step", "any", ())], {"any": Path("one")})
 
 
-def files_of(environment: str, kind: str, everywhere: bool) -> list[str]:
-    """The files of tests that an environment's steps of a kind run."""
-    steps = suite.steps("any", "any", everywhere)
-    of_kind = [s for s in steps if s.environment == environment and s.name.startswith(kind)]
-    words = [word for step in of_kind for word in step.arguments if word.startswith("tests/")]
-    return sorted(words)
+def files_of(folder: str, everywhere: bool) -> dict[tuple[str, bool, str], list[str]]:
+    """The files in a folder of tests that steps run, by environment, kernel or none, and marks."""
+    found: dict[tuple[str, bool, str], list[str]] = {}
+    for step in suite.steps("any", next(iter(suite.BLENDERS)), everywhere):
+        words = [word for word in step.arguments if word.startswith(f"tests/{folder}")]
+        if "scripts/sanitise_kernel.py" not in step.arguments and words:
+            marks = [m for m, after in pairwise(step.arguments[::-1]) if after == "-m"]
+            key = step.environment, step.without_kernel, next(iter(marks), "")
+            found.setdefault(key, []).extend(words)
+    return {key: sorted(words) for key, words in found.items()}
 
 
-def test_each_blender_runs_each_file_of_its_tests_once() -> None:
-    """The parts of a Blender's tests have all files, none of them twice. The newest leaves out
-    none, an older one those over many cases, unless all is asked for.
+def all_files(folder: str) -> list[str]:
+    found = (suite.ROOT / "tests" / folder).rglob("test_*.py")
+    return sorted(file.relative_to(suite.ROOT).as_posix() for file in found)
+
+
+def test_the_gate_runs_each_test_once_in_the_newest_versions() -> None:
+    """All files in the newest Blender, with its numpy and the kernel. Older ones run the smoke
+    file, and numpy alone the cases that are marked.
     """
-    files = sorted(
-        file.relative_to(suite.ROOT).as_posix()
-        for file in (suite.ROOT / "tests" / "blender").rglob("test_*.py")
-    )
-    newest, *between, oldest = suite.BLENDERS
-    both_ends = [file for file in files if Path(file).name not in suite.AT_NEWEST]
-    assert len(files) - len(both_ends) == len(suite.AT_NEWEST)
-    everywhere = [file for file in both_ends if Path(file).name not in suite.AT_BOTH_ENDS]
-    assert len(both_ends) - len(everywhere) == len(suite.AT_BOTH_ENDS)
-
-    assert files_of(newest, "blender-", everywhere=False) == files
-    assert files_of(oldest, "blender-", everywhere=False) == both_ends
-    for name in between:
-        assert files_of(name, "blender-", everywhere=False) == everywhere
-    for name in suite.BLENDERS:
-        assert files_of(name, "blender-", everywhere=True) == files
+    newest, *older = suite.BLENDERS
+    assert files_of("core", everywhere=False) == {
+        (newest, False, "not long"): all_files("core"),
+        ("core", True, "numpy_alone"): ["tests/core"],
+    }
+    assert files_of("blender", everywhere=False) == {
+        (newest, False, "not long"): all_files("blender"),
+        **{(name, False, "pytest"): [suite.SMOKE] for name in older},
+    }
+    assert suite.SMOKE in all_files("blender")
+    assert files_of("package", everywhere=False) == {(newest, False, "not long"): ["tests/package"]}
 
 
-def test_what_a_numpy_leaves_out_is_there() -> None:
-    """Files that are left out by name are files; those left to numpy alone are run by it, and where
-    all is asked for each file of core is run with the kernel and without.
+def test_everywhere_runs_all_tests_in_all_versions() -> None:
+    """Each Blender runs each file once, the oldest one part of them without the kernel; both numpys
+    run all of core, the oldest with the kernel and without. Tests marked `long` run once.
     """
-    for file in (*suite.NUMPY_ALONE, *suite.AT_NEWEST_NUMPY):
-        assert (suite.ROOT / file).is_file()
-    assert not set(suite.NUMPY_ALONE) & set(suite.AT_NEWEST_NUMPY)
-    assert files_of("core", "core-numpy-alone", everywhere=False) == sorted(suite.NUMPY_ALONE)
-
-    for name in ("core-oldest-numpy", "core-numpy-alone"):
-        assert files_of("core", name, everywhere=True) == ["tests/core"]
-
-    n = len(suite.NUMPY_ALONE) + len(suite.AT_NEWEST_NUMPY)
-    for everywhere, n_left_out in ((False, n), (True, 0)):
-        steps = suite.steps("any", "any", everywhere)
-        (step,) = [step for step in steps if step.name == "core-oldest-numpy"]
-        left_out = [word for word in step.arguments if word.startswith("--ignore=")]
-        assert len(left_out) == n_left_out
+    newest, between, oldest = suite.BLENDERS
+    found = files_of("blender", everywhere=True)
+    assert found[newest, False, "pytest"] == all_files("blender")
+    assert found[between, False, "not long"] == all_files("blender")
+    alone = found[oldest, True, "not long"]
+    assert sorted(found[oldest, False, "not long"] + alone) == all_files("blender")
+    assert alone
+    assert files_of("core", everywhere=True) == {
+        (newest, False, "pytest"): all_files("core"),
+        ("core", False, "not long"): ["tests/core"],
+        ("core", True, "not long"): ["tests/core"],
+    }
+    names = {step.name for step in suite.steps("any", newest, everywhere=True)}
+    assert names >= {"farm", "kernel-elsewhere", "kernel-sanitised", "install-4.2.23"}
 
 
 def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
