@@ -231,7 +231,8 @@ class KIRIKO_OT_live(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        lacks = [] if follows(scene) else needed.linked(scene) + needed.lacking(scene)
+        reasons = (needed.linked, needed.lacking, needed.pictureless)
+        lacks = [] if follows(scene) else [one for why in reasons for one in why(scene)]
         return needed.can_run(cls, lacks)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

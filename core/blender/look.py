@@ -30,6 +30,7 @@ from .look_parts import (
 from .material import Bends, bends_light, read_refraction, refracts
 from .mesh import column, mesh_of, used_slots
 from .objects import OBJECT_MARK
+from .parts import no_part
 from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
 from .shapes import used_materials
@@ -38,6 +39,7 @@ from .units import length_of_unit
 from .viewer import camera_at
 from .visibility import Shown, is_visible
 
+NO_PART = "NONE"  # as the role of objects that can have none
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
@@ -65,7 +67,7 @@ def look_at(
 
     Parameters
     ----------
-    found : objects by role, each with what hides it
+    found : objects by role, each with what hides it; by NO_PART those that have one all the same
     missing : phrases on roles that are not there
     meshes : those of objects that were looked at, by session uid of the object
     is_stale : is the result that of another scene?
@@ -79,12 +81,14 @@ def look_at(
         _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
         for role, members in found.items()
         for thing, by in members.items()
+        if role != NO_PART
     ]
     return Look(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
         refused=tuple(viewers_refused(scene, found.get("GLASS", {}), meshes)),
+        no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
         tiled=tuple(tiled_images(scene, found.get("PICTURE", {}))),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
@@ -259,6 +263,7 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
     return (
         thing.kiriko.role in CHECKED
         and thing.type not in {"EMPTY", "META"}
+        and not bodiless(thing)
         and thing.mode == "OBJECT"
         and thing.name in layer.objects
         and is_visible(thing, layer)

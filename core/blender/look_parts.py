@@ -18,7 +18,9 @@ from .bodies import members_of
 from .cuts import SEARCH
 from .material import Bends, bends_light, refracts
 from .mesh import in_world, mesh_of, read_local, used_slots
+from .moving import number_at
 from .parts import is_placed
+from .picture import check_at
 from .plane import check_shown, image_of, own_materials
 from .shapes import used_materials
 from .to_do import Named
@@ -125,6 +127,21 @@ def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
         check_shown(picture, image, scene)
     except ImageError as error:
         return error.message
+    return ""
+
+
+def why_no_own_image(scene: bpy.types.Scene) -> str:
+    """Why an image in the viewers' own pixels cannot be read; '' where all can."""
+    own = [
+        (seat.image, Message("the viewer '{viewer}'", viewer=seat.camera.name))
+        for seat in seats_of(scene)
+        if seat.image is not None and seat.camera is not None
+    ]
+    for image, owner in own or [(scene.kiriko.picture_image, Message("the scene's picture"))]:
+        try:
+            check_at(image, number_at(image, None, scene.frame_current), owner)
+        except ImageError as error:
+            return error.message
     return ""
 
 

@@ -164,13 +164,8 @@ def read_parts(
 
     for instance, owner in shown_parts(depsgraph, scene, is_left_out):
         met.add(owner)
-        if why := bodiless(owner):
-            raise RigError(
-                "'{name}' has the role {role}, but {why}: set its role to None.",
-                name=owner.name,
-                role=role_label(owner),
-                why=why,
-            )
+        if bodiless(owner):
+            raise RigError(no_part(owner))
 
         if instance.object.type == "MESH":
             part = read_part(instance, owner, part_name(instance, counts), to_metres, kept)
@@ -183,6 +178,16 @@ def read_parts(
         check_some_are_shown(role, parts, unmet)
 
     return parts, notes_on_parts(parts, met, unmet, scene)
+
+
+def no_part(owner: bpy.types.Object) -> Message:
+    """A sentence on an object that has a role, and can be no part of a rig."""
+    return Message(
+        "'{name}' has the role {role}, but {why}: set its role to None.",
+        name=owner.name,
+        role=role_label(owner),
+        why=bodiless(owner),
+    )
 
 
 def parts_by_role(

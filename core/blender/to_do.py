@@ -120,6 +120,7 @@ class Look:
         with its name, '' where there was none
     are_viewers_off : all of the list?
     refused : sentences on viewers where none can be, as within the glass, and their names
+    no_parts : sentences on objects that have a role and can be no part, and their names
     solids : objects without a role that may be glass, the active one first
     in_glass : objects without a role that refract, and stand within the glass
     images : names of images that may be the picture
@@ -141,6 +142,7 @@ class Look:
     empty_seats: tuple[tuple[int, str], ...] = ()
     are_viewers_off: bool = False
     refused: tuple[tuple[str, Named], ...] = ()
+    no_parts: tuple[tuple[str, Named], ...] = ()
     solids: tuple[Named, ...] = ()
     in_glass: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
