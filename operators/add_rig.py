@@ -42,12 +42,6 @@ CUT = 0.01  # share of the picture that a limit of the display has to cost to be
 SMALLER = 0.7  # of a display's width: it has to save as much to be proposed
 
 
-def _length(name: str, description: str) -> bpy.props.FloatProperty:
-    return bpy.props.FloatProperty(
-        name=name, description=description, subtype="DISTANCE", default=0.0, min=0.0, precision=4
-    )
-
-
 _taken: automatic.Taken = {}  # of the last rig
 
 KINDS = (
@@ -84,7 +78,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     kind: bpy.props.EnumProperty(
         name="Kind", description="Where the picture is seen", items=KINDS, default="IN_GLASS"
     )
-    distance: _length(
+    distance: automatic.length(
         "Distance",
         "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass. Without a"
         " plate, from the glass's back to the display; 0: as far as the glass is deep, or none for"
@@ -108,10 +102,10 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         min=np.radians(5),
         max=np.radians(85),
     )
-    picture_size: _length(
+    picture_size: automatic.length(
         "Picture", "Side of the picture; 0: as large as gets through, up to half of the glass"
     )
-    viewer_distance: _length(
+    viewer_distance: automatic.length(
         "Viewer Distance", "From the glass's centre to the viewer; 0: 1 m, or more for large glass"
     )
     azimuth: bpy.props.FloatProperty(
@@ -120,7 +114,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         subtype="ANGLE",
         default=0.0,
     )
-    field: _length("Field", "Width the viewer sees at the glass; 0: as wide as the glass")
+    field: automatic.length("Field", "Width the viewer sees at the glass; 0: as wide as the glass")
     viewer_resolution: bpy.props.IntProperty(
         name="Viewer Resolution",
         description="Pixels a side of the viewer's image; 0: those of the scene's render",
@@ -128,11 +122,11 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         min=0,
         max=16384,
     )
-    plate_size: _length("Plate", "Side of the plate; 0: 0.488 m, or more for large glass")
-    display_size: _length(
+    plate_size: automatic.length("Plate", "Side of the plate; 0: 0.488 m, or more for large glass")
+    display_size: automatic.length(
         "Display", "Width of the display; 0: large enough for every ray that carries the picture"
     )
-    max_display_size: _length(
+    max_display_size: automatic.length(
         "Display Limit", "Widest automatic display; 0: its shorter side is ten times the picture"
     )
     display_resolution: bpy.props.IntVectorProperty(

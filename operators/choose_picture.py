@@ -2,6 +2,7 @@
 file: its plane shows it, in the image's own shape.
 """
 
+import os
 from os.path import normpath
 from pathlib import Path
 
@@ -172,9 +173,8 @@ class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
         self.begin_with(context.scene)
         image = blender_plane.image_of(the_picture(context))
         if image is not None and image.filepath:  # other pictures are most likely beside it
-            self.filepath = str(
-                Path(bpy.path.abspath(image.filepath, library=image.library)).parent / ""
-            )
+            file = Path(bpy.path.abspath(image.filepath, library=image.library))
+            self.filepath = f"{file.parent}{os.sep}"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

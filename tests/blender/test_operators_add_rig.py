@@ -720,6 +720,19 @@ def test_automatic_lengths_are_a_checkbox(kiriko: ModuleType, scene: bpy.types.S
     }
 
 
+@pytest.mark.parametrize("button", ["add_rig", "best_place"])
+def test_a_length_is_of_its_rig_alone(scene: bpy.types.Scene, button: str) -> None:
+    """Blender keeps none for the next press, which may be for glass of another size. A drag ends
+    before 0, at which a length is automatic and its field goes.
+    """
+    rna = getattr(bpy.ops.kiriko, button).get_rna_type()
+    lengths = [one for one in rna.properties if one.type == "FLOAT" and one.unit == "LENGTH"]
+    assert lengths
+    for one in lengths:
+        assert one.is_skip_save, one.identifier
+        assert one.hard_min == 0 < one.soft_min, one.identifier
+
+
 def test_a_viewer_that_would_be_inside_the_glass_is_told_by_its_distance(
     scene: bpy.types.Scene,
 ) -> None:
