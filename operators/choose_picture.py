@@ -2,7 +2,6 @@
 file: its plane shows it, in the image's own shape.
 """
 
-import os
 from os.path import normpath
 from pathlib import Path
 
@@ -174,7 +173,7 @@ class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
         image = blender_plane.image_of(the_picture(context))
         if image is not None and image.filepath:  # other pictures are most likely beside it
             file = Path(bpy.path.abspath(image.filepath, library=image.library))
-            self.filepath = f"{file.parent}{os.sep}"
+            self.filepath = str(file).removesuffix(file.name)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

@@ -119,6 +119,31 @@ def open_file(scene: bpy.types.Scene, path: Path) -> bpy.types.Image:
     return scene.objects["Kiriko Picture"].kiriko.image
 
 
+def test_a_glass_shows_the_index_in_use(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """Its material's, with the name of that, or the default; while it is on the override alone."""
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+
+    def told() -> tuple[list[str], bool]:
+        shown = drawn("object", "VIEW3D_PT_kiriko_object", glass)
+        return [text for text in shown.texts if re.match(r"1\.\d{4} ", text)], "ior" in shown.props
+
+    assert told() == (["1.4900 (default)"], False)
+    bpy.ops.kiriko.make_glass()
+    (material,) = glass.data.materials
+    node = next(n for n in material.node_tree.nodes if "IOR" in n.inputs)
+    node.inputs["IOR"].default_value = 1.5
+    assert told() == (["1.5000 from 'Kiriko Glass'"], False)
+    bpy.ops.kiriko.solve()
+    details = drawn("result", "VIEW3D_PT_kiriko_details").texts
+    assert "'Kiriko Glass'" in " ".join(details)
+    assert "index 1.5000" in " ".join(details)
+    glass.kiriko.use_ior = True
+    assert told() == ([], True)
+
+
 @pytest.mark.parametrize("source", ["PLANE", "IMAGE"])
 def test_solve_is_grey_while_the_pictures_file_is_missing(
     look: Callable[[], list], scene: bpy.types.Scene, tmp_path: Path, source: str
