@@ -132,7 +132,7 @@ def test_a_glass_shows_the_index_in_use(
 
     assert told() == (["1.4900 (default)"], False)
     bpy.ops.kiriko.make_glass()
-    (material,) = glass.data.materials
+    (material,) = [slot.material for slot in glass.material_slots]
     node = next(n for n in material.node_tree.nodes if "IOR" in n.inputs)
     node.inputs["IOR"].default_value = 1.5
     assert told() == (["1.5000 from 'Kiriko Glass'"], False)
