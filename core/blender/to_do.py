@@ -71,6 +71,11 @@ class Entry:
         return any(button.operator == SOLVE for button in self.buttons)
 
 
+def is_first(entry: Entry) -> bool:
+    """Does an entry stand above Solve?"""
+    return not (entry.can_wait or entry.asks_to_solve)
+
+
 @dataclass(frozen=True)
 class Thing:
     """An object with a role, as far as a list of faults needs it.
