@@ -361,7 +361,6 @@ def test_light_of_the_scene_as_it_was_is_faint(
     """Its lines and marks, from the moment that it is known to be old until it is drawn anew; and
     where nobody has looked for long. One that is drawn anew soon does not flicker.
     """
-
     green = overlay.lines.colours.ARRIVES
 
     def alpha() -> float:
