@@ -119,8 +119,8 @@ class Live:
         return self._text != ""
 
     def is_of_another(self, solved_for: str) -> bool:
-        """Was a result solved for another scene than was read last?"""
-        return self._reading is not None and self._reading.solved_for != solved_for
+        """Was a result, if there is one, solved for another scene than was read last?"""
+        return self._reading is not None and solved_for not in ("", self._reading.solved_for)
 
     @property
     def has_read(self) -> bool:
