@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import floor, log10
 
+from ..bench.spread import MOST
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
@@ -29,6 +30,7 @@ from .to_do import ADVICE, PROBLEM, SOLVE, Button, Counts, Entry, Look, Thing
 
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
 MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
+NEARLY = 1.1  # a display that is longer by less is as long
 WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
 
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
@@ -75,6 +77,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
         *on_in_glass(look),
         *on_tiles(look),
         *(entry for thing in shown(look) for entry in _on_thing(thing)),
+        *_on_display(look, length_text),
         *_on_result(look, length_text),
         *_on_size(look, length_text),
     ]
@@ -149,6 +152,21 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
         return
 
     yield from _once(_losses(look, length_text))
+
+
+def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """A display that Add Rig has made as large as the outermost light asks for."""
+    for thing in shown(look):
+        if thing.role == "DISPLAY" and thing.width > look.for_most * NEARLY > 0:
+            text = Message(
+                "'{name}' measures {length}: {share} of its light needs less.",
+                name=thing.named.name,
+                length=length_text(thing.width),
+                share=percent(MOST),
+            )
+            label = Message("Take {width}", width=length_text(look.for_most))
+            button = replace(FIT_DISPLAY, label=label, properties=(("share", MOST),))
+            yield Entry(text, ADVICE, (button,), can_wait=True)
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:

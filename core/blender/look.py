@@ -99,6 +99,7 @@ def look_at(
         lacks_numbers=lacks_numbers(result),
         is_stale=is_stale,
         is_solved=is_solved,
+        for_most=0.0 if is_solved or not result.summary else result.for_most,
     )
 
 

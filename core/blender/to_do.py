@@ -135,6 +135,7 @@ class Look:
     helps : remedies that were found for them, the most helpful first; None where none were sought
     lacks_numbers : is the source image final, without its numbers?
     is_doubled : are there copies of a rig's display and picture beside them?
+    for_most : m, the longest side of a new rig's display for most of its light; 0: not known
     is_followed : does Live follow the scene, so that the final image comes by itself?
     """
 
@@ -160,4 +161,5 @@ class Look:
     lacks_numbers: bool = False
     is_stale: bool = False
     is_solved: bool = False
+    for_most: float = 0.0
     is_followed: bool = False
