@@ -21,7 +21,7 @@ from ..core.blender.mesh import column, mesh_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
 from ..core.messages import Message, joined, quoted
-from . import needed, telling
+from . import needed, telling, work
 from .parts import NamesPart
 
 JOINED = 1e-5  # of an object's size: vertices nearer than this are one after Weld
@@ -52,9 +52,8 @@ class MendsPart(NamesPart):
             if not self.may_be_linked:
                 _check_own(thing, thing)
             telling.report(self, "INFO", self.mend(context, thing))
-            result = context.scene.kiriko.result
-            if result.source is None and self.changes_light:
-                result.summary = ""  # of Add Rig, on the light as it went before
+            if self.changes_light:
+                work.forget_report(context.scene)
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -519,9 +518,7 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
         units.scale_length = unit
         if units.system == "METRIC":
             units.length_unit = "MILLIMETERS"
-        result = context.scene.kiriko.result
-        if result.source is None:
-            result.summary = ""  # of Add Rig, whose lengths are others now
+        work.forget_report(context.scene)
         text = Message(
             "A unit of the scene is {length} now (Scene > Units): nothing has moved, and all is"
             " {factor} times as large.",

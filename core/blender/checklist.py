@@ -30,7 +30,6 @@ from .to_do import ADVICE, PROBLEM, SOLVE, Button, Counts, Entry, Look, Thing
 
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
 MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
-NEARLY = 1.1  # a display that is longer by less is as long
 WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
 
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
@@ -157,7 +156,7 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
 def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """A display that Add Rig has made as large as the outermost light asks for."""
     for thing in shown(look):
-        if thing.role == "DISPLAY" and thing.width > look.for_most * NEARLY > 0:
+        if thing.role == "DISPLAY" and thing.width > look.for_most > 0:
             text = Message(
                 "'{name}' measures {length}: {share} of its light needs less.",
                 name=thing.named.name,

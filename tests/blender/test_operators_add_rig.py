@@ -743,6 +743,7 @@ def test_a_display_for_the_outermost_light_can_be_smaller_by_a_button(
     bpy.ops.kiriko.fit_display(**dict(button.properties))
     assert max(display.dimensions) == pytest.approx(float(width.split()[0]), rel=0.05)
     assert max(display.dimensions) < 0.7 * wide
+    assert scene.kiriko.result.summary == ""  # which told of the display before
     assert offered() == []
 
 
