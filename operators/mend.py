@@ -16,7 +16,8 @@ from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
-from ..core.blender.look import has_open_ends, sides_of
+from ..core.blender.look import sides_of
+from ..core.blender.look_parts import has_open_ends
 from ..core.blender.mesh import column, mesh_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError

@@ -4,11 +4,11 @@ from time import monotonic
 
 import bpy
 
-from ..core.blender.bodies import bodiless
+from ..core.blender.bodies import NO_PART, bodiless, no_part
 from ..core.blender.checklist_parts import SINGLE, too_many
-from ..core.blender.look import CHECKED, NO_PART
+from ..core.blender.look import CHECKED
 from ..core.blender.look_parts import why_no_own_image, why_no_picture
-from ..core.blender.parts import LeftOut, hidden_words, no_part
+from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of

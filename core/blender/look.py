@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..bench.helps import Help
-from .bodies import bodiless, makes_faces, shows_instances_alone, tools_of
+from .bodies import NO_PART, bodiless, makes_faces, no_part, shows_instances_alone, tools_of
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .doubles import doubled_polygons
@@ -20,6 +20,7 @@ from .look_parts import (
     BOXLESS,
     box_of,
     evaluated,
+    has_open_ends,
     is_flat,
     named,
     refracts_as_shown,
@@ -30,7 +31,6 @@ from .look_parts import (
 from .material import Bends, bends_light, read_refraction, refracts
 from .mesh import column, mesh_of, used_slots
 from .objects import OBJECT_MARK
-from .parts import no_part
 from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
 from .shapes import used_materials
@@ -39,7 +39,6 @@ from .units import length_of_unit
 from .viewer import camera_at
 from .visibility import Shown, is_visible
 
-NO_PART = "NONE"  # as the role of objects that can have none
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
@@ -190,22 +189,6 @@ def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
     is_inward = faults.is_inside_out and (faults.n_open > 0 or is_looking)
     n_turned = faults.n_turned if faults.is_turned_smooth or is_looking else 0
     return faults._replace(is_inside_out=is_inward, n_turned=n_turned)
-
-
-def has_open_ends(thing: bpy.types.Object) -> bool:
-    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
-
-    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
-    """
-    curve = thing.data
-    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
-        return False
-    if curve.bevel_mode == "OBJECT":
-        outline = curve.bevel_object
-        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
-    else:
-        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
-    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
 
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:

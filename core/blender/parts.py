@@ -10,9 +10,9 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from ..messages import Message, as_message
+from ..messages import Message
 from ..rig import ROLES, Mesh
-from .bodies import bodiless
+from .bodies import check_body, role_label
 from .material import Texture
 from .rigs import elsewhere
 from .shapes import Kept, used_materials
@@ -164,8 +164,7 @@ def read_parts(
 
     for instance, owner in shown_parts(depsgraph, scene, is_left_out):
         met.add(owner)
-        if bodiless(owner):
-            raise RigError(no_part(owner))
+        check_body(owner)
 
         if instance.object.type == "MESH":
             part = read_part(instance, owner, part_name(instance, counts), to_metres, kept)
@@ -178,16 +177,6 @@ def read_parts(
         check_some_are_shown(role, parts, unmet)
 
     return parts, notes_on_parts(parts, met, unmet, scene)
-
-
-def no_part(owner: bpy.types.Object) -> Message:
-    """A sentence on an object that has a role, and can be no part of a rig."""
-    return Message(
-        "'{name}' has the role {role}, but {why}: set its role to None.",
-        name=owner.name,
-        role=role_label(owner),
-        why=bodiless(owner),
-    )
 
 
 def parts_by_role(
@@ -212,11 +201,6 @@ def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]
     names = sorted(o.name for o in met - {part.owner for part in full} if o.type != "META")
     owners = {o.name: o for o in met}
     return full + [Part(owners[name], name, empty) for name in names]
-
-
-def role_label(owner: bpy.types.Object) -> Message:
-    """The word the user sees for an object's role."""
-    return as_message(owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name)
 
 
 def unmet_parts(
