@@ -88,7 +88,8 @@ def is_lost(scene: bpy.types.Scene) -> bool:
     """
     if not scene.kiriko.looking:
         return False
-    if _windows.get(scene.session_uid) not in [window.as_pointer() for window in all_windows()]:
+    window = _windows.get(scene.session_uid)  # None of a copy of a scene
+    if window is not None and window not in [one.as_pointer() for one in all_windows()]:
         return True
     viewer = viewer_of(scene)
     if viewer is None or scene.objects.get(viewer.name) != viewer:
