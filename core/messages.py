@@ -83,6 +83,11 @@ def as_message(template: str) -> Message:
     return Message(template)
 
 
+def as_sentence(phrase: str) -> Message:
+    """A phrase with its full stop; one that is a sentence stays."""
+    return as_message(phrase) if phrase.endswith(".") else Message("{reason}.", reason=phrase)
+
+
 def quoted(names: Iterable[str]) -> Message:
     """Names in quotation marks, as a list."""
     return joined([Message("'{name}'", name=name) for name in names], ", ")

@@ -42,12 +42,6 @@ CUT = 0.01  # share of the picture that a limit of the display has to cost to be
 SMALLER = 0.7  # of a display's width: it has to save as much to be proposed
 
 
-def _length(name: str, description: str) -> bpy.props.FloatProperty:
-    return bpy.props.FloatProperty(
-        name=name, description=description, subtype="DISTANCE", default=0.0, min=0.0, precision=4
-    )
-
-
 _taken: automatic.Taken = {}  # of the last rig
 
 KINDS = (
@@ -84,7 +78,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
     kind: bpy.props.EnumProperty(
         name="Kind", description="Where the picture is seen", items=KINDS, default="IN_GLASS"
     )
-    distance: _length(
+    distance: automatic.length(
         "Distance",
         "From the glass's centre to the plate's; 0: 0.15 m, or more for large glass. Without a"
         " plate, from the glass's back to the display; 0: as far as the glass is deep, or none for"
@@ -108,10 +102,10 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         min=np.radians(5),
         max=np.radians(85),
     )
-    picture_size: _length(
+    picture_size: automatic.length(
         "Picture", "Side of the picture; 0: as large as gets through, up to half of the glass"
     )
-    viewer_distance: _length(
+    viewer_distance: automatic.length(
         "Viewer Distance", "From the glass's centre to the viewer; 0: 1 m, or more for large glass"
     )
     azimuth: bpy.props.FloatProperty(
@@ -120,7 +114,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         subtype="ANGLE",
         default=0.0,
     )
-    field: _length("Field", "Width the viewer sees at the glass; 0: as wide as the glass")
+    field: automatic.length("Field", "Width the viewer sees at the glass; 0: as wide as the glass")
     viewer_resolution: bpy.props.IntProperty(
         name="Viewer Resolution",
         description="Pixels a side of the viewer's image; 0: those of the scene's render",
@@ -128,11 +122,11 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         min=0,
         max=16384,
     )
-    plate_size: _length("Plate", "Side of the plate; 0: 0.488 m, or more for large glass")
-    display_size: _length(
+    plate_size: automatic.length("Plate", "Side of the plate; 0: 0.488 m, or more for large glass")
+    display_size: automatic.length(
         "Display", "Width of the display; 0: large enough for every ray that carries the picture"
     )
-    max_display_size: _length(
+    max_display_size: automatic.length(
         "Display Limit", "Widest automatic display; 0: its shorter side is ten times the picture"
     )
     display_resolution: bpy.props.IntVectorProperty(
@@ -220,7 +214,8 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
 
         _remember(proposal, bench, limit, length_of_unit(scene))
         remarks = _on_materials(bench)
-        text = joined([_on_display(scene, proposal, limit, spread, aspect), *left_out])
+        on_display, for_most = _on_display(scene, proposal, limit, spread, aspect)
+        text = joined([on_display, *left_out])
         if scene.kiriko.looking:
             look_through.leave(scene)
         if compared.is_shown(scene):
@@ -228,7 +223,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         live.settle(scene)
         live.forget_why()
         record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
-        _tell(record, scene, text, remarks)
+        _tell(record, scene, text, remarks, for_most)
         if not bpy.app.background:
             _show(context, record, glasses)
         is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
@@ -309,8 +304,9 @@ def _refuse_second(
 
 def _on_display(
     scene: bpy.types.Scene, proposal: Proposal, limit: float, spread: Spread, aspect: float
-) -> str:
-    """How large the display is, how much of the picture it shows, and why it is as large as it is.
+) -> tuple[str, float]:
+    """How large the display is, how much of the picture it shows, and why it is as large as it is;
+    and its longest side, m, for MOST of the light, where it is much shorter, else 0.
 
     limit : m, of a display that is as wide as it has to be; 0 where its width was given
     """
@@ -325,19 +321,19 @@ def _on_display(
             "{text} {leaked} of the light goes through gaps in the glass: close them.",
             text=text,
             leaked=percent(spread.leaked),
-        )
+        ), 0.0
 
     if spread.lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
         return Message(
             "{text} The viewer sees most of the picture beside the glass: move it, or turn"
             " the glass.",
             text=text,
-        )
+        ), 0.0
 
     is_cut = spread.beside_weight.sum() > CUT
     shorter_side = proposal.display / max(aspect, 1.0)
     if not limit or not (is_cut or shorter_side > WIDE * proposal.picture):
-        return text
+        return text, 0.0
 
     times = proposal.display / proposal.picture
     why = Message(
@@ -357,7 +353,9 @@ def _on_display(
         remedies.append(Message("raise Display Limit"))
 
     smaller = ROOM * spread.width(aspect, MOST)
-    if 0 < smaller < SMALLER * proposal.display:
+    if not 0 < smaller < SMALLER * proposal.display:
+        smaller = 0.0
+    else:
         share = percent(MOST * (1 - sum(spread.lost.values())))
         remedies.append(
             Message(
@@ -373,13 +371,16 @@ def _on_display(
         text=text,
         why=why,
         remedies=joined([joined(others, ", "), last], " or ") if others else last,
-    )
+    ), smaller * max(1.0, 1.0 / aspect)
 
 
-def _tell(record: Record, scene: bpy.types.Scene, text: str, remarks: list[str]) -> None:
+def _tell(
+    record: Record, scene: bpy.types.Scene, text: str, remarks: list[str], for_most: float
+) -> None:
     """Write the panel's lines."""
     lines = {
         "summary": text,
+        "for_most": for_most,
         "seen_summary": "",
         "notes": "\n".join(map(one_line, remarks)),
         "sentences": Sentences.of(text, remarks).text(),
@@ -428,7 +429,7 @@ def _on_camera(scene: bpy.types.Scene) -> list[str]:
 
     return [
         Message(
-            "Numpad 0 goes on showing '{camera}': press Look Through Viewer to look through"
+            "Numpad 0 still shows '{camera}': press Look Through Viewer to look through"
             " '{viewer}'.",
             camera=camera.name,
             viewer=viewer.name,

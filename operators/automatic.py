@@ -12,6 +12,22 @@ LEAST = 0.01  # Blender units: a length that nothing is known of
 Taken = dict[str, float]  # Blender units: automatic lengths that were taken last, by property
 
 
+def length(name: str, description: str) -> bpy.props.FloatProperty:
+    """A length that is automatic while it is 0: that of one rig, so that none is kept for the next.
+    A drag ends before 0, where the field would go.
+    """
+    return bpy.props.FloatProperty(
+        name=name,
+        description=description,
+        subtype="DISTANCE",
+        default=0.0,
+        min=0.0,
+        soft_min=1e-4,
+        precision=4,
+        options={"SKIP_SAVE"},
+    )
+
+
 def checkbox(
     name: str,
     taken: Taken,

@@ -45,7 +45,8 @@ class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_on = context.window_manager.kiriko.show_comparison
-        return is_on or needed.can_run(cls, needed.lacking(context.scene))
+        scene = context.scene
+        return is_on or needed.can_run(cls, needed.lacking(scene) + needed.pictureless(scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if context.window_manager.kiriko.show_comparison:

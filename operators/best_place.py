@@ -30,14 +30,7 @@ class KIRIKO_OT_best_place(proposing.Proposes, bpy.types.Operator):
     bl_label = "Best Place"
     bl_options = {"REGISTER", "UNDO"}
 
-    shift: bpy.props.FloatProperty(
-        name="Move up to",
-        description="How far the picture may move in its plane",
-        subtype="DISTANCE",
-        default=0.0,
-        min=0.0,
-        precision=4,
-    )
+    shift: automatic.length("Move up to", "How far the picture may move in its plane")
     auto_shift: automatic.checkbox("shift", _taken, "Up to half of the picture's side")
     turn: bpy.props.FloatProperty(
         name="Turn up to",

@@ -164,9 +164,8 @@ class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
         self.begin_with(context.scene)
         image = blender_plane.image_of(the_picture(context))
         if image is not None and image.filepath:  # other pictures are most likely beside it
-            self.filepath = str(
-                Path(bpy.path.abspath(image.filepath, library=image.library)).parent / ""
-            )
+            file = Path(bpy.path.abspath(image.filepath, library=image.library))
+            self.filepath = str(file).removesuffix(file.name)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

@@ -55,12 +55,13 @@ def look() -> None:
     if work.is_busy():
         return
 
+    for scene in filter(look_through.is_lost, bpy.data.scenes):
+        look_through.leave(scene)
+        redraw()
     shown = {window.scene: window.view_layer for window in reversed(all_windows())}
     for scene, layer in shown.items():
         if take_newcomers(scene):
             look_anew(scene)
-        if look_through.is_lost(scene):
-            look_through.leave(scene)
         look_through.turn_to_chosen(scene)
         if scene.is_editable and not scene.kiriko.looking:
             rig = follow(scene, layer.objects.active)

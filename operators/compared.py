@@ -110,8 +110,7 @@ def enter_view(context: bpy.types.Context) -> None:
     if area.spaces.active in _looking():
         return
 
-    screen = next(s for s in bpy.data.screens if area in list(s.areas))
-    turned_views.turn(screen, area, context.scene, camera, framing.window_of(area))
+    turned_views.turn(area, context.scene, camera, framing.window_of(area))
 
 
 def leave() -> None:

@@ -80,6 +80,7 @@ class FitsPart(long_work.LongWork):
             raise RigError(
                 "'{name}' keeps its size, for {why}.", name=thing.name, why=why
             ) from None
+        work.forget_report(scene)
         changed = self._changed(scene, thing, fitted, is_moved)
         return joined([changed, *_limit(scene, fitted)])
 

@@ -11,8 +11,8 @@ from ..core.arrays import Floats
 from ..core.blender.changes import Change, change, put_back
 from ..core.blender.framing import Framed, Window, framed, in_sight, turned
 from ..core.blender.kept import Changed
-from ..core.blender.remove_rig import spaces
 from ..core.blender.rigs import elsewhere
+from ..core.blender.screens import place_of, spaces
 from . import work
 from .windows import view_of
 
@@ -62,7 +62,7 @@ def frame_rig(context: bpy.types.Context) -> list[tuple[str, list[Change]]]:
 
     area.tag_redraw()
     changes = change(space, {"clip_start": start, "clip_end": end})
-    return [(next(s.name for s in bpy.data.screens if area in list(s.areas)), changes)]
+    return [(place_of(area)[0].name, changes)]
 
 
 def bring_into_sight(context: bpy.types.Context, thing: bpy.types.Object) -> None:

@@ -59,13 +59,18 @@ def status(scene: bpy.types.Scene | None = None) -> tuple[str, bool]:
     if live.progress is not None:
         percent = 100 * live.progress
         return Message("Live: updating, {percent:.0f} %.", percent=percent), False
-    if live.is_working or not live.has_read:
+    if live.is_working or live.is_announced or not live.has_read:
         return Message("Live: updating."), False
     if live.seconds is None:  # what was there is that of the scene
         return Message("Live: up to date."), False
 
     # one line, as while it works: else all below would move up and down with each change
     return Message("Live: up to date after {seconds:.1f} s.", seconds=live.seconds[1]), False
+
+
+def is_ahead(scene: bpy.types.Scene) -> bool:
+    """Is a result on its way for a scene that is another by now than its result is of?"""
+    return follows(scene) and _lives[0].is_of_another(scene.kiriko.result.solved_for)
 
 
 def start(scene: bpy.types.Scene) -> live_follower.Live:
@@ -231,7 +236,8 @@ class KIRIKO_OT_live(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        lacks = [] if follows(scene) else needed.linked(scene) + needed.lacking(scene)
+        reasons = (needed.linked, needed.lacking, needed.pictureless)
+        lacks = [] if follows(scene) else [one for why in reasons for one in why(scene)]
         return needed.can_run(cls, lacks)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

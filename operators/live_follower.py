@@ -114,6 +114,15 @@ class Live:
         return self._work is not None
 
     @property
+    def is_announced(self) -> bool:
+        """Does the status bar name a step?"""
+        return self._text != ""
+
+    def is_of_another(self, solved_for: str) -> bool:
+        """Was a result, if there is one, solved for another scene than was read last?"""
+        return self._reading is not None and solved_for not in ("", self._reading.solved_for)
+
+    @property
     def has_read(self) -> bool:
         """Is the scene known, as it was last?"""
         return self._key is not None
@@ -415,6 +424,7 @@ class Live:
             if uid(workspace) in told - self._told:
                 with bpy.context.temp_override(workspace=workspace):
                     workspace.status_text_set(None)
+        redraw()  # panels tell the same
         return True
 
 

@@ -8,6 +8,7 @@ been left alone for a while, and again only when Blender tells that they changed
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import inf
 from time import monotonic, perf_counter
 
 import bpy
@@ -16,7 +17,7 @@ from bpy.app.handlers import persistent
 from ..core.blender.checklist import entries
 from ..core.blender.look import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
 from ..core.blender.shapes import reshaped
-from ..core.blender.to_do import Entry
+from ..core.blender.to_do import Entry, is_first
 from ..core.blender.units import length_text
 from ..core.messages import Message
 from . import needed, telling, watch, windows, work
@@ -32,17 +33,20 @@ class Looked:
     """A scene that was looked at.
 
     meshes : those of objects by session uid; one that has changed is not among them
+    rig : key of the rig that was active
     asked : has a panel asked since the last look?
     is_whole : are all meshes known that are there?
     """
 
     entries: list[Entry] = field(default_factory=list)
     meshes: dict[int, LookedMesh] = field(default_factory=dict)
+    rig: str | None = None
     asked: bool = True
     is_whole: bool = False
     rests_until: float = 0.0
     changed_at: float = 0.0
     lasted: float = 0.0
+    moved_at: float = -inf  # when entries above Solve came or went, and moved the buttons below
 
     @property
     def is_quiet(self) -> bool:
@@ -60,15 +64,25 @@ _looked: dict[int, Looked] = {}  # by session uid of the scene
 
 
 def found(context: bpy.types.Context) -> list[Entry]:
-    """The entries by the last look; a first one is taken here, without any mesh.
+    """The entries by the last look; a first one at a rig is taken here, without any mesh.
 
     In the background no timer runs, and each is a first one.
     """
-    uid = context.scene.session_uid
-    if uid not in _looked or bpy.app.background:
-        _look(_looked.setdefault(uid, Looked()), context.scene, is_whole=bpy.app.background)
-    _looked[uid].asked = True
-    return _looked[uid].entries
+    looked = _looked.setdefault(context.scene.session_uid, Looked())
+    if bpy.app.background or looked.rig != context.scene.kiriko.rig:
+        _look(looked, context.scene, is_whole=bpy.app.background)
+    looked.asked = True
+    return looked.entries
+
+
+def have_moved(scene: bpy.types.Scene) -> bool:
+    """Have buttons just moved, so that a double click on one would press another, too?"""
+    looked = _looked.get(scene.session_uid)
+    return looked is not None and monotonic() < looked.moved_at + _double_click()
+
+
+def _double_click() -> float:
+    return 1e-3 * bpy.context.preferences.inputs.mouse_double_click_time
 
 
 def is_looking(scene: bpy.types.Scene) -> bool:
@@ -107,6 +121,7 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
         watch.is_told_changed(scene),
     )
     look = replace(look, is_followed=watch.is_followed(scene))
+    looked.rig = scene.kiriko.rig
     looked.entries = entries(look, partial(length_text, scene))
     looked.asked, looked.is_whole = not is_whole, is_whole
     looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
@@ -157,6 +172,9 @@ def _turn() -> None:
             _look(looked, scene, is_whole)
         if (looked.entries, looked.is_whole) != before:
             windows.redraw()
+        if list(filter(is_first, looked.entries)) != list(filter(is_first, before[0])):
+            looked.moved_at = monotonic()
+            bpy.app.timers.register(partial(windows.redraw), first_interval=_double_click())
         return
 
 

@@ -11,12 +11,14 @@ from bpy.app.handlers import persistent
 
 from ..core.blender import looking_through, turned_views
 from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.screens import place_of, window_showing
 from ..core.blender.viewer import viewer_of
 from ..core.messages import Message, joined, quoted
 from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
 
 _entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
+_windows: dict[int, int] = {}  # by the same: address of the window with that view
 _paused: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save or load
 _turned: list[tuple] = []  # views of Before and After, during the same
 _live_began: list[int] = []  # scenes whose Live was begun here
@@ -38,9 +40,12 @@ def enter(context: bpy.types.Context) -> None:
 
 def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     """Have a 3D view look through the viewer that is shown."""
-    screen = next(s.name for s in bpy.data.screens if area in list(s.areas))
-    looking_through.enter(scene, screen, area.spaces.active, framing.window_of(area))
+    screen, _ = place_of(area)
+    looking_through.enter(scene, screen.name, area.spaces.active, framing.window_of(area))
     _entered[scene.session_uid] = scene.kiriko.looking
+    window = window_showing(area.spaces.active)
+    if window is not None:  # else the view is in another workspace of the same one
+        _windows[scene.session_uid] = window.as_pointer()
 
 
 @contextmanager
@@ -78,9 +83,14 @@ def turn_to_chosen(scene: bpy.types.Scene) -> None:
 
 
 def is_lost(scene: bpy.types.Scene) -> bool:
-    """Is a scene looked at through the viewer of a rig that was deleted meanwhile?"""
+    """Is a scene looked at through the viewer of a rig that was deleted meanwhile, or in a window
+    that was closed?
+    """
     if not scene.kiriko.looking:
         return False
+    window = _windows.get(scene.session_uid)  # None of a copy of a scene
+    if window is not None and window not in [one.as_pointer() for one in all_windows()]:
+        return True
     viewer = viewer_of(scene)
     if viewer is None or scene.objects.get(viewer.name) != viewer:
         return True
@@ -95,6 +105,7 @@ def leave(scene: bpy.types.Scene) -> None:
 
 def _forget(scene: bpy.types.Scene) -> None:
     _entered.pop(scene.session_uid, None)
+    _windows.pop(scene.session_uid, None)
     compared.put_views_back()  # those that were left to this look
     if scene.session_uid in _live_began:
         _live_began.remove(scene.session_uid)
@@ -136,6 +147,7 @@ def on_undo(*_: object) -> None:
 def on_load(*_: object) -> None:
     """A file that was saved by force, as by auto-save, may have the settings in it."""
     _entered.clear()
+    _windows.clear()
     _paused.clear()
     _turned.clear()
     _live_began.clear()

@@ -17,7 +17,8 @@ from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
-from ..core.blender.look import has_open_ends, sides_of
+from ..core.blender.look import sides_of
+from ..core.blender.look_parts import has_open_ends
 from ..core.blender.mesh import column, mesh_of
 from ..core.blender.resize import move_by, scale_by
 from ..core.blender.rigs import active_rig, marked_key
@@ -25,7 +26,7 @@ from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import viewer_of
 from ..core.errors import MeshError, RigError
 from ..core.messages import Message, joined, quoted
-from . import needed, telling
+from . import needed, telling, work
 from .framing import corners
 from .parts import NamesPart
 
@@ -57,9 +58,8 @@ class MendsPart(NamesPart):
             if not self.may_be_linked:
                 _check_own(thing, thing)
             telling.report(self, "INFO", self.mend(context, thing))
-            result = context.scene.kiriko.result
-            if result.source is None and self.changes_light:
-                result.summary = ""  # of Add Rig, on the light as it went before
+            if self.changes_light:
+                work.forget_report(context.scene)
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -524,9 +524,7 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
         units.scale_length = unit
         if units.system == "METRIC":
             units.length_unit = "MILLIMETERS"
-        result = context.scene.kiriko.result
-        if result.source is None:
-            result.summary = ""  # of Add Rig, whose lengths are others now
+        work.forget_report(context.scene)
         text = Message(
             "A unit of the scene is {length} now (Scene > Units), and all is {factor} times as"
             " large.",

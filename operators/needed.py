@@ -4,14 +4,17 @@ from time import monotonic
 
 import bpy
 
+from ..core.blender.bodies import NO_PART, bodiless, no_part
+from ..core.blender.checklist_parts import SINGLE, too_many
 from ..core.blender.look import CHECKED
+from ..core.blender.look_parts import why_no_own_image, why_no_picture
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
 from ..core.blender.viewer import instanced_viewers, is_deleted, own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by, is_visible
-from ..core.messages import Message
+from ..core.messages import Message, as_sentence
 from ..core.rig import ROLES
 from ..languages import in_all
 from .telling import in_words
@@ -53,8 +56,8 @@ MAKERS = {"NODES", "PARTICLE_SYSTEM"}  # modifiers that instance objects
 
 
 def parts(scene: bpy.types.Scene, is_left_out: LeftOut | None = None) -> Parts:
-    """Objects of the active rig by role, those in instanced
-    collections too, each with what hides it, '' if shown.
+    """Objects of the active rig by role, those in instanced collections too, each with what hides
+    it, '' if shown; by NO_PART those that can have no role.
 
     is_left_out : tells objects that are not looked at; None: those of other rigs
     """
@@ -113,7 +116,8 @@ def _parts_among(
 
         seen.add((thing, not by))
         if thing.kiriko.role != "NONE":
-            things = found.setdefault(thing.kiriko.role, {})
+            role = NO_PART if bodiless(thing) else thing.kiriko.role
+            things = found.setdefault(role, {})
             things[thing] = by and things.get(thing, by)  # shown once is shown
 
         if thing.instance_collection is not None:
@@ -190,10 +194,13 @@ def missing_by_role(scene: bpy.types.Scene) -> dict[str, str]:
     other object could change the answer; but a role that is missed where all of it is hidden has to
     be among them.
     """
+    return missing_of(scene, _parts_to_tell(scene))
+
+
+def _parts_to_tell(scene: bpy.types.Scene) -> Parts:
+    """The parts as they were met last, where none is missing among them; else all."""
     met = parts_met(scene)
-    if met.keys() >= MISSED and not missing_of(scene, met):
-        return {}
-    return missing_of(scene, parts(scene))
+    return met if met.keys() >= MISSED and not missing_of(scene, met) else parts(scene)
 
 
 def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
@@ -217,19 +224,30 @@ def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
         lacks.pop("PICTURE", None)
         if ours.picture_image is None and not own_images(scene):
             lacks["IMAGE"] = NO_IMAGE
+        elif why := why_no_own_image(scene):
+            lacks["IMAGE"] = why
 
     return lacks
 
 
 def lacking(scene: bpy.types.Scene) -> list[str]:
-    """Missing parts that cannot be there all the same: modifiers
-    may instance objects from anywhere in a file.
+    """Missing parts that cannot be there all the same, for modifiers may instance objects from
+    anywhere in a file; then parts that are too many, or can be none.
     """
-    lacks = missing_by_role(scene)
+    found = _parts_to_tell(scene)
+    lacks = missing_of(scene, found)
     if lacks and has_makers(scene):
         elsewhere = {thing.kiriko.role for thing in bpy.data.objects}
         lacks = {role: phrase for role, phrase in lacks.items() if role not in elsewhere}
-    return list(lacks.values())
+    shown = {role: [one for one, by in things.items() if not by] for role, things in found.items()}
+    doubled = [too_many(role, n) for role in SINGLE if (n := len(shown.get(role, ()))) > 1]
+    return [*lacks.values(), *doubled, *map(no_part, shown.get(NO_PART, ()))]
+
+
+def pictureless(scene: bpy.types.Scene) -> list[str]:
+    """The reason why the picture's plane shows none."""
+    planes = parts_met(scene).get("PICTURE", {})
+    return [why for thing in planes if (why := why_no_picture(scene, thing))]
 
 
 def edited(context: bpy.types.Context) -> bool:
@@ -271,7 +289,7 @@ def unsolved(scene: bpy.types.Scene) -> list[str]:
 
 
 def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
-    """The answer of `poll`: are there no reasons against it?
+    """The answer of `poll`: are there no reasons, phrases or sentences, against it?
     The first one is told where the button is grey.
 
     In a scene of another file no operator works that changes the scene, and so can be undone.
@@ -279,5 +297,5 @@ def can_run(operator: type[bpy.types.Operator], reasons: list[str]) -> bool:
     if "UNDO" in getattr(operator, "bl_options", ()):
         reasons = [*linked(bpy.context.scene), *reasons]
     if reasons:
-        operator.poll_message_set(in_words(Message("{reason}.", reason=reasons[0])))
+        operator.poll_message_set(in_words(as_sentence(reasons[0])))
     return not reasons

@@ -5,7 +5,7 @@ import bpy
 from ..core.blender.chosen_product import Given
 from ..core.messages import Message
 from ..core.rig import ROLES
-from . import needed, telling
+from . import needed, telling, work
 
 
 class GivesProduct:
@@ -34,9 +34,7 @@ class GivesProduct:
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             given = self.given(context, context.active_object)
-            result = context.scene.kiriko.result
-            if result.source is None:
-                result.summary = ""  # of Add Rig, whose part is another one now
+            work.forget_report(context.scene)
             telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
             return {"FINISHED"}
 

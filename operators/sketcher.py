@@ -57,6 +57,8 @@ class Sketched:
 
     kept, light : meshes and glass that need not be made again
     changed_at : when the last change was noticed; None where all has been looked at
+    old_since : when the first change was noticed that is not drawn yet; None where all is drawn
+    is_faint : is it drawn as the scene as it was?
     ended_at, spent : when the last sketch was done, and the s that it took
     lasted : s of its longest step, where only places and settings had changed, and else; of the
         processor, so that others' work does not count
@@ -67,6 +69,8 @@ class Sketched:
     light: Kept = field(default_factory=Kept)
     drawing: Drawing | None = None
     changed_at: float | None = field(default_factory=monotonic)
+    old_since: float | None = None
+    is_faint: bool = False
     ended_at: float = 0.0
     lasted: dict[bool, float] = field(default_factory=dict)
     spent: float = 0.0
@@ -81,6 +85,18 @@ class Sketched:
     def touch(self) -> None:
         """Something has changed that may count."""
         self.changed_at = monotonic()
+        if self.old_since is None:
+            self.old_since = self.changed_at
+
+    @property
+    def is_old(self) -> bool:
+        """Is the drawing known to be old, or has nobody looked for long? Not one that will be drawn
+        anew soon, which would flicker.
+        """
+        if self.changed_at is None and self.steps is None:
+            self.old_since = None
+        wait = QUIET + (0.0 if self.steps is not None else MOST_PAUSE)
+        return self.old_since is not None and monotonic() - self.old_since > wait
 
     def poll(self, scene: bpy.types.Scene) -> None:
         """Look at the settings, of whose changes Blender does not tell."""
@@ -132,6 +148,11 @@ def drawing_of(scene: bpy.types.Scene) -> Drawing | None:
     """What is to be drawn over a scene, as far as it is known by now."""
     sketched = _sketched.get(scene.session_uid)
     return None if sketched is None else sketched.drawing
+
+
+def is_faint(scene: bpy.types.Scene) -> bool:
+    """Is that of the scene as it was?"""
+    return scene.session_uid in _sketched and _sketched[scene.session_uid].is_faint
 
 
 def erase(scene: bpy.types.Scene) -> None:
@@ -186,6 +207,11 @@ def look() -> bool:
         del _sketched[gone]
 
     looked_at = {window.scene.session_uid: window for window, _ in views()}
+    for uid in looked_at.keys() & _sketched.keys():
+        sketched = _sketched[uid]
+        if sketched.is_old != sketched.is_faint:
+            sketched.is_faint = not sketched.is_faint
+            redraw(uid)
     if work.is_busy():
         return False
 

@@ -30,7 +30,14 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene) + needed.sculpting(context))
+        return needed.can_run(
+            cls,
+            [
+                *needed.lacking(context.scene),
+                *needed.pictureless(context.scene),
+                *needed.sculpting(context),
+            ],
+        )
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene, self.shown = context.scene, 0

@@ -56,6 +56,14 @@ def forget_written() -> None:
     _written.clear()
 
 
+def forget_report(scene: bpy.types.Scene) -> None:
+    """Drop what Add Rig said of the light as it went before a change; of a result it is told that
+    it is old.
+    """
+    if scene.kiriko.result.source is None:
+        scene.kiriko.result.summary = ""
+
+
 def listen(handlers: Iterable[tuple[str, Callable]]) -> None:
     """Have Blender call functions, by the names of their lists in bpy.app.handlers."""
     for name, handler in handlers:

@@ -5,7 +5,7 @@ Above it the advice would move the button away as it is pressed.
 
 import bpy
 
-from ..core.blender.to_do import Entry
+from ..core.blender.to_do import Entry, is_first
 from ..core.messages import Message, as_message
 from ..operators import look_over, needed, watch
 from ..operators.add_rig import KINDS
@@ -54,8 +54,10 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             return
 
         draw_rigs(layout, context)
-        found = [entry for entry in look_over.found(context) if not entry.can_wait]
-        before = [entry for entry in found if not entry.asks_to_solve]
+        found = look_over.found(context)
+        layout = layout.column()
+        layout.enabled = not look_over.have_moved(context.scene)
+        before = list(filter(is_first, found))
         for entry in before:
             draw_entry(layout, context, entry)
         if needed.edited(context):
@@ -64,7 +66,7 @@ class VIEW3D_PT_kiriko_checklist(Sidebar, bpy.types.Panel):
             sentence(layout, context, LOOKING, icon="INFO")
         elif not before:
             # one line, as the other: else Solve would move with each change
-            is_next = bool(found) or is_unsolved(context.scene)
+            is_next = not all(one.can_wait for one in found) or is_unsolved(context.scene)
             sentence(layout, context, SOLVE if is_next else READY, icon="CHECKMARK")
         # the lattice of Add Rig is nobody's picture; it stays, for no button below is to move
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")

@@ -3,7 +3,12 @@
 import bpy
 
 from ..core.blender.bodies import bodiless
-from ..core.blender.chosen_product import display_product, glass_product, plate_product
+from ..core.blender.chosen_product import (
+    display_product,
+    glass_product,
+    index_in_use,
+    plate_product,
+)
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.look import has_own_faces, sides_of
 from ..core.blender.look_parts import is_flat
@@ -162,9 +167,15 @@ def _draw_glass(
     _draw_product(layout, "kiriko.glass_preset", glass_product(thing))
     row = layout.row(heading="Override IOR")
     row.prop(ours, "use_ior", text="")
-    value = row.row()
-    value.active = ours.use_ior
-    value.prop(ours, "ior", text="")
+    found = index_in_use(thing)
+    if ours.use_ior:
+        row.prop(ours, "ior", text="")
+    elif found is not None:
+        ior, name = found
+        text = Message("{ior:.4f} (default)", ior=ior)
+        if name:
+            text = Message("{ior:.4f} from '{material}'", ior=ior, material=name)
+        row.label(text=in_words(text), translate=False)
     layout.prop(ours, "priority")
 
 

@@ -7,7 +7,7 @@ from ..core.blender.result_images import images_of, lacks_numbers
 from ..core.messages import Message, as_message, joined
 from ..core.numbers import number
 from ..core.words import percent, pixels, shares_in_words
-from ..operators import needed, watch, work
+from ..operators import live, needed, watch, work
 from ..operators.telling import in_words
 from ..operators.wrapping import MARGIN, sentence
 from .remedies import draw_remedies
@@ -38,13 +38,14 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             layout.label(text="Not solved yet.")
             return
 
-        # numbers of the image before stay where they are until the new ones, but faint
-        of_shown = not result.is_coarse
+        # numbers of the scene or the image before stay where they are until the new ones, but faint
+        is_changed = watch.is_told_changed(context.scene)
+        of_shown = not (result.is_coarse or is_changed or live.is_ahead(context.scene))
         if result.summary:
             column = layout.column()
             column.active = of_shown
             sentence(column, context, said.message(result.summary))
-        if watch.is_told_changed(context.scene):
+        if is_changed:
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.source is not None:
             layout.operator("kiriko.export", icon="EXPORT")  # above the fold, before the image

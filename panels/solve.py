@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..operators import live, look_through, needed
+from ..operators import live, look_over, look_through, needed
 from ..operators.wrapping import sentence
 from .words import OfRig
 
@@ -16,6 +16,7 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
         layout = self.layout
         buttons = layout.column(align=True)
         buttons.scale_y = 1.3
+        buttons.enabled = not look_over.have_moved(context.scene)
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
         is_on = live.follows(context.scene)
         buttons.operator("kiriko.live", icon="PAUSE" if is_on else "PLAY", depress=is_on)

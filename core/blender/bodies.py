@@ -5,9 +5,10 @@ from collections.abc import Iterator
 import bpy
 
 from ..errors import RigError
-from ..messages import Message
+from ..messages import Message, as_message
 
 EMPTY = Message("an empty has no surface")
+NO_PART = "NONE"  # as the role of objects that have one, and can have none
 OUTLINES = {"BOUNDS", "WIRE"}  # as tools of modifiers are drawn
 SURFACELESS = {
     "ARMATURE": Message("an armature has no surface"),
@@ -26,6 +27,31 @@ def bodiless(thing: bpy.types.Object) -> str:
         return "" if is_instance else EMPTY
 
     return SURFACELESS.get(thing.type, "")
+
+
+def role_label(owner: bpy.types.Object) -> Message:
+    """The word the user sees for an object's role."""
+    return as_message(owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name)
+
+
+def check_body(thing: bpy.types.Object) -> None:
+    """Raise RigError where an object has a role, and can have none."""
+    if why := bodiless(thing):
+        raise RigError(
+            "'{name}' has the role {role}, but {why}: set its role to None.",
+            name=thing.name,
+            role=role_label(thing),
+            why=why,
+        )
+
+
+def no_part(thing: bpy.types.Object) -> str:
+    """The sentence on such an object."""
+    try:
+        check_body(thing)
+    except RigError as error:
+        return error.message
+    return ""
 
 
 def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import floor, log10
 
+from ..bench.spread import MOST
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
@@ -75,6 +76,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
         *on_in_glass(look),
         *on_tiles(look),
         *(entry for thing in shown(look) for entry in _on_thing(thing)),
+        *_on_display(look, length_text),
         *_on_result(look, length_text),
         *_on_size(look, length_text),
     ]
@@ -149,6 +151,21 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
         return
 
     yield from _once(_losses(look, length_text))
+
+
+def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """A display that Add Rig has made as large as the outermost light asks for."""
+    for thing in shown(look):
+        if thing.role == "DISPLAY" and thing.width > look.for_most > 0:
+            text = Message(
+                "'{name}' measures {length}: {share} of its light needs less.",
+                name=thing.named.name,
+                length=length_text(thing.width),
+                share=percent(MOST),
+            )
+            label = Message("Take {width}", width=length_text(look.for_most))
+            button = replace(FIT_DISPLAY, label=label, properties=(("share", MOST),))
+            yield Entry(text, ADVICE, (button,), can_wait=True)
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:

@@ -4,7 +4,7 @@ missing, hidden, or too many, and viewers without a camera.
 
 from collections.abc import Iterator
 
-from ..messages import Message
+from ..messages import Message, as_sentence
 from ..rig import ROLES
 from .to_do import ADVICE, PROBLEM, Button, Entry, Look, Named, Thing
 
@@ -61,7 +61,7 @@ def on_missing(look: Look) -> Iterator[Entry]:
             buttons = (_make(role), without)
         elif role in MADE and "GLASS" in roles and not is_new:
             buttons = (_make(role),)
-        yield Entry(Message("{reason}.", reason=phrase), PROBLEM, buttons)
+        yield Entry(as_sentence(phrase), PROBLEM, buttons)
 
 
 def _make(role: str) -> Button:
@@ -130,30 +130,35 @@ def _show(thing: Thing) -> Button:
 
 
 def on_too_many(look: Look) -> Iterator[Entry]:
-    """Parts of which a rig has one; all of its parts may have been duplicated."""
+    """Parts of which a rig has one; all of its parts may have been duplicated. Objects that can be
+    no part.
+    """
     if look.is_doubled:
         text = Message("The rig's parts were duplicated, and lie in the same rig.")
         label = Message("Make the Copies a Rig")
         yield Entry(text, PROBLEM, (Button("kiriko.part_copies", label, (), "DUPLICATE"),))
-    for role, label in SINGLE.items():
+    for role in SINGLE:
         things = [thing for thing in shown(look) if thing.role == role]
         if len(things) < 2:
             continue
-        text = Message(
-            "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
-            n=len(things),
-            role=label,
-        )
-        buttons = [
-            Button(
-                "kiriko.leave_out",
-                Message("Leave Out '{name}'", name=thing.named.name),
-                naming(thing.named),
-                "X",
-            )
-            for thing in things
-        ]
-        yield Entry(text, PROBLEM, tuple(buttons))
+        buttons = tuple(_leave_out(thing.named) for thing in things)
+        yield Entry(too_many(role, len(things)), PROBLEM, buttons)
+    for why, named in look.no_parts:
+        yield Entry(why, PROBLEM, (_leave_out(named),))
+
+
+def too_many(role: str, n: int) -> Message:
+    """A sentence on parts of which a rig has one."""
+    return Message(
+        "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
+        n=n,
+        role=SINGLE[role],
+    )
+
+
+def _leave_out(named: Named) -> Button:
+    label = Message("Leave Out '{name}'", name=named.name)
+    return Button("kiriko.leave_out", label, naming(named), "X")
 
 
 def on_hidden(look: Look) -> Iterator[Entry]:

@@ -189,18 +189,29 @@ def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> li
     return given
 
 
-def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
-    """The product that a glass is by the index that light is bent with; None if no known one."""
+def index_in_use(glass: bpy.types.Object) -> tuple[float, str] | None:
+    """The index that light is bent with, and the name of the material that it is of, '' where it is
+    the override or the default; None for instances, which each have their own.
+    """
     ours, scene = glass.kiriko, bpy.context.scene
+    if ours.use_ior:
+        return ours.ior, ""
     shown = each_material(scene, glass)  # of many objects the first that refracts is enough
     first = next(shown, None)
-    if first is None and not ours.use_ior and shows_instances_alone(evaluated(scene, glass)):
-        return None  # which each have their own
-    readings = map(read_refraction, () if first is None else chain([first], shown))
-    ior = next((found.ior for found in readings if found is not None), DEFAULT_IOR)
-    if ours.use_ior:
-        ior = ours.ior
-    return next((p for p in GLASSES.values() if abs(p.ior - ior) < SAME_INDEX), None)
+    if first is None and shows_instances_alone(evaluated(scene, glass)):
+        return None
+    for material in () if first is None else chain([first], shown):
+        found = read_refraction(material)
+        if found is not None:
+            return found.ior, material.name
+    return DEFAULT_IOR, ""
+
+
+def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
+    """The product that a glass is by that index; None if no known one."""
+    found = index_in_use(glass)
+    near = (p for p in GLASSES.values() if found and abs(p.ior - found[0]) < SAME_INDEX)
+    return next(near, None)
 
 
 def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> str:

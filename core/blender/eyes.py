@@ -13,10 +13,10 @@ from mathutils import Matrix
 from ..arrays import Floats
 from ..viewer import Viewer
 from .own_words import data_name
-from .remove_rig import spaces
 from .rig_names import stem
 from .rigs import active_rig, mark, marked_key
 from .scene import object_matrix
+from .screens import spaces
 from .viewer import orthonormal_axes
 from .viewer_list import add, take_out
 

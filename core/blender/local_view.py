@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 import bpy
 
+from .screens import window_showing
 from .visibility import is_visible
 
 
@@ -56,10 +57,5 @@ def _layer(space: bpy.types.SpaceView3D) -> bpy.types.ViewLayer | None:
     """The view layer of which a view in local view shows objects; None for one that is in none, or
     in no window.
     """
-    if space.local_view is None:
-        return None
-    for manager in bpy.data.window_managers:
-        for window in manager.windows:
-            if any(area.spaces.active == space for area in window.screen.areas):
-                return window.view_layer
-    return None
+    window = None if space.local_view is None else window_showing(space)
+    return None if window is None else window.view_layer

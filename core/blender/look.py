@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..bench.helps import Help
-from .bodies import bodiless, makes_faces, shows_instances_alone, tools_of
+from .bodies import NO_PART, bodiless, makes_faces, no_part, shows_instances_alone, tools_of
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .doubles import doubled_polygons
@@ -20,6 +20,7 @@ from .look_parts import (
     BOXLESS,
     box_of,
     evaluated,
+    has_open_ends,
     is_flat,
     named,
     refracts_as_shown,
@@ -65,7 +66,7 @@ def look_at(
 
     Parameters
     ----------
-    found : objects by role, each with what hides it
+    found : objects by role, each with what hides it; by NO_PART those that have one all the same
     missing : phrases on roles that are not there
     meshes : those of objects that were looked at, by session uid of the object
     is_stale : is the result that of another scene?
@@ -79,12 +80,14 @@ def look_at(
         _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
         for role, members in found.items()
         for thing, by in members.items()
+        if role != NO_PART
     ]
     return Look(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
         refused=tuple(viewers_refused(scene, found.get("GLASS", {}), meshes)),
+        no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
         tiled=tuple(tiled_images(scene, found.get("PICTURE", {}))),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
@@ -95,6 +98,7 @@ def look_at(
         lacks_numbers=lacks_numbers(result),
         is_stale=is_stale,
         is_solved=is_solved,
+        for_most=0.0 if is_solved or not result.summary else result.for_most,
     )
 
 
@@ -187,22 +191,6 @@ def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
     return faults._replace(is_inside_out=is_inward, n_turned=n_turned)
 
 
-def has_open_ends(thing: bpy.types.Object) -> bool:
-    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
-
-    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
-    """
-    curve = thing.data
-    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
-        return False
-    if curve.bevel_mode == "OBJECT":
-        outline = curve.bevel_object
-        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
-    else:
-        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
-    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
-
-
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     """Has an object a surface of its own, and not alone that of objects that it shows?"""
     if thing.data is None or thing.type == "EMPTY":
@@ -259,6 +247,7 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
     return (
         thing.kiriko.role in CHECKED
         and thing.type not in {"EMPTY", "META"}
+        and not bodiless(thing)
         and thing.mode == "OBJECT"
         and thing.name in layer.objects
         and is_visible(thing, layer)

@@ -18,7 +18,9 @@ from .bodies import members_of
 from .cuts import SEARCH
 from .material import Bends, bends_light, refracts
 from .mesh import in_world, mesh_of, read_local, used_slots
+from .moving import number_at
 from .parts import is_placed
+from .picture import check_at
 from .plane import check_shown, image_of, own_materials
 from .shapes import used_materials
 from .to_do import Named
@@ -114,6 +116,22 @@ def is_flat(sides: tuple[float, ...]) -> bool:
     return min(sides, default=1.0) == 0 < max(sides, default=0.0)
 
 
+def has_open_ends(thing: bpy.types.Object) -> bool:
+    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
+
+    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
+    """
+    curve = thing.data
+    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
+        return False
+    if curve.bevel_mode == "OBJECT":
+        outline = curve.bevel_object
+        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
+    else:
+        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
+    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
+
+
 def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
     """Why a plane shows no picture; '' where it does."""
     if scene.kiriko.picture_source == "IMAGE":
@@ -125,6 +143,21 @@ def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
         check_shown(picture, image, scene)
     except ImageError as error:
         return error.message
+    return ""
+
+
+def why_no_own_image(scene: bpy.types.Scene) -> str:
+    """Why an image in the viewers' own pixels cannot be read; '' where all can."""
+    own = [
+        (seat.image, Message("the viewer '{viewer}'", viewer=seat.camera.name))
+        for seat in seats_of(scene)
+        if seat.image is not None and seat.camera is not None
+    ]
+    for image, owner in own or [(scene.kiriko.picture_image, Message("the scene's picture"))]:
+        try:
+            check_at(image, number_at(image, None, scene.frame_current), owner)
+        except ImageError as error:
+            return error.message
     return ""
 
 

@@ -13,8 +13,8 @@ from .changes import Change, change, put_back
 from .framing import Window, image_framed
 from .kept import Changed
 from .preview_settings import BOUNCES
-from .remove_rig import spaces
 from .rigs import elsewhere
+from .screens import spaces
 from .viewer import frame_of, no_camera, viewer_of
 from .world_light import is_dark
 

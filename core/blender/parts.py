@@ -10,9 +10,9 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import RigError
-from ..messages import Message, as_message
+from ..messages import Message
 from ..rig import ROLES, Mesh
-from .bodies import bodiless
+from .bodies import check_body, role_label
 from .material import Texture
 from .rigs import elsewhere
 from .shapes import Kept, used_materials
@@ -168,13 +168,7 @@ def read_parts(
 
     for instance, owner in shown_parts(depsgraph, scene, is_left_out):
         met.add(owner)
-        if why := bodiless(owner):
-            raise RigError(
-                "'{name}' has the role {role}, but {why}: set its role to None.",
-                name=owner.name,
-                role=role_label(owner),
-                why=why,
-            )
+        check_body(owner)
 
         if instance.object.type == "MESH":
             part = read_part(instance, owner, part_name(instance, counts), to_metres, kept)
@@ -211,11 +205,6 @@ def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]
     names = sorted(o.name for o in met - {part.owner for part in full} if o.type != "META")
     owners = {o.name: o for o in met}
     return full + [Part(owners[name], name, empty) for name in names]
-
-
-def role_label(owner: bpy.types.Object) -> Message:
-    """The word the user sees for an object's role."""
-    return as_message(owner.kiriko.bl_rna.properties["role"].enum_items[owner.kiriko.role].name)
 
 
 def unmet_parts(

@@ -8,6 +8,7 @@ from .. import kernel
 from ..errors import ImageError
 from ..free_memory import check_free
 from ..messages import Message
+from .moving import check_there
 
 LINEAR_BYTE_SPACES = {
     "Linear Rec.709",
@@ -50,6 +51,16 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             owner=owner,
             file=bpy.path.abspath(image.filepath, library=image.library),
         )
+
+
+def check_at(image: bpy.types.Image, number: int | None, owner: str) -> None:
+    """The same at a frame of an image that moves, of which nothing is copied; None: it stands
+    still.
+    """
+    if number is None:
+        check_readable(image, owner)
+    else:
+        check_there(image, number, owner)
 
 
 def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:

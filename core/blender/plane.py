@@ -13,8 +13,8 @@ from . import shaders
 from .layout import axis_factors, laid_out, size_of
 from .material import Texture, find_texture, read_texture
 from .mesh import used_slots
-from .moving import Timing, at_frame, check_there, is_moving, number_at, set_timing, whole
-from .picture import UNREADABLE, check_readable
+from .moving import Timing, at_frame, is_moving, number_at, set_timing, whole
+from .picture import UNREADABLE, check_at, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 from .rig_record import keep
@@ -235,11 +235,7 @@ def check_shown(thing: bpy.types.Object, image: bpy.types.Image, scene: bpy.type
 
     Nothing is changed: the checklist asks while panels are drawn.
     """
-    owner = _owner(thing)
-    if is_moving(image):
-        check_there(image, _frame_shown(thing, image, scene), owner)
-    else:
-        check_readable(image, owner)
+    check_at(image, _frame_shown(thing, image, scene), _owner(thing))
 
 
 def _frame_shown(

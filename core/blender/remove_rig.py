@@ -21,6 +21,7 @@ from .made_for_rig import (
     unused_elsewhere,
 )
 from .rigs import RIG_MARK, active_rig, let_go, mark, marked_key, rig_of, rigs, rigs_of
+from .screens import spaces
 from .viewer import camera_at
 from .viewer_list import bring_back, have_viewer, is_there, take_out
 from .viewer_render import remove_unused
@@ -258,12 +259,6 @@ def _hand_over(ours: Any, newer: Any, names: tuple[str, ...]) -> None:
             if line[-2] == after or path[0].startswith(RESULT):
                 line[-2] = before
         setattr(newer, name, Changed(newer.key, list(lines.values())).text())
-
-
-def spaces(screen: str) -> list[Any]:
-    """The 3D views of a screen, by its name."""
-    areas = bpy.data.screens[screen].areas if screen in bpy.data.screens else ()
-    return [space for area in areas for space in area.spaces if space.type == "VIEW_3D"]
 
 
 def _empty(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy.types.ID]) -> None:

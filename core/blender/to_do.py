@@ -71,6 +71,11 @@ class Entry:
         return any(button.operator == SOLVE for button in self.buttons)
 
 
+def is_first(entry: Entry) -> bool:
+    """Does an entry stand above Solve?"""
+    return not (entry.can_wait or entry.asks_to_solve)
+
+
 @dataclass(frozen=True)
 class Thing:
     """An object with a role, as far as a list of faults needs it.
@@ -120,6 +125,7 @@ class Look:
         with its name, '' where there was none
     are_viewers_off : all of the list?
     refused : sentences on viewers where none can be, as within the glass, and their names
+    no_parts : sentences on objects that have a role and can be no part, and their names
     solids : objects without a role that may be glass, the active one first
     in_glass : objects without a role that refract, and stand within the glass
     images : names of images that may be the picture
@@ -129,6 +135,7 @@ class Look:
     helps : remedies that were found for them, the most helpful first; None where none were sought
     lacks_numbers : is the source image final, without its numbers?
     is_doubled : are there copies of a rig's display and picture beside them?
+    for_most : m, the longest side of a new rig's display for most of its light; 0: not known
     is_followed : does Live follow the scene, so that the final image comes by itself?
     """
 
@@ -141,6 +148,7 @@ class Look:
     empty_seats: tuple[tuple[int, str], ...] = ()
     are_viewers_off: bool = False
     refused: tuple[tuple[str, Named], ...] = ()
+    no_parts: tuple[tuple[str, Named], ...] = ()
     solids: tuple[Named, ...] = ()
     in_glass: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
@@ -153,4 +161,5 @@ class Look:
     lacks_numbers: bool = False
     is_stale: bool = False
     is_solved: bool = False
+    for_most: float = 0.0
     is_followed: bool = False

@@ -10,6 +10,7 @@ import bpy
 
 from .framing import Window, image_framed
 from .kept import Changed
+from .screens import areas_of, place_of, window_showing
 from .viewer import frame_of
 
 TURNED_MARK = "kiriko_turned"  # on a screen
@@ -18,19 +19,15 @@ FRAMING = ("view_camera_zoom", "view_camera_offset")  # of a view by a camera
 
 
 def turn(
-    screen: bpy.types.Screen,
-    area: bpy.types.Area,
-    scene: bpy.types.Scene,
-    camera: bpy.types.Object,
-    window: Window,
+    area: bpy.types.Area, scene: bpy.types.Scene, camera: bpy.types.Object, window: Window
 ) -> None:
-    """Have a 3D view of a screen, with this window, show a camera's whole
-    image; what it showed at first is kept.
+    """Have a 3D view, with this window, show a camera's whole image; what it showed at first is
+    kept.
     """
     space = area.spaces.active
     framing = image_framed(frame_of(camera, scene.render).size, window)
+    screen, place = place_of(area)
     kept = Changed.read(screen.get(TURNED_MARK, ""))
-    place = list(screen.areas).index(area)
     if place not in {one[0] for one in kept.changes}:
         is_local = scene.camera != camera
         before = _shown(space)
@@ -53,7 +50,7 @@ def put_back(is_held: Callable[[Any], bool] = lambda space: False) -> None:
             if space is not None and is_held(space):
                 held.append([place, before, after])
             elif space is not None:
-                _show_again(screen, space, before, after)
+                _show_again(space, before, after)
         if held:
             screen[TURNED_MARK] = Changed("", held).text()
         else:
@@ -78,7 +75,7 @@ def go_on(paused: list[tuple[bpy.types.Screen, str, list[tuple[Any, list[Any]]]]
     for screen, text, views in paused:
         screen[TURNED_MARK] = text
         for space, shown in views:
-            _show(screen, space, shown)
+            _show(space, shown)
 
 
 def _shown(space: Any) -> list[Any]:
@@ -99,27 +96,26 @@ def _set(view: bpy.types.RegionView3D, names: tuple[str, ...], values: Any) -> N
         setattr(view, name, value)
 
 
-def _show(screen: bpy.types.Screen, space: Any, shown: list[Any]) -> None:
+def _show(space: Any, shown: list[Any]) -> None:
     is_local, camera, perspective, pose, framing = shown
-    _have_camera(screen, space, is_local, camera)
+    _have_camera(space, is_local, camera)
     space.region_3d.view_perspective = perspective
     _set(space.region_3d, POSE, pose)
     _set(space.region_3d, FRAMING, framing)
 
 
-def _have_camera(screen: bpy.types.Screen, space: Any, is_local: bool, camera: str) -> None:
+def _have_camera(space: Any, is_local: bool, camera: str) -> None:
     space.use_local_camera = is_local
     if is_local:
         space.camera = bpy.data.objects.get(camera)
         return
     # a view without a camera of its own has, and would set, the scene's
-    windows = [window for manager in bpy.data.window_managers for window in manager.windows]
-    scene = next((window.scene for window in windows if window.screen == screen), None)
-    if scene is not None:
-        space.camera = scene.camera
+    window = window_showing(space)
+    if window is not None:
+        space.camera = window.scene.camera
 
 
-def _show_again(screen: bpy.types.Screen, space: Any, before: list[Any], after: list[Any]) -> None:
+def _show_again(space: Any, before: list[Any], after: list[Any]) -> None:
     """What was shown before, as far as the artist has not chosen another camera or turned away."""
     is_local, camera, fitted = after
     if is_local != space.use_local_camera:
@@ -132,14 +128,14 @@ def _show_again(screen: bpy.types.Screen, space: Any, before: list[Any], after: 
     if (now := _values(view, FRAMING)) != fitted:
         framing = now  # the artist's own
     if view.view_perspective == "CAMERA":
-        _show(screen, space, [*before[:-1], framing])
+        _show(space, [*before[:-1], framing])
     else:
-        _have_camera(screen, space, *before[:2])
+        _have_camera(space, *before[:2])
         _set(view, FRAMING, framing)
 
 
 def _space(screen: bpy.types.Screen, place: int) -> Any | None:
     """The 3D view of an area, by its place in the screen."""
-    areas = list(screen.areas)[place : place + 1]
+    areas = areas_of(screen)[place : place + 1]
     spaces = [space for area in areas for space in area.spaces if space.type == "VIEW_3D"]
     return spaces[0] if spaces else None

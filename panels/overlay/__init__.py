@@ -12,7 +12,7 @@ import bpy
 from ...core.messages import Message
 from ...operators import sketcher, telling
 from ...operators.sketcher import Drawing
-from . import batches, lines, words
+from . import batches, colours, lines, words
 from .view_handlers import ViewHandlers
 
 _failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is enabled anew
@@ -28,7 +28,7 @@ def draw_in_pixels() -> None:
     _draw(words.draw)
 
 
-def _draw(function: Callable[[bpy.types.Context, Drawing], None]) -> None:
+def _draw(function: Callable[[bpy.types.Context, Drawing, float], None]) -> None:
     """Draw, if a viewport is looked at that has anything to draw. An error ends the overlay, not
     the drawing of Blender.
     """
@@ -42,7 +42,7 @@ def _draw(function: Callable[[bpy.types.Context, Drawing], None]) -> None:
     if drawing is None:
         return
     try:
-        function(context, drawing)
+        function(context, drawing, colours.FAINT if sketcher.is_faint(context.scene) else 1.0)
     except Exception as error:
         # which prints errors that were not foreseen
         _failed.append(telling.sentence(error, Message("The overlay")))

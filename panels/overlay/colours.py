@@ -18,6 +18,7 @@ TEXT_PX = 12
 
 HATCH_ALPHA = 0.75
 SHADOW_ALPHA = 0.35
+FAINT = 0.3  # of all alphas: of the scene as it was
 
 
 def lighter(colour: tuple[float, float, float]) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from .shapes import Strokes, strokes_of
 SHADER = "POLYLINE_UNIFORM_COLOR"
 
 
-def draw(context: bpy.types.Context, drawing: Drawing) -> None:
+def draw(context: bpy.types.Context, drawing: Drawing, alpha: float) -> None:
     """Draw the lines of a drawing, each over a shadow."""
     shader = gpu.shader.from_builtin(SHADER)
     scale = context.preferences.system.ui_scale
@@ -25,11 +25,13 @@ def draw(context: bpy.types.Context, drawing: Drawing) -> None:
     for strokes, batch in made_once(drawing, "lines", _batches_of):
         if strokes.width >= colours.OUTLINE_PX:
             shader.uniform_float("lineWidth", (strokes.width + colours.SHADOW_PX) * scale)
-            shader.uniform_float("color", (*colours.SHADOW, colours.SHADOW_ALPHA * strokes.alpha))
+            shader.uniform_float(
+                "color", (*colours.SHADOW, colours.SHADOW_ALPHA * strokes.alpha * alpha)
+            )
             batch.draw(shader)
 
         shader.uniform_float("lineWidth", strokes.width * scale)
-        shader.uniform_float("color", (*strokes.colour, strokes.alpha))
+        shader.uniform_float("color", (*strokes.colour, strokes.alpha * alpha))
         batch.draw(shader)
     gpu.state.blend_set("NONE")
 

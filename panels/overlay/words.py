@@ -30,7 +30,7 @@ ROUND = np.stack(
 )
 
 
-def draw(context: bpy.types.Context, drawing: Drawing) -> None:
+def draw(context: bpy.types.Context, drawing: Drawing, alpha: float) -> None:
     """Draw the marks of a drawing, and its words over them."""
     scale = context.preferences.system.ui_scale
     arrows = [
@@ -39,16 +39,16 @@ def draw(context: bpy.types.Context, drawing: Drawing) -> None:
         if (line := _on_screen(context, ends)) is not None
         and np.linalg.norm(line[1] - line[0]) >= LEAST_PX * scale
     ]
-    _fill(_arrowheads(arrows, scale), colours.DIMENSION)
+    _fill(_arrowheads(arrows, scale), (*colours.DIMENSION, alpha))
     for has_arrived, colour in ((True, colours.ARRIVES), (False, colours.LOST)):
         ends = [m.place for m in marks_of(drawing) if m.has_arrived == has_arrived]
         places = [p for end in ends if (p := _on_screen(context, end[None])) is not None]
         shapes = [(_dot if has_arrived else _cross)(place[0], scale) for place in places]
-        _fill(np.concatenate([np.empty((0, 3, 2)), *shapes]), colour)
-    _draw_words(context, drawing, scale)
+        _fill(np.concatenate([np.empty((0, 3, 2)), *shapes]), (*colour, alpha))
+    _draw_words(context, drawing, scale, alpha)
 
 
-def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> None:
+def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float, alpha: float) -> None:
     """Draw words beside their places, none over others; the same words twice only far apart."""
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 5, *colours.SHADOW, 1.0)
@@ -68,7 +68,7 @@ def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float) -> N
         if box is None:
             continue
         taken.append((text, box))
-        blf.color(FONT, *colours.lighter(label.colour), 1.0)
+        blf.color(FONT, *colours.lighter(label.colour), alpha)
         blf.position(FONT, *box[0], 0)
         blf.draw(FONT, text)
     blf.disable(FONT, blf.SHADOW)
@@ -175,8 +175,8 @@ def _cross(place: Floats, scale: float) -> Floats:
     return np.array(bars)
 
 
-def _fill(triangles: Floats, colour: tuple[float, float, float]) -> None:
-    """Fill triangles (n, 3, 2), px."""
+def _fill(triangles: Floats, colour: tuple[float, ...]) -> None:
+    """Fill triangles (n, 3, 2), px, in a colour with its alpha."""
     if not len(triangles):
         return
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
@@ -184,6 +184,6 @@ def _fill(triangles: Floats, colour: tuple[float, float, float]) -> None:
     batch = batch_for_shader(shader, "TRIS", {"pos": corners})
     gpu.state.blend_set("ALPHA")
     shader.bind()
-    shader.uniform_float("color", (*colour, 1.0))
+    shader.uniform_float("color", colour)
     batch.draw(shader)
     gpu.state.blend_set("NONE")

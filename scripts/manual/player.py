@@ -154,6 +154,8 @@ class Player:
 
     def press(self, step: Press) -> Iterator[float]:
         yield from self.find(step.button, step.area, step.region)
+        while scenes.kiriko("operators.look_over").have_moved(self.window.scene):
+            yield BREATH
         self.clicks.append(plain(step.button))
         if step.up:
             yield from self.move(self.x, self.y + step.up * ROW)

@@ -30,7 +30,8 @@ class Layout:
         self.menus: list[str] = []
         self.pressed: list[str] = []  # operators whose buttons are drawn as pressed
         self.faint: list[str] = []  # texts in grey
-        self.active = True
+        self.grey: list[str] = []  # operators whose buttons cannot be pressed
+        self.active = self.enabled = True
         self.is_faint = False
 
     def box(self, **options: object) -> "Layout":
@@ -62,6 +63,8 @@ class Layout:
         getattr(getattr(bpy.ops, group), verb).get_rna_type()  # KeyError where there is none
         assert icon in ICONS
         self.operators.append(name)
+        if not self.enabled:
+            self.grey.append(name)
         self.labels.append(str(options.get("text", "")))
         self.icons[self.labels[-1]] = icon
         if options.get("depress"):

@@ -9,7 +9,7 @@ import pytest
 from mathutils import Vector
 
 from small_rigs import small_rig
-from test_looking_through import space, turned_away, view
+from test_looking_through import maximise, space, turned_away, view
 
 
 @pytest.fixture
@@ -122,12 +122,18 @@ def test_another_file_begins_without_a_comparison(
 
 
 @pytest.mark.parametrize("is_scenes_camera", [True, False])
-@pytest.mark.parametrize("order", sorted({*permutations("CCLL"), tuple("CLLCLCCL")}))
+@pytest.mark.parametrize(
+    "order",
+    [
+        *sorted({*permutations("CCLL"), tuple("CLLCLCCL")}),
+        *map(tuple, ("LMLM", "MLML", "CMCM", "MCMC", "LMCLMC", "MCLMCL")),
+    ],
+)
 def test_comparison_and_look_through_in_any_order(
     scene: bpy.types.Scene, compared: ModuleType, order: tuple[str, ...], is_scenes_camera: bool
 ) -> None:
-    """Each on and off, crossed or not: the view and the scene's settings are as before; while one
-    of them is on, the view shows the viewer's camera.
+    """Each on and off, crossed or not, and the view maximised meanwhile (M): the view and the
+    scene's settings are as before; while one of them is on, the view shows the viewer's camera.
     """
     small_rig()
     viewer = scene.kiriko.viewer
@@ -139,6 +145,9 @@ def test_comparison_and_look_through_in_any_order(
     before = view()
     is_on = dict.fromkeys("CL", False)
     for button in order:
+        if button == "M":
+            maximise()
+            continue
         if button == "L":
             bpy.ops.kiriko.look_through()
         elif is_on["C"]:

@@ -784,6 +784,69 @@ def test_a_mesh_is_looked_at_once(
     assert looked_at[before:] == [glass]
 
 
+@pytest.fixture
+def in_window(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> ModuleType:
+    """Module operators.look_over, as where Blender has windows, and a timer looks."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    app = SimpleNamespace(background=False, timers=bpy.app.timers)
+    monkeypatch.setattr(module, "bpy", SimpleNamespace(app=app, context=bpy.context))
+    monkeypatch.setattr(module, "RESTING", 0.0)
+    return module
+
+
+def test_a_new_rig_has_nothing_of_the_look_at_the_one_before(
+    in_window: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Nor of one in between, when there was none: nothing is missing of it at the first redraw."""
+    small_rig()
+    in_window.found(bpy.context)
+    bpy.ops.kiriko.remove_rig()
+    in_window.tick()
+    assert in_window._looked[scene.session_uid].entries
+    bpy.data.objects["Cube"].select_set(True)
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    assert not [entry.text for entry in in_window.found(bpy.context) if "No " in entry.text]
+
+
+def test_a_button_that_comes_under_the_pointer_waits(
+    in_window: ModuleType,
+    scene: bpy.types.Scene,
+    drawn: Callable[..., Layout],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After a press another button stands where the pressed one was: the first panel's buttons and
+    Solve's are grey for the time of a double click, and then not.
+    """
+    cube().scale = (40, 40, 40)
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+
+    def grey() -> tuple[list[str], list[str]]:
+        shown = [drawn("checklist", "VIEW3D_PT_kiriko_checklist")]
+        shown.append(drawn("solve", "VIEW3D_PT_kiriko_solve"))
+        return tuple(
+            [b for one in shown for b in one.operators if (b in one.grey) == is_grey]
+            for is_grey in (False, True)
+        )
+
+    usable, waiting = grey()
+    assert {"kiriko.make_glass", "kiriko.rescale_scene", "kiriko.solve"} <= set(usable)
+    assert not waiting
+    in_window.tick()
+    usable, waiting = grey()
+    assert not waiting  # nothing has moved
+    bpy.ops.kiriko.make_glass(part="Cube")
+    in_window.look_again(scene)
+    in_window.tick()
+    usable, waiting = grey()
+    assert {"kiriko.rescale_scene", "kiriko.open_picture", "kiriko.solve"} <= set(waiting)
+    assert usable == ["kiriko.add_rig"]  # which is above them, and has not moved
+    clock = in_window.monotonic
+    monkeypatch.setattr(in_window, "monotonic", lambda: clock() + 1.0)
+    assert not grey()[1]
+
+
 def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     look: Callable[[], list],
     kiriko: ModuleType,

@@ -16,6 +16,14 @@ def space() -> bpy.types.SpaceView3D:
     return max((a for a in areas if a.type == "VIEW_3D"), key=lambda a: a.width).spaces.active
 
 
+def maximise() -> None:
+    """Maximise that view, or put it back among the others, as Ctrl Space does."""
+    window = bpy.context.window
+    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width)
+    with bpy.context.temp_override(window=window, screen=window.screen, area=area):
+        bpy.ops.screen.screen_full_area()
+
+
 def view() -> dict[str, Any]:
     """All settings of that 3D view that the button may change."""
     now = space()
@@ -279,6 +287,45 @@ def test_undo_to_before_takes_the_view_along(
     assert {**view(), "camera": None} == seen
     assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
     assert not live(kiriko).is_on()
+
+
+def test_a_window_that_is_closed_takes_the_look_along(
+    scene: bpy.types.Scene,
+    rig: dict[str, bpy.types.Object],
+    kiriko: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The scene is as before and Live is off; as long as it is open the look goes on."""
+    bpy.ops.kiriko.look_through()
+    choose_rig = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig")
+    choose_rig.look()  # by a timer, which background has not
+    assert scene.render.engine == "CYCLES"
+    for module in (button(kiriko), choose_rig):
+        monkeypatch.setattr(module, "all_windows", list)
+    choose_rig.look()
+    assert not scene.kiriko.looking
+    assert scene.render.engine == "BLENDER_WORKBENCH"
+    assert not live(kiriko).is_on()
+
+
+def test_a_view_is_found_by_its_screen_while_it_is_maximised(
+    scene: bpy.types.Scene, kiriko: ModuleType
+) -> None:
+    """What is kept of a view by the name of its screen is found by it, whenever it was kept."""
+    screens = importlib.import_module(f"{kiriko.__name__}.core.blender.screens")
+    name = bpy.context.window.screen.name
+    views = screens.spaces(name)
+    assert space() in views
+
+    def names() -> list[str]:
+        return [screens.place_of(area)[0].name for area in bpy.context.window.screen.areas]
+
+    before = names()
+    maximise()
+    assert screens.spaces(name) == views
+    assert names() == [name]
+    maximise()
+    assert names() == before == [name] * len(before)
 
 
 def test_remove_rig_leaves_the_view_first(

@@ -1,5 +1,6 @@
 import importlib
 import re
+from collections.abc import Callable
 from types import ModuleType
 
 import bmesh
@@ -236,7 +237,7 @@ def test_the_camera_that_blender_goes_on_showing_is_told(
     bpy.context.scene.camera = new_object(bpy.data.cameras.new("mine"))
     small_rig()
     assert (
-        "Numpad 0 goes on showing 'thing': press Look Through Viewer to look through"
+        "Numpad 0 still shows 'thing': press Look Through Viewer to look through"
         in capfd.readouterr().out
     )
 
@@ -718,6 +719,45 @@ def test_automatic_lengths_are_a_checkbox(kiriko: ModuleType, scene: bpy.types.S
         for name in asked.bl_rna.properties.keys()  # noqa: SIM118
         if name not in {"rna_type", "kind"} and not name.startswith("auto_")
     }
+
+
+def test_a_display_for_the_outermost_light_can_be_smaller_by_a_button(
+    scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """Of Suzanne's light the last 5 % spread over thrice the width: the checklist has the width
+    that Add Rig's sentence names, takes it by one press, and is content.
+    """
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 36))
+    display = scene.objects["Kiriko Display"]
+    wide = max(display.dimensions)
+
+    def offered() -> list:
+        return [one for one in look() if "kiriko.fit_display" in [b.operator for b in one.buttons]]
+
+    (entry,) = offered()
+    assert entry.can_wait
+    (button,) = entry.buttons
+    width = button.label.removeprefix("Take ")
+    assert f"set Display to {width}, which would show" in scene.kiriko.result.summary
+    bpy.ops.kiriko.fit_display(**dict(button.properties))
+    assert max(display.dimensions) == pytest.approx(float(width.split()[0]), rel=0.05)
+    assert max(display.dimensions) < 0.7 * wide
+    assert scene.kiriko.result.summary == ""  # which told of the display before
+    assert offered() == []
+
+
+@pytest.mark.parametrize("button", ["add_rig", "best_place"])
+def test_a_length_is_of_its_rig_alone(scene: bpy.types.Scene, button: str) -> None:
+    """Blender keeps none for the next press, which may be for glass of another size. A drag ends
+    before 0, at which a length is automatic and its field goes.
+    """
+    rna = getattr(bpy.ops.kiriko, button).get_rna_type()
+    lengths = [one for one in rna.properties if one.type == "FLOAT" and one.unit == "LENGTH"]
+    assert lengths
+    for one in lengths:
+        assert one.is_skip_save, one.identifier
+        assert one.hard_min == 0 < one.soft_min, one.identifier
 
 
 def test_a_viewer_that_would_be_inside_the_glass_is_told_by_its_distance(

@@ -1070,6 +1070,41 @@ def test_the_status_bar_names_the_step_that_is_done(
     assert followed._text == ""
 
 
+def test_panel_and_status_bar_agree(
+    live: ModuleType, drawn: Callable[..., Layout], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is up to date in the panel while the status bar names a step; it is drawn anew
+    whenever the text comes and goes. The numbers of a scene that has changed are faint.
+    """
+    rig = small_rig()
+    monkeypatch.setattr(live.live_follower, "LONG", -1.0)  # each step is worth a word
+    bpy.ops.kiriko.live()
+    followed = live.followed()
+    redrawn: list[str] = []
+    monkeypatch.setattr(live.live_follower, "redraw", lambda: redrawn.append(followed._text))
+    settle(live)
+    summary = bpy.context.scene.kiriko.result.summary
+    told = []
+    changes = {False: lambda: rig["GLASS"].update_tag(), True: lambda: turn(rig["GLASS"])}
+    for is_another, change in changes.items():
+        change()
+        is_faint = set()
+        bpy.context.view_layer.update()
+        for _ in range(MANY):
+            is_over = live.tick() == live.live_follower.IDLE
+            text = live.status()[0]
+            assert (followed._text == "") == text.startswith("Live: up to date")
+            assert redrawn[-1] == followed._text
+            is_faint.add(summary in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").faint))
+            told.append(text)
+            if is_over:
+                break
+        assert is_faint == {False, is_another}
+        assert summary not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").faint)
+    assert any("updating" in text for text in told)
+    assert followed._text == ""
+
+
 def test_no_text_stays_in_a_workspace_that_was_left(
     live: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

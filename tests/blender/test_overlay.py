@@ -355,6 +355,48 @@ def test_it_is_drawn_in_the_colours_of_its_light(sketcher: ModuleType, overlay: 
     assert len(PAPER.lines_of(colours.LOST)) == 2  # ways and hatch
 
 
+def test_light_of_the_scene_as_it_was_is_faint(
+    sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its lines and marks, from the moment that it is known to be old until it is drawn anew; and
+    where nobody has looked for long. One that is drawn anew soon does not flicker.
+    """
+    green = overlay.lines.colours.ARRIVES
+
+    def alpha() -> float:
+        drawn(overlay)
+        (ways,) = [v["color"][3] for _, v, _ in PAPER.drawn if v["color"][:3] == green][:1]
+        return ways
+
+    rig = small_rig()
+    looked(sketcher)
+    assert alpha() == 1.0
+    rig["GLASS"].rotation_euler.z += 0.1
+    bpy.context.view_layer.update()
+    assert sketcher.look()  # has read it, and begins
+    sketcher.look()
+    assert alpha() < 0.5
+    looked(sketcher)
+    sketcher.look()
+    assert alpha() == 1.0
+
+    monkeypatch.setattr(sketcher, "QUIET", 0.3)
+    rig["GLASS"].rotation_euler.z += 0.1
+    bpy.context.view_layer.update()
+    sketcher.look()
+    assert alpha() == 1.0
+    looked(sketcher)
+    monkeypatch.setattr(sketcher.work, "is_busy", lambda: True)
+    rig["GLASS"].rotation_euler.z += 0.1
+    bpy.context.view_layer.update()
+    clock = sketcher.monotonic
+    sketcher.look()
+    assert alpha() == 1.0
+    monkeypatch.setattr(sketcher, "monotonic", lambda: clock() + 2.0)
+    sketcher.look()
+    assert alpha() < 0.5
+
+
 def test_words_are_distances_in_the_scenes_unit_and_reasons(
     sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,6 +98,122 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
+def why_grey() -> str:
+    """The reason for which Solve and Live are grey, which is the same; Blender cuts a long one."""
+    told = set()
+    for operator in (bpy.ops.kiriko.solve, bpy.ops.kiriko.live):
+        assert not operator.poll()
+        with pytest.raises(RuntimeError) as error:
+            operator()
+        told.add(str(error.value).partition("poll() ")[2].strip())
+    (reason,) = told
+    return reason
+
+
+def open_file(scene: bpy.types.Scene, path: Path) -> bpy.types.Image:
+    """An image of a file as the picture, as Open Picture has it."""
+    made = bpy.data.images.new("made", 8, 8)
+    made.filepath_raw, made.file_format = str(path), "PNG"
+    made.save()
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    return scene.objects["Kiriko Picture"].kiriko.image
+
+
+def test_a_glass_shows_the_index_in_use(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene
+) -> None:
+    """Its material's, with the name of that, or the default; while it is on the override alone."""
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+
+    def told() -> tuple[list[str], bool]:
+        shown = drawn("object", "VIEW3D_PT_kiriko_object", glass)
+        return [text for text in shown.texts if re.match(r"1\.\d{4} ", text)], "ior" in shown.props
+
+    assert told() == (["1.4900 (default)"], False)
+    bpy.ops.kiriko.make_glass()
+    (material,) = [slot.material for slot in glass.material_slots]
+    node = next(n for n in material.node_tree.nodes if "IOR" in n.inputs)
+    node.inputs["IOR"].default_value = 1.5
+    assert told() == (["1.5000 from 'Kiriko Glass'"], False)
+    bpy.ops.kiriko.solve()
+    details = drawn("result", "VIEW3D_PT_kiriko_details").texts
+    assert "'Kiriko Glass'" in " ".join(details)
+    assert "index 1.5000" in " ".join(details)
+    glass.kiriko.use_ior = True
+    assert told() == ([], True)
+
+
+@pytest.mark.parametrize("source", ["PLANE", "IMAGE"])
+def test_solve_is_grey_while_the_pictures_file_is_missing(
+    look: Callable[[], list], scene: bpy.types.Scene, tmp_path: Path, source: str
+) -> None:
+    """With the sentence of the checklist; once the file is there again it can be pressed."""
+    small_rig()
+    path = tmp_path / "mine.png"
+    image = open_file(scene, path)
+    scene.kiriko.picture_image, scene.kiriko.picture_source = image, source
+    assert bpy.ops.kiriko.solve.poll()
+    path.rename(tmp_path / "away.png")
+    image.reload()
+    reason = why_grey()
+    assert f" cannot be read from the file {path}: the file is missing" in reason
+    assert [entry.text for entry in look() if entry.text.startswith(reason)]
+    (tmp_path / "away.png").rename(path)
+    image.reload()
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("role", ["DISPLAY", "PICTURE"])
+def test_solve_is_grey_while_a_part_is_doubled(
+    drawn: Callable[..., Layout], scene: bpy.types.Scene, role: str
+) -> None:
+    """With the sentence of the checklist, until one of both is left out or hidden."""
+    other = small_rig()[role].copy()
+    scene.collection.objects.link(other)
+    shown = " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    assert why_grey() in shown
+    other.hide_viewport = other.hide_render = True
+    assert bpy.ops.kiriko.solve.poll()
+    other.hide_viewport = other.hide_render = False
+    bpy.ops.kiriko.leave_out(part=other.name)
+    assert bpy.ops.kiriko.solve() == {"FINISHED"}
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: bpy.data.cameras.new("thing"),
+        lambda: bpy.data.lights.new("thing", "SUN"),
+        lambda: bpy.data.armatures.new("thing"),
+        lambda: bpy.data.lattices.new("thing"),
+        lambda: None,
+    ],
+)
+@pytest.mark.parametrize("role", ["GLASS", "DISPLAY", "PICTURE"])
+def test_a_script_that_gives_a_camera_a_role_is_told(
+    drawn: Callable[..., Layout],
+    look: Callable[[], list],
+    make: Callable[[], bpy.types.ID | None],
+    role: str,
+) -> None:
+    """The checklist says why it can be no part, with a button that takes the role back; Solve is
+    grey for that reason.
+    """
+    small_rig()
+    thing = new_object(make(), role)
+    (entry, *others) = look()
+    assert re.match(rf"'thing' has the role {role.title()}, but an? .* has no surface", entry.text)
+    assert not [other for other in others if "thing" in other.text]
+    assert drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    assert why_grey() == entry.text
+    (button,) = entry.buttons
+    assert (button.operator, dict(button.properties)["part"]) == ("kiriko.leave_out", "thing")
+    bpy.ops.kiriko.leave_out(part="thing")
+    assert thing.kiriko.role == "NONE"
+    assert bpy.ops.kiriko.solve.poll()
+
+
 def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) -> None:
     """Each part that is needed and not there is named."""
     new_object(primitive("cube", size=0.1), "BLOCKER")

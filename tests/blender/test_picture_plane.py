@@ -1,9 +1,10 @@
 """The picture's plane: it shows the solved picture, in the shape of its image."""
 
 import importlib
+import os
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -310,6 +311,29 @@ def test_the_shape_may_be_left_when_an_image_is_chosen(
     choose(image(90, 30), fit=False)
     assert aspect(picture) == pytest.approx(1, rel=SINGLE)
     assert "but the image is squeezed to 33 % of its width." in capfd.readouterr().out
+
+
+def test_the_next_picture_is_looked_for_beside_the_last(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    """The file browser opens in the picture's folder, with no name: Blender takes what stands
+    behind the last slash for that of a file.
+    """
+    made = bpy.data.images.new("made", 8, 8)
+    made.filepath_raw, made.file_format = str(tmp_path / "mine.png"), "PNG"
+    made.save()
+    small_rig()
+    bpy.ops.kiriko.open_picture(filepath=made.filepath_raw)
+    button = importlib.import_module(f"{kiriko.__name__}.operators.choose_picture")
+    asked = SimpleNamespace(filepath="", begin_with=lambda scene: None)
+    context = SimpleNamespace(
+        scene=scene,
+        active_object=None,
+        window_manager=SimpleNamespace(fileselect_add=lambda operator: None),
+    )
+    assert button.KIRIKO_OT_open_picture.invoke(asked, context, None) == {"RUNNING_MODAL"}
+    folder, name = os.path.split(asked.filepath)
+    assert (Path(folder), name) == (tmp_path, "")
 
 
 def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path) -> None:

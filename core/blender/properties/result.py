@@ -22,6 +22,12 @@ class KirikoResult(bpy.types.PropertyGroup):
         description="Fingerprint of the scene that was solved, as JSON; empty: not known",
     )
     summary: StringProperty(name="Summary", description="The last result in one sentence")
+    for_most: FloatProperty(
+        name="For Most of the Light",
+        description="Longest side, m, at which the display of a new rig takes nearly all of its"
+        " light; 0: hardly smaller than for all of it",
+        options={"HIDDEN"},
+    )
     seen: PointerProperty(
         name="Seen Image", description="The viewer's image, as last simulated", type=bpy.types.Image
     )
