@@ -16,7 +16,7 @@ from .bodies import bodiless
 from .material import Texture
 from .rigs import elsewhere
 from .shapes import Kept, used_materials
-from .visibility import Shown, instance_hidden_by, open_collections
+from .visibility import Shown, is_source_hidden, open_collections
 
 LeftOut = Callable[[bpy.types.Object], bool]
 
@@ -136,7 +136,7 @@ def shown_parts(
         )
         if is_left_out(owner) or is_left_out(top):
             continue
-        if not (instance_hidden_by(own) or is_hidden(top)):
+        if not (is_source_hidden(instance) or is_hidden(top)):
             yield instance, owner
 
 

@@ -97,6 +97,22 @@ def instance_hidden_by(thing: bpy.types.Object) -> str:
     return Message(" in renders by its camera symbol") if thing.hide_render else ""
 
 
+def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Does the source of an instance hide it in renders?
+
+    Geometry nodes that instance an object ignore its settings; those that instance a collection
+    follow the settings of its objects.
+    """
+    source = instance.object.original
+    if not source.hide_render:
+        return False
+    maker = instance.parent.original if instance.parent is not None else source
+    if not instance.is_instance or not any(one.type == "NODES" for one in maker.modifiers):
+        return True
+    users = bpy.data.user_map(subset={source})[source]
+    return not any(user == maker or isinstance(user, bpy.types.NodeTree) for user in users)
+
+
 def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:
     """A collection and those below it that neither their own
     flag nor that of one between switches off.
