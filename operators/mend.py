@@ -10,13 +10,14 @@ import numpy as np
 from mathutils import Vector
 
 from ..core.arrays import Ints
+from ..core.blender.bodies import has_open_ends
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.doubles import doubled_polygons
 from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
-from ..core.blender.look import has_open_ends, sides_of
+from ..core.blender.look import sides_of
 from ..core.blender.mesh import column, mesh_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
@@ -273,6 +274,21 @@ class KIRIKO_OT_remove_doubles(MendsPart, bpy.types.Operator):
         return _and_others(told, thing)
 
 
+class KIRIKO_OT_remove_inner(MendsMesh, bpy.types.Operator):
+    """Remove faces inside the glass, as booleans leave them, and walls between joined parts"""
+
+    bl_idname = "kiriko.remove_inner"
+    bl_label = "Remove Inner Faces"
+
+    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+        inner = np.flatnonzero(faults_of(mesh).is_inner)
+        with _edited(mesh) as shape:
+            shape.faces.ensure_lookup_table()
+            faces = [shape.faces[k] for k in inner]
+            bmesh.ops.delete(shape, geom=faces, context="FACES")
+        return Message("{n} inner faces are gone from '{name}'.", n=len(inner), name=thing.name)
+
+
 class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
     """Close holes with faces, the mouth of a vessel, too; loose faces go, and tubes get caps"""
 
@@ -423,6 +439,7 @@ FAULTS = (
     ("FLAT", "Flat Faces", "Faces with triangles without area"),
     ("CUT", "Cut Faces", "Faces that other faces of the glass pass through"),
     ("DOUBLE", "Double Faces", "Faces that lie on others of the mesh"),
+    ("INNER", "Inner Faces", "Faces inside the body that the others make"),
 )
 
 
@@ -473,6 +490,12 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
                 n=len(chosen),
                 name=thing.name,
             )
+        if self.kind == "INNER":
+            return Message(
+                "{n} faces inside '{name}' are selected: X deletes them.",
+                n=len(chosen),
+                name=thing.name,
+            )
         return Message(
             "{n} faces of '{name}' without area are selected.", n=len(chosen), name=thing.name
         )
@@ -485,7 +508,8 @@ def _found(mesh: bpy.types.Mesh, kind: str) -> Ints:
     if kind == "DOUBLE":
         return np.flatnonzero(doubled_polygons(mesh))
     faults = faults_of(mesh)
-    return np.flatnonzero(faults.is_open if kind == "OPEN" else faults.is_flat)
+    found = {"OPEN": faults.is_open, "FLAT": faults.is_flat, "INNER": faults.is_inner}
+    return np.flatnonzero(found[kind])
 
 
 class KIRIKO_OT_rescale_scene(bpy.types.Operator):

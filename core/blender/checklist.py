@@ -18,6 +18,7 @@ from .checklist_parts import (
     naming,
     on_hidden,
     on_in_glass,
+    on_lost,
     on_missing,
     on_tiles,
     on_too_many,
@@ -68,6 +69,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
     length_text : a length, m, in words
     """
     found = [
+        *on_lost(look),
         *on_missing(look),
         *on_viewers(look),
         *on_too_many(look),
@@ -79,6 +81,15 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
         *_on_size(look, length_text),
     ]
     return sorted(found, key=lambda entry: entry.icon == ADVICE)
+
+
+def findings(look: Look) -> Iterator[Entry]:
+    """Of them those on the shape of the glass, and on glass left out, which a result has as notes
+    where nobody sees the checklist.
+    """
+    yield from on_in_glass(look)
+    for thing in shown(look):
+        yield from _on_shape(thing)
 
 
 def _on_thing(thing: Thing) -> Iterator[Entry]:

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..bench.helps import Help
-from .bodies import bodiless, makes_faces, shows_instances_alone, tools_of
+from .bodies import bodiless, has_open_ends, makes_faces, shows_instances_alone, tools_of
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .doubles import doubled_polygons
@@ -21,6 +21,7 @@ from .look_parts import (
     box_of,
     evaluated,
     is_flat,
+    lost_parts,
     named,
     refracts_as_shown,
     tiled_images,
@@ -85,6 +86,7 @@ def look_at(
         missing=tuple(missing.items()),
         **_around(scene, missing),
         refused=tuple(viewers_refused(scene, found.get("GLASS", {}), meshes)),
+        lost=tuple(lost_parts(scene, found)),
         tiled=tuple(tiled_images(scene, found.get("PICTURE", {}))),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
@@ -187,22 +189,6 @@ def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
     return faults._replace(is_inside_out=is_inward, n_turned=n_turned)
 
 
-def has_open_ends(thing: bpy.types.Object) -> bool:
-    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
-
-    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
-    """
-    curve = thing.data
-    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
-        return False
-    if curve.bevel_mode == "OBJECT":
-        outline = curve.bevel_object
-        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
-    else:
-        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
-    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
-
-
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     """Has an object a surface of its own, and not alone that of objects that it shows?"""
     if thing.data is None or thing.type == "EMPTY":
@@ -297,4 +283,5 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         is_one_sided=faults.is_one_sided,
         n_turned=int(np.count_nonzero(faults.is_turned)),
         is_turned_smooth=faults.is_turned_smooth,
+        n_inner=int(np.count_nonzero(faults.is_inner)) if is_glass else 0,
     )

@@ -16,14 +16,15 @@ from ..parts import Glass
 from ..viewer import Viewer
 from .bodies import members_of
 from .cuts import SEARCH
+from .lost_data import find_lost, on_lost, placeholders_of
 from .material import Bends, bends_light, refracts
 from .mesh import in_world, mesh_of, read_local, used_slots
-from .parts import is_placed
 from .plane import check_shown, image_of, own_materials
 from .shapes import used_materials
 from .to_do import Named
 from .units import length_of_unit
 from .viewer import own_images, read_viewer, seats_of
+from .visibility import is_placed
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
 
@@ -136,6 +137,19 @@ def tiled_images(scene: bpy.types.Scene, pictures: Mapping[bpy.types.Object, str
     for image in dict.fromkeys(images):
         if image is not None and image.source == "TILED" and len(image.tiles) > 1:
             yield image.name
+
+
+def lost_parts(
+    scene: bpy.types.Scene, found: Mapping[str, Mapping[bpy.types.Object, str]]
+) -> Iterator[tuple[str, str]]:
+    """Sentences on data that a library lacks, and parts, viewers or the scene need; its name."""
+    lost = find_lost()
+    if not lost:
+        return
+    parts = [thing for members in found.values() for thing, by in members.items() if not by]
+    shown = [x for seat in seats_of(scene) for x in (seat.camera, seat.image)]
+    things = [*parts, scene.kiriko.picture_image, *shown, *placeholders_of(scene)]
+    yield from on_lost(lost, things)
 
 
 def viewers_refused(

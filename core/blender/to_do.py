@@ -27,6 +27,7 @@ class Counts(NamedTuple):
     is_one_sided : has a closed part of it one side only?
     n_turned : polygons that look the other way than those beside them
     is_turned_smooth : is one of these shaded smooth?
+    n_inner : polygons within the body that the others make
     """
 
     n_open: int = 0
@@ -40,6 +41,7 @@ class Counts(NamedTuple):
     is_one_sided: bool = False
     n_turned: int = 0
     is_turned_smooth: bool = False
+    n_inner: int = 0
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,7 @@ class Look:
     in_glass : objects without a role that refract, and stand within the glass
     images : names of images that may be the picture
     tiled : names of images of several tiles that are the picture
+    lost : sentences on data that is missing from a library, and that library's name
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
@@ -145,6 +148,7 @@ class Look:
     in_glass: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
     tiled: tuple[str, ...] = ()
+    lost: tuple[tuple[str, str], ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None

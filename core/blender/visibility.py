@@ -90,6 +90,21 @@ def is_visible(thing: bpy.types.Object, layer: bpy.types.ViewLayer | None = None
         return thing.visible_get(view_layer=layer or bpy.context.view_layer)
 
 
+def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Does Blender keep a camera's place up to date?
+
+    Always that of the scene's camera; of others not when they are disabled or left out of the view
+    layer: the depsgraph then has them with the place they had before, or at the origin, and does
+    not say so.
+    """
+    scene = depsgraph.scene
+    layer = depsgraph.view_layer
+    flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
+    is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
+    is_enabled = is_in and not getattr(camera, flag)
+    return camera == scene.camera or (is_enabled and camera in set(layer.objects))
+
+
 def instance_hidden_by(thing: bpy.types.Object) -> str:
     """The setting that hides instances of an object, which
     is itself in no scene, or is hidden there.
