@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Vector
 
 from ..core.arrays import Ints
-from ..core.blender.bodies import has_open_ends
+from ..core.blender.bodies import has_no_place, has_open_ends
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.doubles import doubled_polygons
 from ..core.blender.eyes import keep_eyes_apart
@@ -79,14 +79,22 @@ class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
 
 
 class KIRIKO_OT_reset_scale(MendsPart, bpy.types.Operator):
-    """Set the scale along axes in which the object is scaled to nothing to 1"""
+    """Reset the scale where it is 0, and location, rotation and scale where they are no numbers"""
 
     bl_idname = "kiriko.reset_scale"
     bl_label = "Reset Scale"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        thing.scale = [value or 1.0 for value in thing.scale]
-        return Message("The scale of '{name}' is 1 where it was 0.", name=thing.name)
+        for name in ("location", "rotation_euler", "rotation_quaternion", "scale"):
+            plain = thing.bl_rna.properties[name].default_array
+            values = zip(getattr(thing, name), plain, strict=True)
+            is_scale = name == "scale"
+            fit = [
+                new if has_no_place([[value]]) or (is_scale and not value) else value
+                for value, new in values
+            ]
+            setattr(thing, name, fit)
+        return Message("'{name}' has a place and a size again.", name=thing.name)
 
 
 class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):

@@ -1,8 +1,9 @@
 """Which objects have a surface, so that they can be a part of a rig?"""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import bpy
+import numpy as np
 
 from ..errors import RigError
 from ..messages import Message
@@ -26,6 +27,22 @@ def bodiless(thing: bpy.types.Object) -> str:
         return "" if is_instance else EMPTY
 
     return SURFACELESS.get(thing.type, "")
+
+
+def has_no_place(matrix: Sequence[Sequence[float]]) -> bool:
+    """Has a matrix (4, 4) numbers that are none, or whose squares Blender's single precision cannot
+    hold, so that an object has no place or size by it?
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return not np.isfinite(np.square(np.array(matrix, np.float32))).all()
+
+
+def on_no_place(name: str) -> Message:
+    """The sentence on such an object."""
+    return Message(
+        "The location, rotation or scale of '{name}' is no number, or too large: reset it.",
+        name=name,
+    )
 
 
 def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:

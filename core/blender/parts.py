@@ -12,11 +12,11 @@ from ..arrays import Floats
 from ..errors import RigError
 from ..messages import Message, as_message
 from ..rig import ROLES, Mesh
-from .bodies import bodiless
+from .bodies import bodiless, has_no_place, on_no_place
 from .lost_data import find_lost, on_lost, placeholders_of, refuse_lost
-from .material import Texture
 from .rigs import elsewhere
 from .shapes import Kept, used_materials
+from .texture import Texture
 from .visibility import Shown, is_source_hidden
 
 LeftOut = Callable[[bpy.types.Object], bool]
@@ -82,6 +82,8 @@ def read_part(
     shown = instance.object
     shape = kept.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
+    if has_no_place(instance.matrix_world):
+        raise RigError("{told}", told=on_no_place(owner.name))
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
 
     return Part(

@@ -80,9 +80,11 @@ class Thing:
     hidden_by : to follow "is hidden"; '' where it is shown
     width : m, the longest side of its box
     is_mesh : and no curve, surface or text, whose mesh Blender makes
+    thin_walls : sentences on materials of opaque glass that let light straight through
     faults : of its mesh as it is read; None where not known yet, or of no interest
     own_faults : of its mesh before modifiers, which can be edited
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
+    has_no_place : are numbers of its matrix none, or too large?
     is_empty : is it known to have no face?
     has_facets : are facets wanted of it, by its setting Surface?
     has_ends : is it a bevelled curve whose ends are open?
@@ -96,9 +98,11 @@ class Thing:
     width: float = 0.0
     is_mesh: bool = True
     is_opaque: bool = False
+    thin_walls: tuple[str, ...] = ()
     has_place: bool = True
     n_indices: int = 0
     has_no_scale: bool = False
+    has_no_place: bool = False
     is_empty: bool = False
     is_flat: bool = False
     is_pictureless: str = ""

@@ -4,7 +4,7 @@ import importlib
 import json
 import re
 from collections.abc import Callable
-from math import inf
+from math import inf, nan
 from types import ModuleType, SimpleNamespace
 
 import bmesh
@@ -606,6 +606,34 @@ def test_a_scale_that_does_no_harm_is_no_matter(
     """Uneven and negative ones are followed as they are."""
     small_rig()["GLASS"].scale = scale
     assert told(look()) == []
+
+
+@pytest.mark.parametrize("value", [nan, inf, 1e38, -1e38, 1e30])
+@pytest.mark.parametrize("setting", ["location", "rotation_euler", "rotation_quaternion", "scale"])
+def test_a_part_whose_place_is_no_number_is_reset(
+    kiriko: ModuleType, look: Callable[[], list], setting: str, value: float
+) -> None:
+    """As a script or a driver may leave it: where Blender makes no finite place of it, the
+    checklist says so, and a solve says the same. Reset makes it ready.
+    """
+    glass = small_rig()["GLASS"]
+    if setting == "rotation_quaternion":
+        glass.rotation_mode = "QUATERNION"
+    setattr(glass, setting, [value, *getattr(glass, setting)[1:]])
+    bpy.context.view_layer.update()
+    if "rotation" in setting and np.isfinite(np.array(glass.matrix_world)).all():
+        assert look() == []  # Blender makes a turn of it
+        return
+    (entry,) = look()
+    assert entry.text == (
+        "The location, rotation or scale of 'Cube' is no number, or too large: reset it."
+    )
+    with pytest.raises(RuntimeError, match="of 'Cube' is no number, or too large: reset it"):
+        bpy.ops.kiriko.solve()
+    press([entry], "no number")
+    assert look() == []
+    bpy.ops.kiriko.solve()
+    assert bpy.context.scene.kiriko.result.coverage > 0.99
 
 
 def test_two_displays_are_one_too_many(look: Callable[[], list]) -> None:
