@@ -114,7 +114,7 @@ def _on_surplus(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     if faults.n_inner:
         n = own.n_inner or faults.n_inner
         text = Message(
-            "'{name}' has {n} face{s} inside: Kiriko leaves them out, Cycles does not.",
+            "'{name}' has {n} face{s} inside, which Kiriko leaves out and Cycles does not.",
             name=thing.named.name,
             n=n,
             s="s" if n > 1 else "",

@@ -209,7 +209,7 @@ def test_faces_within_a_closed_body_are_no_gaps(look: Callable[[], list], kind: 
     glass.data = cut_by_walls(kind)
     (entry,) = look()
     assert re.fullmatch(
-        r"'Cube' has \d faces? inside: Kiriko leaves them out, Cycles does not.", entry.text
+        r"'Cube' has \d faces? inside, which Kiriko leaves out and Cycles does not.", entry.text
     )
     bpy.ops.kiriko.solve()
     result = bpy.context.scene.kiriko.result
