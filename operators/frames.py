@@ -30,7 +30,7 @@ from ..core.placeholder import PATIENCE
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from ..core.steps import within
-from . import work
+from . import look_over, work
 from .export import gamma_of
 
 
@@ -248,6 +248,8 @@ def _one(
     try:
         scene.frame_set(frame)
         reading = work.read(context, keeps.shapes)
+        found = [] if tally.files else look_over.findings(context)  # of the first frame, once
+        notes = (*reading.notes, *found)
         solution = yield from keeps.session.solve(reading.rig, work.settings_of(scene))
     except KirikoError as error:
         tally.failed.append((frame, error.message))
@@ -264,11 +266,11 @@ def _one(
             overwrite=True,  # another process may have written the same meanwhile
             save_png=save_png,
         )
-        _log(path.parent / run.log, line, began, **_done(solution, reading.notes), error=None)
+        _log(path.parent / run.log, line, began, **_done(solution, notes), error=None)
     except ImageError as error:
         raise ImageError("Frame {frame}: {error}", frame=frame, error=error.message) from None
 
-    tally.notice(frame, reading.notes)
+    tally.notice(frame, notes)
     tally.files.append(path)
     tally.traced += solution.n_rays > 0
 

@@ -91,17 +91,17 @@ def look_now(context: bpy.types.Context) -> list[Entry]:
 
 
 def read_to_solve(context: bpy.types.Context) -> Any:
-    """The scene as it is read, with its fingerprint for the result. In the background, where no
-    panel shows the checklist, its findings on the glass are among the notes.
-    """
+    """The scene as it is read, with its fingerprint for the result, and findings in the notes."""
     kept = Kept()
     reading = work.read(context, kept)
-    found = _findings(context) if bpy.app.background else []
-    notes = tuple(dict.fromkeys([*reading.notes, *found]))
+    notes = tuple(dict.fromkeys([*reading.notes, *findings(context)]))
     return replace(reading, notes=notes, solved_for=work.scene_now(context, kept).as_text())
 
 
-def _findings(context: bpy.types.Context) -> list[str]:
+def findings(context: bpy.types.Context) -> list[str]:
+    """What the checklist knows of the glass, in the background, where no panel shows it."""
+    if not bpy.app.background:
+        return []
     look = _seen(_whole(context), context.scene)
     return [entry.text for entry in checklist.findings(look)]
 

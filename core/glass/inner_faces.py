@@ -78,7 +78,8 @@ def _angles(low: Floats, high: Floats, apex: Floats) -> Floats:
     """
     along = high - low
     across = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
-    beside = np.cross(along, across) / np.linalg.norm(along, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore"):  # an edge without a length has no order around it
+        beside = np.cross(along, across) / np.linalg.norm(along, axis=1, keepdims=True)
     return np.arctan2(dot(apex - low, beside), dot(apex - low, across))
 
 

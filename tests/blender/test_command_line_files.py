@@ -150,3 +150,6 @@ def test_the_report_has_what_the_checklist_knows_of_the_glass(
     notes = json.loads((tmp_path / "out" / "report.json").read_text())["notes"]
     assert set(known) <= set(notes)
     assert bool(notes) == bool(known)
+    assert run("solve", "--out", tmp_path / "frames", "--frames", "1") == 0
+    (line,) = (tmp_path / "frames" / "frames.jsonl").read_text().splitlines()
+    assert set(known) <= set(json.loads(line)["notes"])
