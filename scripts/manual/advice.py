@@ -1138,11 +1138,12 @@ FILES = Section(
             "役割だけで作ったリグには名前がありません。",
         ),
         Advice(
-            "The scene '{name}' has no such rig; there is one in {names}: choose a scene by --scene,"
-            " before --command.",
+            "The scene '{name}' has no such rig; there is one in {names}: choose a scene by"
+            " --scene, before --command.",
             "The scene is the one that was shown as the file was saved. A rig's name by --rig tells"
             " its scene, too.",
-            "シーンは、ファイルの保存時に表示していたものです。--rig のリグの名前でも、シーンが決まります。",
+            "シーンは、ファイルの保存時に表示していたものです。"
+            "--rig のリグの名前でも、シーンが決まります。",
         ),
         Advice(
             "No .blend file was loaded: name an existing file before --command.",
