@@ -79,6 +79,7 @@ CLASSES = (
     mend.KIRIKO_OT_thicken,
     mend.KIRIKO_OT_merge_flat,
     mend.KIRIKO_OT_remove_doubles,
+    mend.KIRIKO_OT_remove_inner,
     mend.KIRIKO_OT_turn_out,
     mend.KIRIKO_OT_fill_holes,
     mend.KIRIKO_OT_shade_smooth,

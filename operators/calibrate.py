@@ -31,7 +31,7 @@ from ..core.image.flat_picture import view_of_picture
 from ..core.messages import Message, joined
 from ..core.rig import Rig
 from ..core.steps import within
-from . import long_work, needed, work
+from . import long_work, look_over, needed, work
 from .export import use_bundled_modules
 
 TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
@@ -145,7 +145,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         else keep_offset(scene, [*offset, amounts])
     )
     with kept:
-        text = joined([text, write_solution(scene, work.read_to_solve(context), solution)])
+        text = joined([text, write_solution(scene, look_over.read_to_solve(context), solution)])
 
     ours.found = details
     return text

@@ -5,6 +5,8 @@ undo step may write. The settings are exchanged within the scene's own data, so 
 back a whole state, which the next look puts right again.
 """
 
+from collections.abc import Iterator
+
 import bpy
 from bpy.app.handlers import persistent
 
@@ -15,6 +17,7 @@ from ..core.blender.rigs import active_rig, rigs
 from ..core.errors import RigError
 from ..core.messages import Message, quoted
 from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
+from .viewer_reports import ALL
 from .windows import all_windows, redraw
 
 TICK = 0.1  # s between two looks at the active object
@@ -142,6 +145,30 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
     choose(scene, found[name])
     if context.active_object is not None and len(found) > 1:
         remember(scene, context.active_object)
+
+
+def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
+    """Show another scene where the file was saved with one that has no rig, or none of this name,
+    and one other has it; yields a line on it. RigError where several have one.
+    """
+
+    def has_it(scene: bpy.types.Scene) -> bool:
+        names = [one.name for one in rigs(scene)]
+        return needed.has_rig(scene) if rig is None else rig in names or bool(rig == ALL and names)
+
+    found = [scene for scene in bpy.data.scenes if has_it(scene)]
+    if context.scene in found or not found:
+        return
+    windows = context.window_manager.windows
+    if len(found) > 1 or not windows:
+        raise RigError(
+            "The scene '{name}' has no such rig; there is one in {names}: choose a scene by"
+            " --scene, before --command.",
+            name=context.scene.name,
+            names=quoted(scene.name for scene in found),
+        )
+    windows[0].scene = found[0]
+    yield Message("scene '{name}'", name=found[0].name)
 
 
 @persistent

@@ -38,11 +38,11 @@ from . import (
     work,
 )
 from .calibrate import calibrated
-from .choose_rig import choose_by_name
+from .choose_rig import choose_by_name, find_scene
 from .export import use_bundled_modules
 from .one_viewer import choose_alone
 from .save_copy import save_copy
-from .usage import AS_IS, VALUES, UsageError, as_is, check, count
+from .usage import AS_IS, VALUES, UsageError, as_is, check, count, path
 from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
@@ -109,7 +109,7 @@ def _shared() -> argparse.ArgumentParser:
     shared.add_argument(
         "--out",
         required=True,
-        type=_folder_name,
+        type=path,
         metavar="DIR",
         help="folder for the results; made if need be",
     )
@@ -272,7 +272,7 @@ def _add_calibrate(verbs: argparse._SubParsersAction, pictures: argparse.Argumen
     calibrate.add_argument(
         "--measured",
         required=True,
-        type=_file_name,
+        type=path,
         metavar="FILE",
         help="photograph of the lattice as seen, or CSV of its points",
     )
@@ -306,18 +306,6 @@ def run(argv: list[str]) -> int:
     return 0
 
 
-def _folder_name(text: str) -> Path:
-    if not text:
-        raise argparse.ArgumentTypeError("a folder needs a name")
-    return Path(text)
-
-
-def _file_name(text: str) -> Path:
-    if not text:
-        raise argparse.ArgumentTypeError("a file needs a name")
-    return Path(text)
-
-
 def _seconds(text: str) -> float:
     with suppress(ValueError):
         if 0 <= float(text) < float("inf"):
@@ -331,6 +319,7 @@ def _into_folder(arguments: argparse.Namespace) -> Generator[str, None, None]:
         # Blender goes on with its startup scene when the file it was given is missing
         raise RigError("No .blend file was loaded: name an existing file before --command.")
     use_bundled_modules()
+    yield from find_scene(bpy.context, arguments.rig)
     with folder.made(arguments.out):
         if arguments.rig == ALL:
             yield from _each_rig(arguments)

@@ -31,7 +31,7 @@ from .atlas_estimate import estimate
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder
 from .telling import report
-from .usage import count
+from .usage import count, path
 from .wrapping import sentence
 
 TOLERANCE = 1.0  # px of the picture
@@ -149,7 +149,7 @@ def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser)
     )
     atlas.add_argument(
         "--zip",
-        type=Path,
+        type=path,
         nargs="+",
         default=[],
         metavar="FILE",

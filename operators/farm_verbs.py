@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Generator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -18,7 +17,7 @@ from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
 from .job_check import check_rigs
 from .set_value import check_values, idle
-from .usage import VALUES, as_is
+from .usage import VALUES, as_is, path
 from .viewer_reports import ALL, asked_for
 
 
@@ -53,7 +52,7 @@ def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
     )
     job.add_argument(
         "--zip",
-        type=Path,
+        type=path,
         nargs="+",
         default=[],
         metavar="FILE",

@@ -9,7 +9,7 @@ whose result stays as it is.
 import json
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from time import perf_counter
@@ -31,7 +31,7 @@ from ..core.placeholder import PATIENCE
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from ..core.steps import within
-from . import watch, work
+from . import look_over, watch, work
 from .export import gamma_of
 
 
@@ -276,7 +276,13 @@ def _one(
 
     try:
         scene.frame_set(frame)
-        reading = work.read_to_solve(context, keeps.shapes)
+        reading = work.read(context, keeps.shapes)
+        found = [] if tally.files else look_over.findings(context)  # of the first frame, once
+        reading = replace(
+            reading,
+            notes=(*reading.notes, *found),
+            solved_for=work.scene_now(context, keeps.shapes).as_text(),
+        )
         solution = yield from keeps.session.solve(reading.rig, work.settings_of(scene))
     except KirikoError as error:
         tally.failed.append((frame, error.message))

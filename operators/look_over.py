@@ -10,14 +10,15 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
 from time import monotonic, perf_counter
+from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ..core.blender.checklist import entries
+from ..core.blender import checklist
 from ..core.blender.look import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
-from ..core.blender.shapes import reshaped
-from ..core.blender.to_do import Entry, is_first
+from ..core.blender.shapes import Kept, reshaped
+from ..core.blender.to_do import Entry, Look, is_first
 from ..core.blender.units import length_text
 from ..core.messages import Message
 from . import needed, telling, watch, windows, work
@@ -98,12 +99,34 @@ def look_again(scene: bpy.types.Scene) -> None:
 
 def look_now(context: bpy.types.Context) -> list[Entry]:
     """Look over a scene at once, with all of its meshes."""
+    looked = _whole(context)
+    _look(looked, context.scene, is_whole=True)
+    return looked.entries
+
+
+def read_to_solve(context: bpy.types.Context) -> Any:
+    """The scene as it is read, with its fingerprint for the result, and findings in the notes."""
+    kept = Kept()
+    reading = work.read(context, kept)
+    notes = tuple(dict.fromkeys([*reading.notes, *findings(context)]))
+    return replace(reading, notes=notes, solved_for=work.scene_now(context, kept).as_text())
+
+
+def findings(context: bpy.types.Context) -> list[str]:
+    """What the checklist knows of the glass, in the background, where no panel shows it."""
+    if not bpy.app.background:
+        return []
+    look = _seen(_whole(context), context.scene)
+    return [entry.text for entry in checklist.findings(look)]
+
+
+def _whole(context: bpy.types.Context) -> Looked:
+    """A scene with all of its meshes looked at."""
     looked = _looked.setdefault(context.scene.session_uid, Looked())
     context.view_layer.update()
     while _look_at_mesh(looked, context):
         pass
-    _look(looked, context.scene, is_whole=True)
-    return looked.entries
+    return looked
 
 
 def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
@@ -112,6 +135,15 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
     is_whole : is none of those left to be looked at? Else it is done again, drawn or not.
     """
     started = perf_counter()
+    look = _seen(looked, scene)
+    looked.rig = scene.kiriko.rig
+    looked.entries = checklist.entries(look, partial(length_text, scene))
+    looked.asked, looked.is_whole = not is_whole, is_whole
+    looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
+
+
+def _seen(looked: Looked, scene: bpy.types.Scene) -> Look:
+    """A scene as its checklist needs it, with the meshes that were looked at."""
     found = needed.parts(scene)
     look = look_at(
         scene,
@@ -120,11 +152,7 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
         looked.meshes,
         watch.is_told_changed(scene),
     )
-    look = replace(look, is_followed=watch.is_followed(scene))
-    looked.rig = scene.kiriko.rig
-    looked.entries = entries(look, partial(length_text, scene))
-    looked.asked, looked.is_whole = not is_whole, is_whole
-    looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
+    return replace(look, is_followed=watch.is_followed(scene))
 
 
 def _look_at_mesh(looked: Looked, context: bpy.types.Context) -> bool:

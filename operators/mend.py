@@ -11,6 +11,7 @@ from mathutils import Vector
 
 from ..core.arrays import Ints
 from ..core.bench.placement import REFERENCE_BENCH
+from ..core.blender.bodies import has_no_place, has_open_ends
 from ..core.blender.cuts import cut_polygons
 from ..core.blender.doubles import doubled_polygons
 from ..core.blender.eyes import keep_eyes_apart
@@ -18,7 +19,6 @@ from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
 from ..core.blender.look import sides_of
-from ..core.blender.look_parts import has_open_ends
 from ..core.blender.mesh import column, mesh_of
 from ..core.blender.resize import move_by, scale_by
 from ..core.blender.rigs import active_rig, marked_key
@@ -83,14 +83,22 @@ class KIRIKO_OT_leave_out(MendsPart, bpy.types.Operator):
 
 
 class KIRIKO_OT_reset_scale(MendsPart, bpy.types.Operator):
-    """Set the scale along axes in which the object is scaled to nothing to 1"""
+    """Reset the scale where it is 0, and location, rotation and scale where they are no numbers"""
 
     bl_idname = "kiriko.reset_scale"
     bl_label = "Reset Scale"
 
     def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
-        thing.scale = [value or 1.0 for value in thing.scale]
-        return Message("The scale of '{name}' is 1 where it was 0.", name=thing.name)
+        for name in ("location", "rotation_euler", "rotation_quaternion", "scale"):
+            plain = thing.bl_rna.properties[name].default_array
+            values = zip(getattr(thing, name), plain, strict=True)
+            is_scale = name == "scale"
+            fit = [
+                new if has_no_place([[value]]) or (is_scale and not value) else value
+                for value, new in values
+            ]
+            setattr(thing, name, fit)
+        return Message("'{name}' has a place and a size again.", name=thing.name)
 
 
 class KIRIKO_OT_thicken(MendsPart, bpy.types.Operator):
@@ -278,6 +286,21 @@ class KIRIKO_OT_remove_doubles(MendsPart, bpy.types.Operator):
         return _and_others(told, thing)
 
 
+class KIRIKO_OT_remove_inner(MendsMesh, bpy.types.Operator):
+    """Remove faces inside the glass, as booleans leave them, and walls between joined parts"""
+
+    bl_idname = "kiriko.remove_inner"
+    bl_label = "Remove Inner Faces"
+
+    def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
+        inner = np.flatnonzero(faults_of(mesh).is_inner)
+        with _edited(mesh) as shape:
+            shape.faces.ensure_lookup_table()
+            faces = [shape.faces[k] for k in inner]
+            bmesh.ops.delete(shape, geom=faces, context="FACES")
+        return Message("{n} inner faces are gone from '{name}'.", n=len(inner), name=thing.name)
+
+
 class KIRIKO_OT_fill_holes(MendsMesh, bpy.types.Operator):
     """Close holes with faces, the mouth of a vessel, too; loose faces go, and tubes get caps"""
 
@@ -428,6 +451,7 @@ FAULTS = (
     ("FLAT", "Flat Faces", "Faces with triangles without area"),
     ("CUT", "Cut Faces", "Faces that other faces of the glass pass through"),
     ("DOUBLE", "Double Faces", "Faces that lie on others of the mesh"),
+    ("INNER", "Inner Faces", "Faces inside the body that the others make"),
 )
 
 
@@ -478,6 +502,12 @@ class KIRIKO_OT_select_faults(MendsPart, bpy.types.Operator):
                 n=len(chosen),
                 name=thing.name,
             )
+        if self.kind == "INNER":
+            return Message(
+                "{n} faces inside '{name}' are selected: X deletes them.",
+                n=len(chosen),
+                name=thing.name,
+            )
         return Message(
             "{n} faces of '{name}' without area are selected.", n=len(chosen), name=thing.name
         )
@@ -490,7 +520,8 @@ def _found(mesh: bpy.types.Mesh, kind: str) -> Ints:
     if kind == "DOUBLE":
         return np.flatnonzero(doubled_polygons(mesh))
     faults = faults_of(mesh)
-    return np.flatnonzero(faults.is_open if kind == "OPEN" else faults.is_flat)
+    found = {"OPEN": faults.is_open, "FLAT": faults.is_flat, "INNER": faults.is_inner}
+    return np.flatnonzero(found[kind])
 
 
 class KIRIKO_OT_rescale_scene(bpy.types.Operator):

@@ -11,7 +11,7 @@ from ..core.blender.result import write_coarse, write_helps, write_solution, wri
 from ..core.messages import Message
 from ..core.solve.coarse import solve_in_sight
 from ..core.steps import within
-from . import live, long_work, needed, work
+from . import live, long_work, look_over, needed, work
 from .remedies import remedies_for
 from .viewer_reports import reports_of
 from .windows import show_image, show_where_empty
@@ -42,7 +42,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene, self.shown = context.scene, 0
         live.forget_why()
-        reading = work.read_to_solve(context)
+        reading = look_over.read_to_solve(context)
         settings = work.settings_of(scene)
 
         def show(pixels: NDArray[np.float32]) -> None:

@@ -18,7 +18,7 @@ from ..core.catalogue import DISPLAYS, GLASSES, PLATES
 from ..core.errors import RigError
 from ..core.image.simulation import simulate
 from ..core.messages import Message
-from . import folder, needed, viewer_reports, viewer_words, work
+from . import folder, look_over, needed, viewer_reports, viewer_words, work
 from .export import gamma_of
 
 Result = TypeVar("Result")
@@ -74,7 +74,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     context = bpy.context
     scene = context.scene
     yield from products_given(context, arguments)
-    reading = work.read_to_solve(context)
+    reading = look_over.read_to_solve(context)
     yield Message("solving '{file}'", file=Path(bpy.data.filepath).name)
     settings = work.settings_of(scene)
     solution = yield from told_in_tenths(work.session().solve(reading.rig, settings))

@@ -1,7 +1,9 @@
 """What a command line means, and what it cannot mean."""
 
 import argparse
+from pathlib import Path
 
+from ..core.blender.paths import absolute
 from ..core.errors import KirikoError
 
 VALUES = "--values"
@@ -32,6 +34,15 @@ NEEDED = {
 def as_is(text: str) -> str:
     """A word that may look like an option."""
     return text.removeprefix(AS_IS)
+
+
+def path(text: str) -> Path:
+    """A file or folder, relative to the open .blend if it begins with //, as everywhere in Blender,
+    else to where the command runs.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("a file or folder needs a name")
+    return absolute(text)
 
 
 def count(text: str) -> int:

@@ -1,7 +1,6 @@
 """Shared by the operators: the scene as it is read, the session, and the work that is under way."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -105,13 +104,6 @@ def read(context: bpy.types.Context, kept: Kept | None = None) -> Any:
     take_newcomers(context.scene)
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
-
-
-def read_to_solve(context: bpy.types.Context, kept: Kept | None = None) -> Any:
-    """The same, and with it the scene's fingerprint for the result."""
-    kept = kept or Kept()
-    reading = read(context, kept)
-    return replace(reading, solved_for=scene_now(context, kept).as_text())
 
 
 def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:

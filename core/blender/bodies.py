@@ -1,8 +1,9 @@
 """Which objects have a surface, so that they can be a part of a rig?"""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import bpy
+import numpy as np
 
 from ..errors import RigError
 from ..messages import Message, as_message
@@ -52,6 +53,22 @@ def no_part(thing: bpy.types.Object) -> str:
     except RigError as error:
         return error.message
     return ""
+
+
+def has_no_place(matrix: Sequence[Sequence[float]]) -> bool:
+    """Has a matrix (4, 4) numbers that are none, or whose squares Blender's single precision cannot
+    hold, so that an object has no place or size by it?
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return not np.isfinite(np.square(np.array(matrix, np.float32))).all()
+
+
+def on_no_place(name: str) -> Message:
+    """The sentence on such an object."""
+    return Message(
+        "The location, rotation or scale of '{name}' is no number, or too large: reset it.",
+        name=name,
+    )
 
 
 def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:
@@ -122,6 +139,22 @@ def makes_faces(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool
         and len(one.object.data.polygons) > 0
         for one in depsgraph.object_instances
     )
+
+
+def has_open_ends(thing: bpy.types.Object) -> bool:
+    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
+
+    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
+    """
+    curve = thing.data
+    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
+        return False
+    if curve.bevel_mode == "OBJECT":
+        outline = curve.bevel_object
+        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
+    else:
+        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
+    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
 
 
 def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:

@@ -13,12 +13,14 @@ from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
 from ..words import percent
+from .bodies import on_no_place
 from .checklist_mesh import on_mesh, thicken
 from .checklist_parts import (
     choose_image,
     naming,
     on_hidden,
     on_in_glass,
+    on_lost,
     on_missing,
     on_tiles,
     on_too_many,
@@ -69,6 +71,7 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
     length_text : a length, m, in words
     """
     found = [
+        *on_lost(look),
         *on_missing(look),
         *on_viewers(look),
         *on_too_many(look),
@@ -83,21 +86,31 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
     return sorted(found, key=lambda entry: entry.icon == ADVICE)
 
 
+def findings(look: Look) -> Iterator[Entry]:
+    """Of them those on the shape of the glass, and on glass left out, which a result has as notes
+    where nobody sees the checklist.
+    """
+    yield from on_in_glass(look)
+    for thing in shown(look):
+        yield from _on_shape(thing)
+
+
 def _on_thing(thing: Thing) -> Iterator[Entry]:
     """The trouble with one part that is shown."""
     name = thing.named.name
-    if thing.is_opaque and not thing.has_place:
+    mend = _make_glass(thing) if thing.has_place else select_part(thing.named)
+    if thing.thin_walls:
+        yield from (Entry(text, PROBLEM, (mend,)) for text in thing.thin_walls[:1])
+    elif thing.is_opaque and not thing.has_place:
         text = Message(
             "'{name}' is no glass: give it a material that refracts, in the file that it is linked"
             " from.",
             name=name,
         )
-        yield Entry(text, PROBLEM, (select_part(thing.named),))
+        yield Entry(text, PROBLEM, (mend,))
     elif thing.is_opaque:
         text = Message("'{name}' is no glass: its material does not refract.", name=name)
-        properties = naming(thing.named)
-        button = Button("kiriko.make_glass", Message("Make It Glass"), properties, "MATSPHERE")
-        yield Entry(text, PROBLEM, (button,))
+        yield Entry(text, PROBLEM, (mend,))
 
     if thing.shows_opaque:
         text = Message(
@@ -121,15 +134,19 @@ def _on_thing(thing: Thing) -> Iterator[Entry]:
     yield from _on_shape(thing)
 
 
+def _make_glass(thing: Thing) -> Button:
+    """The button that gives an object a material that refracts."""
+    return Button("kiriko.make_glass", Message("Make It Glass"), naming(thing.named), "MATSPHERE")
+
+
 def _on_shape(thing: Thing) -> Iterator[Entry]:
     """The trouble with the size of a part, its thickness and its mesh."""
     name = thing.named.name
-    if thing.has_no_scale:
+    if thing.has_no_scale or thing.has_no_place:
         text = Message("'{name}' is scaled to nothing.", name=name)
-        button = Button(
-            "kiriko.reset_scale", Message("Reset Scale"), naming(thing.named), "LOOP_BACK"
-        )
-        yield Entry(text, PROBLEM, (button,))
+        label = Message("Reset") if thing.has_no_place else Message("Reset Scale")
+        button = Button("kiriko.reset_scale", label, naming(thing.named), "LOOP_BACK")
+        yield Entry(on_no_place(name) if thing.has_no_place else text, PROBLEM, (button,))
     elif thing.is_empty:
         text = Message("'{name}' has no faces: give it some, or set its role to None.", name=name)
         yield Entry(text, PROBLEM, (select_part(thing.named),))

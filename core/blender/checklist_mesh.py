@@ -23,8 +23,7 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
         button = Button("kiriko.merge_flat", label, naming(thing.named), "AUTOMERGE_ON")
         yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
 
-    if faults.n_double:
-        yield _on_doubles(thing, faults.n_double, own.n_double)
+    yield from _on_surplus(thing, faults, own)
 
     if faults.is_one_sided and thing.role == "GLASS":
         text = Message(
@@ -99,17 +98,30 @@ def _on_inward(thing: Thing, n_open: int) -> Entry:
     return Entry(text, ADVICE, (button,))
 
 
-def _on_doubles(thing: Thing, n: int, n_own: int) -> Entry:
-    """Faces that lie on others, as after Shift D in edit mode."""
-    n = n_own or n
-    text = Message(
-        "'{name}' has {n} face{s} twice, one on the other.",
-        name=thing.named.name,
-        n=n,
-        s="s" if n > 1 else "",
-    )
-    remove = Button("kiriko.remove_doubles", "Remove", naming(thing.named), "AUTOMERGE_ON")
-    return Entry(text, PROBLEM, (*_select(thing, "DOUBLE", n_own), remove))
+def _on_surplus(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
+    """Faces that lie on others, as after Shift D in edit mode, and those inside the body."""
+    if faults.n_double:
+        n = own.n_double or faults.n_double
+        text = Message(
+            "'{name}' has {n} face{s} twice, one on the other.",
+            name=thing.named.name,
+            n=n,
+            s="s" if n > 1 else "",
+        )
+        remove = Button("kiriko.remove_doubles", "Remove", naming(thing.named), "AUTOMERGE_ON")
+        yield Entry(text, PROBLEM, (*_select(thing, "DOUBLE", own.n_double), remove))
+
+    if faults.n_inner:
+        n = own.n_inner or faults.n_inner
+        text = Message(
+            "'{name}' has {n} face{s} inside, which Kiriko leaves out and Cycles does not.",
+            name=thing.named.name,
+            n=n,
+            s="s" if n > 1 else "",
+        )
+        remove = Button("kiriko.remove_inner", Message("Remove"), naming(thing.named), "X")
+        mends = (*_select(thing, "INNER", own.n_inner), remove) if own.n_inner else ()
+        yield Entry(text, ADVICE, mends or (select_part(thing.named),))
 
 
 def _on_cuts(thing: Thing, faults: Counts, own: Counts) -> Entry:

@@ -188,3 +188,12 @@ def on_tiles(look: Look) -> Iterator[Entry]:
     for image in look.tiled:
         text = Message("Only the first tile of the image '{image}' is used.", image=image)
         yield Entry(text, ADVICE, (choose_image(),))
+
+
+def on_lost(look: Look) -> Iterator[Entry]:
+    """Data that is missing from its library."""
+    for text, library in look.lost:
+        values = (("library", library),)
+        yield Entry(
+            text, PROBLEM, (Button("wm.lib_relocate", Message("Relocate"), values, "FILE_FOLDER"),)
+        )

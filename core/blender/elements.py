@@ -21,7 +21,7 @@ from ..rig import (
     owner,
 )
 from ..vectors import normalise
-from .material import read_refraction
+from .material import on_thin_walls, read_refraction
 from .moving import Timing, at_frame, ended, number_at
 from .parts import Part
 from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
@@ -66,6 +66,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
         readings = [MaterialReading(part.owner.name, material, ior, source)]
 
         if source == DEFAULT:
+            notes += on_thin_walls(part.materials)
             notes.append(
                 Message(
                     "The glass '{name}' has no refractive material: using an index of"

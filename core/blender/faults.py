@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..glass.inner_faces import find_bodies
 from ..glass.meshes import components, volume_of
 from ..glass.solids import is_one_sided, turned_beside
 from .mesh import column, has_area, read_local
@@ -20,7 +21,8 @@ class Faults:
     n_triangles : in all
     is_flat : (p,) which polygons have triangles without area
     n_flat : how many triangles have none
-    is_open : (e,) which edges have one face, or more than two
+    is_open : (e,) which edges have one face, or more than two of one body
+    is_inner : (p,) which polygons lie within the body that the others make
     one : (v,) the vertex that each counts as
     is_inside_out : do its faces look into it?
     is_vessel : is one of its holes as wide as a mouth?
@@ -34,6 +36,7 @@ class Faults:
     is_flat: Bools
     n_flat: int
     is_open: Bools
+    is_inner: Bools
     one: Ints
     is_inside_out: bool
     is_vessel: bool
@@ -54,7 +57,8 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     one = np.arange(len(mesh.vertices))
     if not n or not np.isfinite(local.vertices).all():
         empty = np.zeros(len(mesh.polygons), bool)
-        return Faults(n, empty, 0, np.zeros(len(edges), bool), one, False, False, empty, False)
+        no_edge = np.zeros(len(edges), bool)
+        return Faults(n, empty, 0, no_edge, empty, one, False, False, empty, False)
 
     # one vertex for those that are welded
     mesh.calc_loop_triangles()
@@ -67,19 +71,31 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     polygons = column(mesh.loop_triangles, "polygon_index", 1, np.int32)
     is_flat[polygons[has_no_area]] = True
 
+    # faces within a body are no part of its surface
+    triangles = one[drawn]
+    body = np.zeros(len(drawn), np.int64)
+    is_whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    body[is_whole] = find_bodies(local.vertices, triangles[is_whole])
+    is_inner = np.zeros(len(mesh.polygons), bool)
+    is_inner[polygons[body < 0]] = True
+    drawn, polygons = drawn[body >= 0], polygons[body >= 0]
+    is_whole &= body >= 0
+    triangles, body = triangles[is_whole], body[is_whole]
+
     is_turned = np.zeros(len(mesh.polygons), bool)
     is_turned[polygons[turned_beside(drawn)]] = True
     is_smooth = column(mesh.polygons, "use_smooth", 1, bool)
 
-    is_open = open_edges(one[edges], local.triangles)
-    volume = volume_of(local.vertices[local.triangles])
-    one_sided = is_one_sided(local.triangles)
+    is_open = open_edges(one[edges], triangles, body)
+    volume = volume_of(local.vertices[triangles])
+    one_sided = is_one_sided(triangles)
     is_vessel = _widest_hole(local.vertices, one[edges[is_open]]) > MOUTH
     return Faults(
         n_triangles=n,
         is_flat=is_flat,
         n_flat=int(has_no_area.sum()),
         is_open=is_open,
+        is_inner=is_inner,
         one=one,
         is_inside_out=volume < 0,
         is_vessel=is_vessel,
@@ -105,19 +121,22 @@ def _widest_hole(vertices: Floats, edges: Ints) -> float:
     return float(np.sqrt(middle * longest).max() / across) if across else 0.0
 
 
-def open_edges(edges: Ints, triangles: Ints) -> Bools:
-    """Which edges (e, 2) are those of one triangle, or of more than two, of triangles (t, 3).
+def open_edges(edges: Ints, triangles: Ints, body: Ints) -> Bools:
+    """Which edges (e, 2) are those of one triangle, or of more than two of one body (t,), of
+    triangles (t, 3).
 
     An edge of no triangle at all is a wire, which no light meets; one between twice the same
     vertex is a point.
     """
     n = int(max(triangles.max(), edges.max(initial=0))) + 1
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-    keys, counts = np.unique(_keys(sides, n), return_counts=True)
+    keys, edge = np.unique(_keys(sides, n), return_inverse=True)
+    of_body, counts = np.unique(
+        edge * (int(body.max()) + 1) + np.repeat(body, 3), return_counts=True
+    )
+    odd = of_body[counts != 2] // (int(body.max()) + 1)
     own = _keys(edges, n)
-    at = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
-    is_side = (keys[at] == own) & (edges[:, 0] != edges[:, 1])
-    is_open = is_side & (counts[at] != 2)
+    is_open = (edges[:, 0] != edges[:, 1]) & np.isin(own, keys[odd])
 
     # of two edges in one place only the first counts
     _, first = np.unique(own, return_index=True)

@@ -8,7 +8,16 @@ import bpy
 import numpy as np
 
 from ..bench.helps import Help
-from .bodies import NO_PART, bodiless, makes_faces, no_part, shows_instances_alone, tools_of
+from .bodies import (
+    NO_PART,
+    bodiless,
+    has_no_place,
+    has_open_ends,
+    makes_faces,
+    no_part,
+    shows_instances_alone,
+    tools_of,
+)
 from .copies import is_doubled
 from .cuts import cut_polygons
 from .doubles import doubled_polygons
@@ -19,16 +28,17 @@ from .kept import Numbers
 from .look_parts import (
     BOXLESS,
     box_of,
+    each_material,
     evaluated,
-    has_open_ends,
     is_flat,
+    lost_parts,
     named,
     refracts_as_shown,
     tiled_images,
     viewers_refused,
     why_no_picture,
 )
-from .material import Bends, bends_light, read_refraction, refracts
+from .material import Bends, bends_light, on_thin_walls, read_refraction, refracts
 from .mesh import column, mesh_of, used_slots
 from .objects import OBJECT_MARK
 from .result_images import images_of, lacks_numbers
@@ -88,6 +98,7 @@ def look_at(
         **_around(scene, missing),
         refused=tuple(viewers_refused(scene, found.get("GLASS", {}), meshes)),
         no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
+        lost=tuple(lost_parts(scene, found)),
         tiled=tuple(tiled_images(scene, found.get("PICTURE", {}))),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
@@ -150,19 +161,23 @@ def _thing(
     looked: LookedMesh | None,
     bends: Bends,
 ) -> Thing:
-    sides = sides_of(scene, thing, looked)
+    is_lost = has_no_place(thing.matrix_world)
+    sides = () if is_lost else sides_of(scene, thing, looked)
     has_mesh = has_own_faces(scene, thing)
     is_glass = role == "GLASS" and not thing.kiriko.use_ior
+    is_opaque = has_mesh and is_glass and not refracts_as_shown(scene, thing, bends)
     return Thing(
         named=named(thing),
         role=role,
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
         has_place=has_place(thing),
-        is_opaque=has_mesh and is_glass and not refracts_as_shown(scene, thing, bends),
+        is_opaque=is_opaque,
+        thin_walls=tuple(on_thin_walls(each_material(scene, thing))) if is_opaque else (),
         n_indices=_n_indices(scene, thing, looked.slots) if is_glass and looked is not None else 0,
         is_mesh=thing.type == "MESH",
         has_no_scale=min(map(abs, thing.scale)) == 0,
+        has_no_place=is_lost,
         is_empty=looked is not None and looked.is_empty,
         is_flat=has_mesh and is_flat(sides),
         is_pictureless=why_no_picture(scene, thing) if role == "PICTURE" else "",
@@ -286,4 +301,5 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         is_one_sided=faults.is_one_sided,
         n_turned=int(np.count_nonzero(faults.is_turned)),
         is_turned_smooth=faults.is_turned_smooth,
+        n_inner=int(np.count_nonzero(faults.is_inner)) if is_glass else 0,
     )

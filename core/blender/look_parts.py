@@ -16,16 +16,17 @@ from ..parts import Glass
 from ..viewer import Viewer
 from .bodies import members_of
 from .cuts import SEARCH
+from .lost_data import find_lost, on_lost, placeholders_of
 from .material import Bends, bends_light, refracts
 from .mesh import in_world, mesh_of, read_local, used_slots
 from .moving import number_at
-from .parts import is_placed
 from .picture import check_at
 from .plane import check_shown, image_of, own_materials
 from .shapes import used_materials
 from .to_do import Named
 from .units import length_of_unit
 from .viewer import own_images, read_viewer, seats_of
+from .visibility import is_placed
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
 
@@ -116,22 +117,6 @@ def is_flat(sides: tuple[float, ...]) -> bool:
     return min(sides, default=1.0) == 0 < max(sides, default=0.0)
 
 
-def has_open_ends(thing: bpy.types.Object) -> bool:
-    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
-
-    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
-    """
-    curve = thing.data
-    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
-        return False
-    if curve.bevel_mode == "OBJECT":
-        outline = curve.bevel_object
-        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
-    else:
-        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
-    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
-
-
 def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
     """Why a plane shows no picture; '' where it does."""
     if scene.kiriko.picture_source == "IMAGE":
@@ -169,6 +154,19 @@ def tiled_images(scene: bpy.types.Scene, pictures: Mapping[bpy.types.Object, str
     for image in dict.fromkeys(images):
         if image is not None and image.source == "TILED" and len(image.tiles) > 1:
             yield image.name
+
+
+def lost_parts(
+    scene: bpy.types.Scene, found: Mapping[str, Mapping[bpy.types.Object, str]]
+) -> Iterator[tuple[str, str]]:
+    """Sentences on data that a library lacks, and parts, viewers or the scene need; its name."""
+    lost = find_lost()
+    if not lost:
+        return
+    parts = [thing for members in found.values() for thing, by in members.items() if not by]
+    shown = [x for seat in seats_of(scene) for x in (seat.camera, seat.image)]
+    things = [*parts, scene.kiriko.picture_image, *shown, *placeholders_of(scene)]
+    yield from on_lost(lost, things)
 
 
 def viewers_refused(

@@ -1,34 +1,39 @@
-"""Reads materials: the index of refraction, nodes that are
-not followed, and the image of a picture plane.
-"""
+"""Reads materials: the index of refraction, and the settings that are not followed."""
 
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import bpy
 
 from ..messages import Message
-from .moving import Timing, timing_of
 
 REFRACTIVE = {
     "BSDF_GLASS": "Glass BSDF",
     "BSDF_REFRACTION": "Refraction BSDF",
     "BSDF_PRINCIPLED": "Principled BSDF",
 }
-# inputs that are not followed: what a sentence calls each, and the value at which it does nothing
-NEUTRAL = {
-    "Roughness": (Message("roughness"), 0.0),
-    "Metallic": (Message("metallic"), 0.0),
-    "Alpha": (Message("alpha"), 1.0),
-    "Transmission Weight": (Message("transmission weight"), 1.0),
-    "Subsurface Weight": (Message("subsurface weight"), 0.0),
-    "Coat Weight": (Message("coat weight"), 0.0),
-    "Sheen Weight": (Message("sheen weight"), 0.0),
-    "Emission Strength": (Message("emission strength"), 0.0),
-    "Thin Film Thickness": (Message("thin film thickness"), 0.0),
+# inputs of shaders, of the material's output and of glTF's that change how much light goes through
+# clear glass, or where: none is followed, and each does nothing at its number, or unlinked if None
+NEUTRAL: dict[Message, float | None] = {
+    Message("Base Color"): 1.0,
+    Message("Color"): 1.0,
+    Message("Roughness"): 0.0,
+    Message("Metallic"): 0.0,
+    Message("Alpha"): 1.0,
+    Message("Thin Wall"): 0.0,
+    Message("Normal"): None,
+    Message("Specular Tint"): 1.0,
+    Message("Transmission Weight"): 1.0,
+    Message("Coat Weight"): 0.0,
+    Message("Sheen Weight"): 0.0,
+    Message("Emission Strength"): 0.0,
+    Message("Thin Film Thickness"): 0.0,
+    Message("Volume"): None,
+    Message("Displacement"): None,
+    Message("Dispersion"): 0.0,
 }
-OUTPUTS = {"Volume": Message("volume"), "Displacement": Message("displacement")}  # beside surfaces
+CONSTANT = {"VALUE", "RGB"}  # nodes that give one value, and all of it
+OF_GLTF = "glTF Material Output"  # group of Blender's importer for what no shader has
 
 Bends = Callable[[bpy.types.Material | None], bool]
 Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outermost first
@@ -44,18 +49,6 @@ class Refraction:
     source: str
     ignored: tuple[str, ...]
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Texture:
-    """The image on a surface, the UV map that places it
-    ('' for the one used in renders), remarks, and when it shows which frame where it moves.
-    """
-
-    image: bpy.types.Image
-    uv_map: str
-    notes: tuple[str, ...]
-    timing: Timing
 
 
 def material_output(material: bpy.types.Material | None) -> bpy.types.Node | None:
@@ -151,34 +144,43 @@ def is_refractive(node: bpy.types.Node, groups: Groups) -> bool:
     """Does the shader let light through with a bend?"""
     if node.type == "BSDF_PRINCIPLED":
         weight, is_known = number(node.inputs["Transmission Weight"], groups)
-        return weight > 0 or not is_known
+        return (weight > 0 or not is_known) and not is_thin_wall(node, groups)
     return node.type in REFRACTIVE
 
 
-def is_linked(node: bpy.types.Node, name: str, groups: Groups) -> bool:
-    """Does a node feed this input?"""
-    socket = node.inputs.get(name)
-    return socket is not None and feeding(socket, groups)[0].is_output
+def is_thin_wall(node: bpy.types.Node, groups: Groups) -> bool:
+    """Does the shader let light straight through, as a window does? In Blender from 5.2 on."""
+    socket = node.inputs.get("Thin Wall")
+    return socket is not None and number(socket, groups) == (1.0, True)
+
+
+def on_thin_walls(materials: Iterable[bpy.types.Material | None]) -> Iterator[Message]:
+    """A sentence on each material that lets light straight through."""
+    for material in materials:
+        output = material_output(material)
+        found = () if output is None else shaders(output.inputs["Surface"], ())
+        if any(is_thin_wall(node, groups) for node, groups in found):
+            yield Message(
+                "The material '{material}' is no glass: Thin Wall is on, so that light goes"
+                " straight through it. Turn Thin Wall off.",
+                material=material.name,
+            )
 
 
 def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
-    """The settings of a refractive shader that Kiriko does not follow."""
-    for name, (setting, neutral) in NEUTRAL.items():
+    """The settings of a node that Kiriko does not follow."""
+    for name, neutral in NEUTRAL.items():
         socket = node.inputs.get(name)
         if socket is None:
             continue
-        value, is_known = number(socket, groups)
-        if not is_known:
-            yield Message("{setting} from nodes", setting=setting)
-        elif value != neutral:
-            yield Message("{setting} {value:.3g}", setting=setting, value=value)
-
-    colour = node.inputs.get("Base Color") or node.inputs.get("Color")
-    end, _ = feeding(colour, groups)
-    if end.is_output or min(end.default_value[:3]) != 1.0 or max(end.default_value[:3]) != 1.0:
-        yield Message("colour tint")
-    if is_linked(node, "Normal", groups):
-        yield Message("normal map")
+        end, _ = feeding(socket, groups)
+        if end.is_output and end.node.type not in CONSTANT:
+            yield Message("{setting} from nodes", setting=name)
+        elif neutral is not None and end.type == "RGBA":
+            if any(value != neutral for value in end.default_value[:3]):
+                yield name
+        elif neutral is not None and end.default_value != neutral:
+            yield Message("{setting} {value}", setting=name, value=f"{end.default_value:.3g}")
 
 
 def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
@@ -212,78 +214,11 @@ def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
         for other, _ in found
         if other != node
     ]
-    ignored += [word for name, word in OUTPUTS.items() if is_linked(output, name, ())]
+    of_gltf = (one for one in material.node_tree.nodes if one.type == "GROUP" and one.node_tree)
+    for beside in (output, *(n for n in of_gltf if n.node_tree.name.startswith(OF_GLTF))):
+        ignored += not_followed(beside, ())
 
     return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
-
-
-def read_texture(material: bpy.types.Material | None) -> Texture | None:
-    """The image texture nearest to the surface of a material,
-    colours before numbers; None if there is none.
-    """
-    node, groups, is_altered = find_texture(material) or (None, (), False)
-    return None if node is None else texture_of(node, groups, material.name, is_altered)
-
-
-def find_texture(
-    material: bpy.types.Material | None, *, is_empty: bool = False
-) -> tuple[bpy.types.Node, Groups, bool] | None:
-    """The node of that texture, the groups it stands in, and whether other nodes alter its colours.
-
-    is_empty : look for one that has no image instead
-    """
-    output = material_output(material)
-    if output is None:
-        return None
-
-    queue = deque([(output.inputs["Surface"], (), False)])
-    asked = set()
-
-    while queue:
-        socket, groups, is_altered = queue.popleft()
-        end, groups = feeding(socket, groups)
-        if not end.is_output or (end.node, groups) in asked:
-            continue
-
-        node = end.node
-        asked.add((node, groups))
-        if node.type == "TEX_IMAGE" and (node.image is None) == is_empty:
-            return node, groups, is_altered
-
-        altered = is_altered or not any(s.type == "SHADER" for s in node.outputs)
-        inputs = [s for s in node.inputs if s.enabled and s.type in {"SHADER", "RGBA"}]
-        queue.extend((s, groups, altered) for s in inputs)
-
-    return None
-
-
-def texture_of(node: bpy.types.Node, groups: Groups, name: str, is_altered: bool) -> Texture:
-    """The texture of an Image Texture node, with the changes to it that Kiriko does not follow."""
-    notes = []
-    uv_map = ""
-
-    if is_altered:
-        notes.append(
-            Message(
-                "The material '{name}' alters the colours of '{image}': using the plain image.",
-                name=name,
-                image=node.image.name,
-            )
-        )
-
-    end, _ = feeding(node.inputs["Vector"], groups)
-    if end.is_output and end.node.type == "UVMAP":
-        uv_map = end.node.uv_map
-    elif end.is_output and not (end.node.type == "TEX_COORD" and end.name == "UV"):
-        notes.append(
-            Message(
-                "The material '{name}' places '{image}' by nodes: using the plane's UV map.",
-                name=name,
-                image=node.image.name,
-            )
-        )
-
-    return Texture(node.image.original, uv_map, tuple(notes), timing_of(node.image_user))
 
 
 def bends_light(material: bpy.types.Material | None) -> bool:

@@ -12,11 +12,12 @@ from ..arrays import Floats
 from ..errors import RigError
 from ..messages import Message
 from ..rig import ROLES, Mesh
-from .bodies import check_body, role_label
-from .material import Texture
+from .bodies import check_body, has_no_place, on_no_place, role_label
+from .lost_data import find_lost, on_lost, placeholders_of, refuse_lost
 from .rigs import elsewhere
 from .shapes import Kept, used_materials
-from .visibility import Shown, instance_hidden_by, open_collections
+from .texture import Texture
+from .visibility import Shown, is_source_hidden
 
 LeftOut = Callable[[bpy.types.Object], bool]
 
@@ -42,25 +43,6 @@ class Part:
     @property
     def role(self) -> str:
         return self.owner.kiriko.role
-
-
-def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Does Blender keep a camera's place up to date?
-
-    Always that of the scene's camera; of others not when they are disabled or left out of the view
-    layer: the depsgraph then has them with the place they had before, or at the origin, and does
-    not say so.
-    """
-    scene = depsgraph.scene
-    layer = depsgraph.view_layer
-    flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
-    is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
-    is_enabled = is_in and not getattr(camera, flag)
-    if camera == scene.camera or (is_enabled and camera in set(layer.objects)):
-        return True
-    return not camera.users_scene and any(
-        one.is_instance and one.object.original == camera for one in depsgraph.object_instances
-    )
 
 
 def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
@@ -100,6 +82,8 @@ def read_part(
     shown = instance.object
     shape = kept.shape(instance, owner)
     matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
+    if has_no_place(instance.matrix_world):
+        raise RigError("{told}", told=on_no_place(owner.name))
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
 
     return Part(
@@ -140,7 +124,7 @@ def shown_parts(
         )
         if is_left_out(owner) or is_left_out(top):
             continue
-        if not (instance_hidden_by(own) or is_hidden(top)):
+        if not (is_source_hidden(instance) or is_hidden(top)):
             yield instance, owner
 
 
@@ -158,16 +142,18 @@ def read_parts(
     is_left_out : as `shown_parts` has it
 
     Raises RigError for an object with a role that can be no part of a
-    rig, and where all of a role that is needed are hidden.
+    rig, and where all of a role that is needed are hidden, or missing from a library.
     """
     to_metres = np.diag([metres, metres, metres, 1.0])
     parts: list[Part] = []
     met: set[bpy.types.Object] = set()
     counts: Counter[str] = Counter()
     is_left_out = is_left_out or elsewhere(scene)
+    lost = find_lost()
 
     for instance, owner in shown_parts(depsgraph, scene, is_left_out):
         met.add(owner)
+        refuse_lost(lost, [owner])
         check_body(owner)
 
         if instance.object.type == "MESH":
@@ -177,10 +163,14 @@ def read_parts(
     kept.end()
     parts = without_hollows(parts, met)
     unmet = unmet_parts(met, scene, depsgraph.view_layer, is_left_out)
+    placeholders = placeholders_of(scene) if lost else []
     for role in needed:
         check_some_are_shown(role, parts, unmet)
+    if any(role.remedy for role in ROLES if role.name in {*needed} - {one.role for one in parts}):
+        refuse_lost(lost, placeholders)
 
-    return parts, notes_on_parts(parts, met, unmet, scene)
+    notes = [text for text, _ in on_lost(lost, placeholders)]
+    return parts, notes_on_parts(parts, met, unmet, scene) + notes
 
 
 def parts_by_role(

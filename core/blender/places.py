@@ -12,12 +12,13 @@ from ..errors import KirikoError
 from ..rig import ROLES, Rig, Viewer
 from .elements import place_of, shown_image
 from .moving import number_at
-from .parts import Part, is_placed, parts_by_role, read_parts
+from .parts import Part, parts_by_role, read_parts
 from .roles import in_blender
 from .scene import calibrated_rig
 from .shapes import Kept
 from .units import length_of_unit
 from .viewer import is_deleted, own_images, read_viewer, seats_of, shown_first
+from .visibility import is_placed
 
 
 class KeptPlaces(Kept):

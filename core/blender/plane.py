@@ -11,13 +11,13 @@ from ..messages import Message
 from ..words import percent
 from . import shaders
 from .layout import axis_factors, laid_out, size_of
-from .material import Texture, find_texture, read_texture
 from .mesh import used_slots
 from .moving import Timing, at_frame, is_moving, number_at, set_timing, whole
 from .picture import UNREADABLE, check_at, check_readable
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 from .rig_record import keep
+from .texture import Texture, find_texture, read_texture
 
 MATERIAL = "Kiriko Picture"
 UNSEEN_SQUEEZE = 0.005  # share of a side: an image squeezed by less looks as it should

@@ -17,14 +17,16 @@ from ..messages import Message
 from ..rig import ROLES, Picture, Rig, Viewer
 from .elements import MaterialReading
 from .kept import Offset
+from .lost_data import find_lost, refuse_lost
 from .own_pixels import read_in_own_pixels
-from .parts import Part, is_placed, parts_by_role, read_parts
+from .parts import Part, parts_by_role, read_parts
 from .rectangle import flat_size
 from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
 from .viewer import Seat, is_deleted, no_camera, read_viewer, seats_of, shown_first
+from .visibility import is_placed
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,9 @@ def read_drawn(
         and not (role.name == "PICTURE" and is_image)
     )
     metres = length_of_unit(scene)
+    seats = seats_of(scene)
+    images = [scene.kiriko.picture_image, *(seat.image for seat in seats)] if is_image else []
+    refuse_lost(find_lost(), [*(seat.camera for seat in seats), *images])
     parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
     viewers = read_viewers(depsgraph, scene)
 
@@ -123,7 +128,7 @@ def read_drawn(
             notes += as_read.notes
             materials += as_read.materials
 
-    cameras = [seat.camera for seat in seats_of(scene)]
+    cameras = [seat.camera for seat in seats]
     notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, cameras)
     rig = Rig(
         viewers=viewers,

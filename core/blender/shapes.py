@@ -12,11 +12,11 @@ from ..arrays import Floats, frozen
 from ..fingerprint import fingerprint
 from ..image.tone import Tone
 from ..rig import ROLES, Mesh
-from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .moving import Reel, at_frame, stamp_of
 from .picture import decoded, stored_pixels
 from .plane import chosen_image
+from .texture import Texture, read_texture
 
 MAPPED = {role.name for role in ROLES if role.is_mapped}  # roles whose UV map counts
 CURVED = {role.name for role in ROLES if role.is_curved}  # roles whose surface may be curved

@@ -27,6 +27,7 @@ class Counts(NamedTuple):
     is_one_sided : has a closed part of it one side only?
     n_turned : polygons that look the other way than those beside them
     is_turned_smooth : is one of these shaded smooth?
+    n_inner : polygons within the body that the others make
     """
 
     n_open: int = 0
@@ -40,6 +41,7 @@ class Counts(NamedTuple):
     is_one_sided: bool = False
     n_turned: int = 0
     is_turned_smooth: bool = False
+    n_inner: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,11 @@ class Thing:
     hidden_by : to follow "is hidden"; '' where it is shown
     width : m, the longest side of its box
     is_mesh : and no curve, surface or text, whose mesh Blender makes
+    thin_walls : sentences on materials of opaque glass that let light straight through
     faults : of its mesh as it is read; None where not known yet, or of no interest
     own_faults : of its mesh before modifiers, which can be edited
     n_indices : indices of refraction of the materials of glass; 0 where not known yet
+    has_no_place : are numbers of its matrix none, or too large?
     is_empty : is it known to have no face?
     has_facets : are facets wanted of it, by its setting Surface?
     has_ends : is it a bevelled curve whose ends are open?
@@ -99,9 +103,11 @@ class Thing:
     width: float = 0.0
     is_mesh: bool = True
     is_opaque: bool = False
+    thin_walls: tuple[str, ...] = ()
     has_place: bool = True
     n_indices: int = 0
     has_no_scale: bool = False
+    has_no_place: bool = False
     is_empty: bool = False
     is_flat: bool = False
     is_pictureless: str = ""
@@ -130,6 +136,7 @@ class Look:
     in_glass : objects without a role that refract, and stand within the glass
     images : names of images that may be the picture
     tiled : names of images of several tiles that are the picture
+    lost : sentences on data that is missing from a library, and that library's name
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
@@ -153,6 +160,7 @@ class Look:
     in_glass: tuple[Named, ...] = ()
     images: tuple[str, ...] = ()
     tiled: tuple[str, ...] = ()
+    lost: tuple[tuple[str, str], ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None

@@ -90,11 +90,46 @@ def is_visible(thing: bpy.types.Object, layer: bpy.types.ViewLayer | None = None
         return thing.visible_get(view_layer=layer or bpy.context.view_layer)
 
 
+def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Does Blender keep a camera's place up to date?
+
+    Always that of the scene's camera; of others not when they are disabled or left out of the view
+    layer: the depsgraph then has them with the place they had before, or at the origin, and does
+    not say so.
+    """
+    scene = depsgraph.scene
+    layer = depsgraph.view_layer
+    flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
+    is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
+    is_enabled = is_in and not getattr(camera, flag)
+    if camera == scene.camera or (is_enabled and camera in set(layer.objects)):
+        return True
+    return not camera.users_scene and any(
+        one.is_instance and one.object.original == camera for one in depsgraph.object_instances
+    )
+
+
 def instance_hidden_by(thing: bpy.types.Object) -> str:
     """The setting that hides instances of an object, which
     is itself in no scene, or is hidden there.
     """
     return Message(" in renders by its camera symbol") if thing.hide_render else ""
+
+
+def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Does the source of an instance hide it in renders?
+
+    Geometry nodes that instance an object ignore its settings; those that instance a collection
+    follow the settings of its objects.
+    """
+    source = instance.object.original
+    if not source.hide_render:
+        return False
+    maker = instance.parent.original if instance.parent is not None else source
+    if not instance.is_instance or not any(one.type == "NODES" for one in maker.modifiers):
+        return True
+    users = bpy.data.user_map(subset={source})[source]
+    return not any(user == maker or isinstance(user, bpy.types.NodeTree) for user in users)
 
 
 def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:

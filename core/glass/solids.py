@@ -6,6 +6,7 @@ from ..arrays import Bools, Floats, Ints, in_order, taken
 from ..rig import Mesh
 from ..steps import Pauses, finish
 from ..vectors import dot
+from .inner_faces import without_inner
 from .meshes import Edges, box_of, components, find_edges, volume_of
 from .surfaces import Surface, making_surface
 
@@ -132,13 +133,17 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
     cavities in it, all facing out of the glass.
 
     A closed shell inside one that is no cavity is a cavity, whichever way its faces were
-    drawn. A shell with a boundary has no inside of its own: it stays as drawn.
+    drawn. A shell with a boundary has no inside of its own: it stays as drawn. Faces within a
+    solid count for nothing.
     """
     # their facets say which holds which: surfaces, which cost more, are made of whole solids only
     shells = []
     volumes = []
     edges_of = []  # shells as they are turned, where they are known
     split, edges = _split(mesh)
+    if edges.n_open:
+        mesh = without_inner(mesh)
+        split, edges = _split(mesh)
     yield 0
     for chosen, is_flipped in split:
         index = np.where(is_flipped[:, None], mesh.triangles[chosen, ::-1], mesh.triangles[chosen])

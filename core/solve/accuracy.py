@@ -19,6 +19,7 @@ from .tessellation import TILTED, Tessellation, tessellation, way_from
 
 # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
 LEAK_SAMPLES = 96
+LEAST_LOST = 1e-3  # of the picture's light: less that goes through gaps is not worth a word
 ODD_SAMPLES = 48  # the same for light at normals that contradict faces: known to half a hundredth
 CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
 FURTHER = 4  # times as far
@@ -38,6 +39,7 @@ class Accuracy:
         FURTHER times as many surfaces do not set free
     contradicted : for each glass, then each mirror, the share, 0..1, of the picture's light that
         it bends by normals which contradict its faces
+    leaked : share of the picture's light that arrives by way of gaps, where nobody knows its way
     """
 
     tessellation: Tessellation
@@ -45,6 +47,7 @@ class Accuracy:
     leaks: tuple[float, ...]
     caught: float
     contradicted: tuple[float, ...]
+    leaked: float = 0.0
 
 
 def measure(
@@ -61,12 +64,12 @@ def measure(
         rounding = rounding_error(plan)
     else:
         found, rounding = elsewhere.tessellation, elsewhere.rounding
-    open_light = yield from at(STAGES.mesh_measured, leaks(plan))
+    open_light, leaked = yield from at(STAGES.mesh_measured, _leaking(plan))
     odd_light = yield from at(STAGES.leaks_measured, contradicted(bounded))
     caught_light = 0.0
     if is_cut_off:
         caught_light = yield from at(STAGES.leaks_measured, caught(plan))
-    return Accuracy(found, rounding, open_light, caught_light, odd_light)
+    return Accuracy(found, rounding, open_light, caught_light, odd_light, leaked)
 
 
 def _bounded(plan: Plan) -> Pauses[Plan]:
@@ -125,15 +128,22 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     """For each glass of a plan the share, 0..1, of the light that
     carries the picture and goes through its gaps.
     """
+    return (yield from _leaking(plan))[0]
+
+
+def _leaking(plan: Plan) -> Pauses[tuple[tuple[float, ...], float]]:
+    """The same, and the share that arrives by way of gaps."""
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
-        return (0.0,) * n_glasses
+        return (0.0,) * n_glasses, 0.0
 
     rays, cover = _picture_rays(plan)
     landings = yield from tracing(plan, *rays)
     leaked = landings.leak >= 0
     owner = plan.parts.owner[landings.leak[leaked]]
-    return _shares(owner, cover[landings.sample[leaked]], n_glasses, cover.sum())
+    shares = _shares(owner, cover[landings.sample[leaked]], n_glasses, cover.sum())
+    seen = np.unique(landings.sample[leaked & landings.has_arrived])
+    return shares, float(cover[seen].sum() / max(cover.sum(), 1e-300))
 
 
 def contradicted(plan: Plan) -> Pauses[tuple[float, ...]]:

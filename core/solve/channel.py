@@ -67,7 +67,8 @@ class Channel:
     shown : those of some shares that display pixels show
     coverage : sums over the shares, by display pixel
     view_coverage : (h, w) part of each viewer pixel that is connected to the display, 0..1
-    picture_coverage : share of the picture, as the viewer sees it, that the display can show
+    picture_coverage : share of the picture, as the viewer sees it, that the display can show; light
+        by way of gaps in the glass is painted and not counted
     misses : share of the picture as seen, by reason why it has
         no landing; with picture_coverage they make 1
     """

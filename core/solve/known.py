@@ -14,11 +14,13 @@ from ..map.view_map import ViewMap
 from ..rig import Rig
 from ..settings import Settings
 from ..steps import at, within
+from .accuracy import LEAST_LOST
 from .channel import Channel, Traced
 from .disagreement import Settled, is_comparable, is_sharp
 from .measured import measuring
 from .pace import seconds_to_cover
 from .painting import Clock, Placed, place
+from .picture_coverage import BY_GAPS
 from .progress import Bar
 
 
@@ -157,6 +159,9 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
     """
     picture_coverage, misses = placed.covered
     measured = traced.measured
+    leaked = min(measured.accuracy.leaked, picture_coverage)
+    if leaked > LEAST_LOST:  # it is painted, but nobody knows that it is seen
+        picture_coverage, misses = picture_coverage - leaked, {**misses, BY_GAPS: leaked}
 
     return Channel(
         plan=plan,

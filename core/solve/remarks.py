@@ -18,15 +18,15 @@ from ..rig import Rig
 from ..settings import Settings
 from ..viewer import Viewer
 from ..words import percent
+from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp
 from .light_remarks import on_black, on_glare, on_white
+from .picture_coverage import BY_GAPS
 from .remark import Remark, note, warning
 from .remedies import facetted_glass, remedy_for, remedy_for_mesh
 from .tessellation import NOTED_ERROR_PX, Tessellation
 
-# share of the picture's light: less that goes through gaps or is cut off is not worth a remark
-LEAST_LOST = 1e-3
 LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is worth a remark
 # of the picture: where a viewer's frame cuts off more it is worth a remark; what pixels along the
 # outline of a picture of few pixels show is known to half of that
@@ -68,7 +68,7 @@ def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:
 def _on_blind(channels: Sequence[Channel]) -> Iterator[Remark]:
     """On viewers that see nothing, beside others that do."""
     for channel in channels:
-        if channel.picture_coverage <= 0:
+        if channel.picture_coverage + channel.misses.get(BY_GAPS, 0.0) <= 0:
             yield warning(
                 "The viewer '{viewer}' sees nothing of the picture, whatever is shown: move it, or"
                 " turn it off in the list of viewers.",

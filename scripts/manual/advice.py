@@ -1138,6 +1138,14 @@ FILES = Section(
             "役割だけで作ったリグには名前がありません。",
         ),
         Advice(
+            "The scene '{name}' has no such rig; there is one in {names}: choose a scene by"
+            " --scene, before --command.",
+            "The scene is the one that was shown as the file was saved. A rig's name by --rig tells"
+            " its scene, too.",
+            "シーンは、ファイルの保存時に表示していたものです。"
+            "--rig のリグの名前でも、シーンが決まります。",
+        ),
+        Advice(
             "No .blend file was loaded: name an existing file before --command.",
             "Blender says nothing when it does not find the file: look at its path.",
             "Blender は、ファイルが見つからなくても何も言いません。パスを確かめます。",

@@ -4,7 +4,7 @@ import importlib
 import json
 import re
 from collections.abc import Callable
-from math import inf
+from math import inf, nan
 from types import ModuleType, SimpleNamespace
 
 import bmesh
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from panel_layout import Layout, told
-from small_rigs import SIDE, cube, new_object, primitive, small_rig
+from small_rigs import SIDE, cube, new_object, pixels, primitive, small_rig
 
 
 def press(entries: list, words: str, n: int = 0) -> object:
@@ -166,6 +166,68 @@ def test_as_many_edges_are_told_as_are_selected(look: Callable[[], list]) -> Non
     glass = glass_of(holed())
     glass.modifiers.new("finer", "SUBSURF").subdivision_type = "SIMPLE"
     assert told(look()) == ["'Cube' is not closed: 8 edges."]
+
+
+def cut_by_walls(kind: str) -> bpy.types.Mesh:
+    """A cube with walls within: two side by side, one between halves as Mirror joins them, or one
+    that hangs into it from its surface.
+    """
+    mesh = primitive("cube", size=SIDE)
+    shape = bmesh.new()
+    shape.from_mesh(mesh)
+    if kind == "halves":
+        bmesh.ops.translate(shape, verts=shape.verts, vec=(SIDE / 2, 0, 0))
+        other = bmesh.ops.mirror(shape, geom=shape.faces[:], axis="X")["geom"]
+        assert other
+        bmesh.ops.remove_doubles(shape, verts=shape.verts, dist=1e-6)
+        bmesh.ops.scale(shape, verts=shape.verts, vec=(0.5, 1, 1))
+    for y in {"halves": (), "walls": (-0.1, 0.2), "hanging": (0.1,)}[kind]:
+        made = bmesh.ops.bisect_plane(
+            shape,
+            geom=[*shape.verts, *shape.edges, *shape.faces],
+            plane_co=(0, y * SIDE, 0),
+            plane_no=(0.1, 1, 0.2),
+        )
+        rim = [one for one in made["geom_cut"] if isinstance(one, bmesh.types.BMEdge)]
+        if kind == "hanging":
+            shape.faces.new([*rim[0].verts, shape.verts.new((0, 0, 0))])
+        else:
+            bmesh.ops.edgeloop_fill(shape, edges=rim)
+    shape.to_mesh(mesh)
+    shape.free()
+    return mesh
+
+
+@pytest.mark.parametrize("kind", ["walls", "halves", "hanging"])
+def test_faces_within_a_closed_body_are_no_gaps(look: Callable[[], list], kind: str) -> None:
+    """The light is that of the body without them; the checklist names them, and Remove leaves the
+    body closed.
+    """
+    glass = glass_of(primitive("cube", size=SIDE))
+    bpy.ops.kiriko.solve()
+    plain = pixels(bpy.context.scene.kiriko.result.source)
+    glass.data = cut_by_walls(kind)
+    (entry,) = look()
+    assert re.fullmatch(
+        r"'Cube' has \d faces? inside, which Kiriko leaves out and Cycles does not.", entry.text
+    )
+    bpy.ops.kiriko.solve()
+    result = bpy.context.scene.kiriko.result
+    assert (result.notes, result.coverage > 0.999) == (entry.text, True)
+    np.testing.assert_allclose(pixels(result.source), plain, atol=2e-3)
+    press(look(), "inside", 1)
+    assert told(look()) == []
+    bpy.ops.kiriko.solve()
+    assert result.notes == ""
+
+
+def test_faces_within_are_selected(look: Callable[[], list]) -> None:
+    """Those and no others: of a cube that a wall parts the wall alone."""
+    glass = glass_of(cut_by_walls("hanging"))
+    press(look(), "inside")
+    shape = bmesh.from_edit_mesh(glass.data)
+    (face,) = [face for face in shape.faces if face.select]
+    assert any(edge.is_boundary for edge in face.edges)
 
 
 def test_open_edges_in_one_place_are_closed(look: Callable[[], list]) -> None:
@@ -544,6 +606,34 @@ def test_a_scale_that_does_no_harm_is_no_matter(
     """Uneven and negative ones are followed as they are."""
     small_rig()["GLASS"].scale = scale
     assert told(look()) == []
+
+
+@pytest.mark.parametrize("value", [nan, inf, 1e38, -1e38, 1e30])
+@pytest.mark.parametrize("setting", ["location", "rotation_euler", "rotation_quaternion", "scale"])
+def test_a_part_whose_place_is_no_number_is_reset(
+    kiriko: ModuleType, look: Callable[[], list], setting: str, value: float
+) -> None:
+    """As a script or a driver may leave it: where Blender makes no finite place of it, the
+    checklist says so, and a solve says the same. Reset makes it ready.
+    """
+    glass = small_rig()["GLASS"]
+    if setting == "rotation_quaternion":
+        glass.rotation_mode = "QUATERNION"
+    setattr(glass, setting, [value, *getattr(glass, setting)[1:]])
+    bpy.context.view_layer.update()
+    if "rotation" in setting and np.isfinite(np.array(glass.matrix_world)).all():
+        assert look() == []  # Blender makes a turn of it
+        return
+    (entry,) = look()
+    assert entry.text == (
+        "The location, rotation or scale of 'Cube' is no number, or too large: reset it."
+    )
+    with pytest.raises(RuntimeError, match="of 'Cube' is no number, or too large: reset it"):
+        bpy.ops.kiriko.solve()
+    press([entry], "no number")
+    assert look() == []
+    bpy.ops.kiriko.solve()
+    assert bpy.context.scene.kiriko.result.coverage > 0.99
 
 
 def test_two_displays_are_one_too_many(look: Callable[[], list]) -> None:

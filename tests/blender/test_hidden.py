@@ -4,13 +4,15 @@ viewport and in renders is no part of the rig.
 
 import importlib
 from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
 from types import ModuleType
 
 import bpy
 import pytest
 
 from panel_layout import Layout
-from small_rigs import new_object, primitive, small_rig
+from small_rigs import cube, new_object, pixels, primitive, small_rig
 
 ROLES = ("GLASS", "PLATE", "DISPLAY", "PICTURE")
 
@@ -332,3 +334,71 @@ def test_show_knows_what_strips_hide(scene: bpy.types.Scene) -> None:
             told[frame] = is_hidden, "the strip '" in str(error) and sentence in str(error)
     assert {frame for frame, (hides, _) in told.items() if hides}
     assert [frame for frame, (hides, refuses) in told.items() if hides != refuses] == []
+
+
+def nodes_that_instance(kind: str, source: bpy.types.Object) -> bpy.types.Object:
+    """An object whose geometry nodes instance another one: as an object or by its collection, once
+    or on a point, or on a point of instances.
+    """
+    tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    if "collection" in kind:
+        info = tree.nodes.new("GeometryNodeCollectionInfo")
+        info.inputs["Collection"].default_value = own_collection(source).collection
+        shown = info.outputs["Instances"]
+    else:
+        info = tree.nodes.new("GeometryNodeObjectInfo")
+        info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = source, True
+        shown = info.outputs["Geometry"]
+    for _ in range(kind.count("point")):
+        points = tree.nodes.new("GeometryNodePoints")
+        points.inputs["Count"].default_value = 1
+        maker = tree.nodes.new("GeometryNodeInstanceOnPoints")
+        tree.links.new(points.outputs[0], maker.inputs["Points"])
+        tree.links.new(shown, maker.inputs["Instance"])
+        shown = maker.outputs[0]
+    tree.links.new(shown, tree.nodes.new("NodeGroupOutput").inputs[0])
+    host = new_object(bpy.data.meshes.new("empty"))
+    host.modifiers.new("nodes", "NODES").node_group = tree
+    return host
+
+
+def is_rendered(scene: bpy.types.Scene, tmp_path: Path) -> bool:
+    """Does Cycles show anything in the middle of the scene?"""
+    camera = new_object(bpy.data.cameras.new("camera"))
+    camera.location.z, camera.data.clip_start = 0.1, 1e-3
+    scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 1
+    scene.cycles.use_denoising, scene.render.film_transparent = False, True
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    scene.render.filepath = str(tmp_path / "seen.png")
+    bpy.ops.render.render(write_still=True)
+    bpy.data.objects.remove(camera)
+    return pixels(bpy.data.images.load(scene.render.filepath))[4, 4, 3] > 0.5
+
+
+@pytest.mark.parametrize(
+    "kind", ["object", "collection", "object on a point", "object on a point on a point"]
+)
+@pytest.mark.parametrize("hidden", [(), ("hide_render",), ("hide_render", "hide_viewport")])
+def test_glass_that_nodes_instance_is_glass_where_cycles_shows_it(
+    scene: bpy.types.Scene, tmp_path: Path, kind: str, hidden: tuple[str, ...]
+) -> None:
+    """Geometry nodes show an object that is hidden itself, as the sources of instances are, and of
+    a collection only what is shown. Add Rig takes what Cycles shows, and only that.
+    """
+    source = cube()
+    host = nodes_that_instance(kind, source)
+    # the scene shows the instance alone
+    if scene.collection in source.users_collection:
+        scene.collection.objects.unlink(source)
+    for group in scene.collection.children:
+        scene.collection.children.unlink(group)
+    for setting in hidden:
+        setattr(source, setting, True)
+    is_seen = is_rendered(scene, tmp_path)
+    host.select_set(True)
+    with nullcontext() if is_seen else pytest.raises(RuntimeError, match="has no faces"):
+        bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
+    if is_seen:
+        bpy.ops.kiriko.solve()
+        assert scene.kiriko.result.coverage > 0.99

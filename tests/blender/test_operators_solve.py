@@ -165,7 +165,7 @@ def test_what_of_the_material_is_not_followed_is_named_in_the_result(
 
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     (note,) = (note for note in scene.kiriko.result.notes.splitlines() if "Frosted" in note)
-    assert "roughness 0.2" in note
+    assert "Roughness 0.2" in note
 
 
 def test_a_rig_without_a_plate_is_solved_straight(scene: bpy.types.Scene) -> None:

@@ -190,14 +190,14 @@ def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
     add_glass(material)
 
     assert set(read().materials[0].ignored) == {
-        "roughness 0.2",
-        "transmission weight 0.75",
-        "thin film thickness 300",
-        "coat weight from nodes",
-        "colour tint",
-        "normal map",
-        "volume",
-        "displacement",
+        "Roughness 0.2",
+        "Transmission Weight 0.75",
+        "Thin Film Thickness 300",
+        "Coat Weight from nodes",
+        "Base Color",
+        "Normal from nodes",
+        "Volume from nodes",
+        "Displacement from nodes",
     }
 
 
@@ -213,7 +213,7 @@ def test_override_wins(read: Callable[[], Any]) -> None:
     assert index(reading) == pytest.approx(1.333)
     assert (reading.materials[0].source, reading.materials[0].ignored) == (
         "override",
-        ("roughness 0.3",),
+        ("Roughness 0.3",),
     )
 
 

@@ -118,7 +118,11 @@ def test_the_share_of_light_that_goes_through_a_gap_is_told(share):
     assert note.startswith(
         f"{100 * found:.0f} % of the picture's light goes through gaps in the glass 'glass'"
     )
-    assert solve(a_rig).warnings == (note,)
+    solution = solve(a_rig)
+    assert solution.warnings == (note,)
+    assert solution.misses["passed gaps in the glass"] == pytest.approx(found)
+    assert solution.picture_coverage == pytest.approx(1 - share, abs=0.02)
+    assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1)
 
 
 def test_closed_glass_has_no_leak():
