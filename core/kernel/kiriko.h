@@ -151,6 +151,7 @@ typedef struct {
 /* Where a ray meets a triangle of a layer; distance is INFINITY and triangle -1 for none. */
 typedef struct {
     double distance, u, v;
+    double cosine;                     /* of the angle between ray and normal, 0..1 */
     int64_t triangle, part;            /* the part is known of hits that were found true */
     bool enters, is_curved;
     double facing[3], normal[3];       /* of curved faces, not unit */
@@ -270,6 +271,17 @@ static inline void normalise(double *a) {
     double length = sqrt(dot(a, a));
     if (!(length > 0)) return;
     for (int i = 0; i < 3; i++) a[i] /= length;
+}
+
+/* The cosine of the angle between a ray and a normal that is not unit, from their product. */
+static inline double cosine_of(double slope, const double *normal) {
+    double length = sqrt(dot(normal, normal));
+    return length > 0 ? fabs(slope) / length : 0;
+}
+
+/* How far apart the faces of two hits are, m, across them, as core/light/hits.py has it. */
+static inline double gap(const Hit *one, const Hit *other) {
+    return fabs(one->distance - other->distance) * (one->cosine > other->cosine ? one->cosine : other->cosine);
 }
 
 /* What is no number is `low`. */

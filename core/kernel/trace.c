@@ -80,12 +80,10 @@ static void put_in_order(Ray *ray, Hit *first) {
         if (leaves && (!glass || hit->distance < glass->distance)) glass = hit;
     }
     if (!display) return;
-    double nearest = glass && glass->distance < display->distance ? glass->distance : display->distance;
-    if (glass && nearest <= first->distance + near && fabs(display->distance - glass->distance) <= near) {
+    if (glass && gap(display, glass) <= near && (gap(display, first) <= near || gap(glass, first) <= near)) {
         *first = *glass;
         ray->beneath = display;
-    } else if (plan->kind[first->part] == GLASS && first->enters &&
-               fabs(display->distance - first->distance) <= near) {
+    } else if (plan->kind[first->part] == GLASS && first->enters && gap(display, first) <= near) {
         *first = *display;
     }
 }
@@ -96,15 +94,18 @@ static bool find_first_hit(Ray *ray, Hit *first) {
     int64_t i = ray->i;
     const double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i;
     Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY, false};
-    double nearest = INFINITY, near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
+    double nearest = INFINITY, cosine = 1, near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
 
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Layer *layer = plan->layers + plan->order[n];
         double tolerance = layer->tolerance > plan->merge_distance ? layer->tolerance : plan->merge_distance;
         if (tolerance < near) tolerance = near;
         Hit *hit = ray->by_layer + plan->order[n];
-        first_hit(layer, &sides, o, d, nearest + tolerance, hit);
-        if (hit->distance < nearest) nearest = hit->distance;
+        /* faces in one place are that far apart across, and further along the ray */
+        first_hit(layer, &sides, o, d, nearest + tolerance / cosine, hit);
+        if (!(hit->distance < nearest)) continue;
+        nearest = hit->distance;
+        cosine = hit->cosine;
     }
     if (sides.is_unready && rays->is_unready) __atomic_store_n(rays->is_unready, 1, __ATOMIC_RELAXED);
     *first = ray->by_layer[0];
@@ -267,7 +268,7 @@ static void meet_glass(Ray *ray, const Hit *hit) {
         const Hit *other = ray->by_layer + n;
         if (other->triangle < 0 || other->triangle == hit->triangle) continue;
         if (plan->cluster[other->part] != plan->cluster[part]) continue; /* a mask is of one cluster */
-        if (fabs(other->distance - hit->distance) > plan->merge_distance) continue;
+        if (!(gap(other, hit) <= plan->merge_distance)) continue;
         after ^= plan->bit[other->part];
         if (plan->patch[other->triangle] < patch) patch = plan->patch[other->triangle];
     }
@@ -388,7 +389,7 @@ static void follow_one(Ray *ray) {
         int64_t part = hit.part;
         Kind kind = (Kind)plan->kind[part];
         /* glass in the same place as a sheet just met: the sheet must not be met once more from there */
-        if (kind != GLASS || hit.distance > plan->merge_distance) rays->last_part[i] = plan->sheet[part];
+        if (kind != GLASS || hit.distance * hit.cosine > plan->merge_distance) rays->last_part[i] = plan->sheet[part];
         uint64_t before = rays->mask[i];
         switch (kind) {
             case GLASS: meet_glass(ray, &hit); break;

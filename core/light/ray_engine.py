@@ -19,7 +19,7 @@ from ..glass.meshes import Frames, box_of
 from ..glass.motion import Motion
 from ..products import combine
 from ..steps import Pauses, finish
-from ..vectors import dot
+from ..vectors import dot, normalise
 from .asked import Asked
 from .engines import Found
 from .hits import Accept, Hits, Question, Search, is_within, slab
@@ -152,7 +152,11 @@ class Layer:
         t = self.frames.distance(k, origins, directions)
         with np.errstate(invalid="ignore"):
             u, v = self.frames.barycentric(k, origins + t[..., None] * directions)
-        return Hits(t, k, u, v, enters=dot(directions, self.frames.normal[k]) < 0)
+        normal = self.frames.normal[k]
+        slope = dot(directions, normal)
+        with np.errstate(invalid="ignore"):  # a triangle without area
+            cosine = np.abs(slope) / np.sqrt(dot(normal, normal))
+        return Hits(t, k, u, v, enters=slope < 0, cosine=cosine)
 
     def on_curved(
         self, spots: Spots, lines: Lines, leaves: Bools | None, is_last: bool = False
@@ -165,6 +169,7 @@ class Layer:
             u=found.u,
             v=found.v,
             enters=found.enters,
+            cosine=np.abs(dot(lines.directions, normalise(found.facing))),
             facing=found.facing,
             normal=self.curved.given_normals(found.facing, *found.spots),
         )
