@@ -308,7 +308,6 @@ bool meet_curved(const Curved *curved, int64_t triangle, double u, double v, con
         around.most = *leaves ? INFINITY : hit->distance;
         if (!is_last && is_odd(hit, *leaves, least) && hit->distance > least) search_around(&around, hit->triangle);
     }
-    hit->cosine = cosine_of(dot(d, hit->facing), hit->facing);
     bend(curved, hit);
     return true;
 }

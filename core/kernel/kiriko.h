@@ -151,7 +151,6 @@ typedef struct {
 /* Where a ray meets a triangle of a layer; distance is INFINITY and triangle -1 for none. */
 typedef struct {
     double distance, u, v;
-    double cosine;                     /* of the angle between ray and normal, 0..1 */
     int64_t triangle, part;            /* the part is known of hits that were found true */
     bool enters, is_curved;
     double facing[3], normal[3];       /* of curved faces, not unit */
@@ -273,15 +272,10 @@ static inline void normalise(double *a) {
     for (int i = 0; i < 3; i++) a[i] /= length;
 }
 
-/* The cosine of the angle between a ray and a normal that is not unit, from their product. */
-static inline double cosine_of(double slope, const double *normal) {
+/* The cosine, 0..1, of the angle between a ray and a normal, which need not be unit. */
+static inline double cosine_of(const double *d, const double *normal) {
     double length = sqrt(dot(normal, normal));
-    return length > 0 ? fabs(slope) / length : 0;
-}
-
-/* How far apart the faces of two hits are, m, across them, as core/light/hits.py has it. */
-static inline double gap(const Hit *one, const Hit *other) {
-    return fabs(one->distance - other->distance) * (one->cosine > other->cosine ? one->cosine : other->cosine);
+    return length > 0 ? fabs(dot(d, normal)) / length : 0;
 }
 
 /* What is no number is `low`. */

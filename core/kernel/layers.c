@@ -36,7 +36,11 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     double t = hit->distance, tolerance = search->tolerance;
     bool fits = hit->enters != ((sides->mask & bit) && sides->cluster == plan->cluster[part]);
     bool is_last = plan->sheet[part] == sides->last_part;
-    bool is_behind = bit && !fits && t * hit->cosine > tolerance; /* and not in the place that the ray comes from */
+    bool is_behind = bit && !fits && t > tolerance;
+    if (is_behind) { /* and not in the place that the ray comes from */
+        const double *normal = hit->is_curved ? hit->facing : search->layer->frames + 12 * hit->triangle + 3;
+        is_behind = t * cosine_of(search->d, normal) > tolerance;
+    }
     *is_wrong = is_behind && plan->is_closed[part];
     if (is_behind && !plan->is_closed[part] && t < sides->gap_distance) {
         sides->gap = part;
@@ -85,7 +89,6 @@ static bool meet_plane(const Search *search, const double *frame, int64_t k, Hit
     hit->v = dot(inside, frame + 9);
     hit->triangle = k;
     hit->enters = slope < 0;
-    hit->cosine = cosine_of(slope, normal);
     hit->is_curved = false;
     return isfinite(t);
 }
@@ -131,7 +134,6 @@ static void meet_facets(Search *search, const double *frames, const int32_t *num
         for (int k = 0; k < n_here; k++) {
             if (!is_met[k]) continue;
             Hit found = {.distance = t[k], .u = u[k], .v = v[k], .enters = slope[k] < 0};
-            found.cosine = cosine_of(slope[k], frame + 12 * k + 3);
             found.triangle = numbers ? numbers[i + k] : i + k;
             consider(search, &found, far);
         }
