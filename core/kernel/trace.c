@@ -260,7 +260,7 @@ static bool refract(const double *d, const double *normal, double n1, double n2,
 }
 
 static double index_of(const Plan *plan, int64_t part, uint64_t mask) {
-    return plan->indices[plan->index_row[part] + (mask ? 64 - __builtin_clzll(mask) : 0)];
+    return plan->indices[(N_BITS + 1) * part + (mask ? 64 - __builtin_clzll(mask) : 0)];
 }
 
 static void set_direction(Ray *ray, double *out) {
