@@ -6,15 +6,18 @@ that touch, directly or by others, are a cluster. Those of a cluster that touch 
 by rising priority where their indices differ. The others share bits: no ray is in two of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import RigError
 from ..glass.meshes import components
-from ..glass.surfaces import Surface
-from ..rig import Glass
+
+if TYPE_CHECKING:
+    from .rig_parts import Solid
 
 N_BITS = 52  # of a mask, which has to be exact as a float64
 
@@ -41,23 +44,21 @@ class Media:
         return self.indices[solid, np.frexp(mask.astype(float))[1]]
 
 
-def make_media(
-    solids: list[Surface], glass_of: list[Glass], touch: Bools, wavelength: float
-) -> Media:
+def make_media(solids: "Sequence[Solid]", touch: Bools, wavelength: float) -> Media:
     """Give each solid its bit, and the indices around it.
 
-    touch : (s, s) which solids touch, each itself, too
+    touch : (p, p) which parts touch, solids first, each itself, too
 
     Raises
     ------
     RigError
         More solids touch than a mask can tell apart.
     """
-    index = np.array([float(glass.ior.at(wavelength)) for glass in glass_of])
+    touch = touch[: len(solids), : len(solids)]
+    index = np.array([float(solid.glass.ior.at(wavelength)) for solid in solids])
+    rank = [(solid.glass.priority, -abs(solid.surface.volume)) for solid in solids]
     place = np.full(len(solids), -1)  # of each solid's bit
-    for i in sorted(
-        range(len(solids)), key=lambda i: (glass_of[i].priority, -abs(solids[i].volume))
-    ):
+    for i in sorted(range(len(solids)), key=rank.__getitem__):
         is_other = index != index[i]
         # those around a solid that this one touches, too, are told apart by it
         around = touch[touch[i]].any(axis=0)
@@ -69,7 +70,7 @@ def make_media(
                 "More than {most} glass solids around '{name}' touch, overlap or nest: join"
                 " them by a Remesh modifier, or move them apart.",
                 most=N_BITS,
-                name=glass_of[i].name,
+                name=solids[i].glass.name,
             )
 
     indices = np.ones((len(solids), N_BITS + 1))

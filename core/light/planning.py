@@ -60,15 +60,9 @@ def planning(
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     boxes = np.stack([surface.bounds for surface in parts.surfaces])
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
-    touch = boxes_touch(boxes, touching)
-    touch[: len(solids), : len(solids)] = find_touching(parts.solids, touching)
+    touch = find_touching(parts, touching)
     yield 0
-    media = make_media(
-        solids,
-        [solid.glass for solid in parts.solids],
-        touch[: len(solids), : len(solids)],
-        settings.wavelength,
-    )
+    media = make_media(parts.solids, touch, settings.wavelength)
     layers = yield from _make_layers(parts, media, touch, kept)
     thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
     key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"

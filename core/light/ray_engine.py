@@ -152,11 +152,8 @@ class Layer:
         t = self.frames.distance(k, origins, directions)
         with np.errstate(invalid="ignore"):
             u, v = self.frames.barycentric(k, origins + t[..., None] * directions)
-        normal = self.frames.normal[k]
-        slope = dot(directions, normal)
-        with np.errstate(invalid="ignore"):  # a triangle without area
-            cosine = np.abs(slope) / np.sqrt(dot(normal, normal))
-        return Hits(t, k, u, v, enters=slope < 0, cosine=cosine)
+        slope = dot(directions, normalise(self.frames.normal[k]))
+        return Hits(t, k, u, v, enters=slope < 0, cosine=np.abs(slope))
 
     def on_curved(
         self, spots: Spots, lines: Lines, leaves: Bools | None, is_last: bool = False
@@ -164,11 +161,7 @@ class Layer:
         """Where rays meet curved faces, beginning at places on them; and whether they do."""
         found = find_roots(self.curved, spots, lines, leaves, self.tolerance, is_last)
         hits = Hits(
-            distance=found.distance,
-            triangle=found.triangle,
-            u=found.u,
-            v=found.v,
-            enters=found.enters,
+            *(found.distance, found.triangle, found.u, found.v, found.enters),
             cosine=np.abs(dot(lines.directions, normalise(found.facing))),
             facing=found.facing,
             normal=self.curved.given_normals(found.facing, *found.spots),

@@ -1,6 +1,5 @@
 """Which solids touch, overlap or nest in one another."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ from ..glass.meshes import boxes_of
 from ..vectors import normalise
 
 if TYPE_CHECKING:
-    from .rig_parts import Solid
+    from .rig_parts import RigParts
 
 # of its size: so far a curved surface stays, with room to spare, within the box of its facets
 BULGE = 0.25
@@ -40,24 +39,24 @@ def boxes_touch(boxes: Floats, slack: float, others: Floats | None = None) -> Bo
     return touch
 
 
-def find_touching(solids: "Sequence[Solid]", slack: float) -> Bools:
-    """Which solids touch, overlap or nest in one another, or may do so? (n, n).
+def find_touching(parts: "RigParts", slack: float) -> Bools:
+    """Which parts touch, overlap or nest in one another, or may do so? (p, p).
 
-    They do where their faces, in boxes, come closer than `slack`, m, and may do so where the box of
-    one holds the other's, or where one is open and their boxes touch.
+    Closed solids do if their faces, in boxes, come closer than `slack`, m, and may do so if the box
+    of one holds the other's. Other parts may do so if their boxes touch.
     """
-    boxes = np.stack([solid.surface.bounds for solid in solids])
-    near = boxes_touch(grown(boxes), slack)
-    reach = np.zeros(len(solids))
+    solids = parts.solids
+    boxes = np.stack([surface.bounds for surface in parts.surfaces])
+    near = boxes_touch(grown(boxes[: len(solids)]), slack)
+    reach = np.zeros(len(boxes))
     for i in np.flatnonzero(near.sum(axis=1) > 1):
         reach[i] = solids[i].made.reach
 
     boxes = _wider(boxes, reach[:, None, None])
     touch = boxes_touch(boxes, slack)
-    is_open = np.array([solid.surface.n_open > 0 for solid in solids])
-    for i, j in np.argwhere(np.triu(touch, 1)):
+    for i, j in np.argwhere(np.triu(touch[: len(solids), : len(solids)], 1)):
         may_nest = _holds(boxes[i], boxes[j]) or _holds(boxes[j], boxes[i])
-        if not (may_nest or is_open[i] or is_open[j]):
+        if not may_nest and parts.is_closed[i] and parts.is_closed[j]:
             corners = (solids[i].surface.corners, solids[j].surface.corners)
             touch[i, j] = touch[j, i] = _faces_touch(*corners, slack + reach[i] + reach[j])
     return touch

@@ -11,6 +11,7 @@ from kiriko.core.errors import RigError
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.media import make_media
 from kiriko.core.light.planning import make_plan
+from kiriko.core.light.rig_parts import Solid
 from kiriko.core.light.touching_solids import boxes_touch
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
@@ -114,16 +115,17 @@ def test_a_mask_tells_the_medium_by_priority():
     random = np.random.default_rng(6)
     n = 120
     indices = random.choice([1.0, 1.33, 1.49, 1.7], n)
-    glasses, solids = [], []
+    solids = []
     for i in range(n):
         mesh = box(random.uniform(0.05, 0.3, 3), random.uniform(-0.5, 0.5, 3))
-        glasses.append(
-            Glass(f"{i}", mesh, ConstantIndex(indices[i]), priority=int(random.integers(3)))
-        )
-        solids.append(make_surface(mesh))
-    boxes = np.stack([solid.bounds for solid in solids])
+        priority = int(random.integers(3))
+        glass = Glass(f"{i}", mesh, ConstantIndex(indices[i]), priority=priority)
+        surface = make_surface(mesh)
+        solids.append(Solid(surface, f"{i}", i, glass, surface, None))
+    boxes = np.stack([solid.surface.bounds for solid in solids])
+    rank = [(solid.glass.priority, -abs(solid.surface.volume)) for solid in solids]
     touch = boxes_touch(boxes, 0.0)
-    media = make_media(solids, glasses, touch, 589.0)
+    media = make_media(solids, touch, 589.0)
     assert len(set(media.bit.tolist())) < 20
     assert (media.bit[:, None] == media.bit)[touch & ~np.eye(n, dtype=bool)].sum() == 0
 
@@ -131,10 +133,7 @@ def test_a_mask_tells_the_medium_by_priority():
     for place in random.uniform(-0.6, 0.6, (3000, 3)):
         here = np.flatnonzero(((boxes[:, 0] < place) & (place < boxes[:, 1])).all(axis=1))
         mask = np.bitwise_or.reduce(media.bit[here], initial=np.uint64(0))
-        rank = [(glasses[i].priority, -abs(solids[i].volume)) for i in here]
-        expected = (
-            1.0 if not len(here) else indices[here[max(range(len(here)), key=rank.__getitem__)]]
-        )
+        expected = indices[max(here, key=rank.__getitem__)] if len(here) else 1.0
         for solid in here:
             assert media.index(np.array([solid]), np.array([mask])) == expected
         n_several += len(here) > 1
