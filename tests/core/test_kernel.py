@@ -39,7 +39,7 @@ from kiriko.core.kernel import (
     trees,
 )
 from kiriko.core.kernel.structures import STRUCTURES
-from kiriko.core.light import asked, plate, ray_engine, rescue, thin_parts, trace
+from kiriko.core.light import asked, media, plate, ray_engine, rescue, thin_parts, trace
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
@@ -1501,8 +1501,8 @@ def test_the_environment_switches_it_off():
 
 
 SHARING = (
-    *(asked, curved, curved_roots, fitting, loading, picture, plate, ray_engine, reads, rescue),
-    *(quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
+    *(asked, curved, curved_roots, fitting, loading, media, picture, plate, ray_engine, reads),
+    *(rescue, quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
     *(vertex_fields, source_image),
 )
 # constants that numpy's way has no need of
