@@ -197,9 +197,24 @@ class CurvedFaces:
         curved faces.
         """
         centre, radius = spheres_of(self.corners)
-        offset = np.linalg.norm(np.matmul(AT_NODES, self.coefficients), axis=2).max(axis=1)
-        radius[self.triangle] += HIGHER * offset
+        radius[self.triangle] += self._offsets
         return centre, radius
+
+    @property
+    def _offsets(self) -> Floats:
+        """How far (p,) faces stand out of their triangles, m, at the most."""
+        parts = [
+            np.linalg.norm(np.matmul(AT_NODES, some), axis=2).max(axis=1)
+            for some in np.array_split(
+                self.coefficients, len(self.coefficients) // FACES_AT_ONCE + 1
+            )
+        ]
+        return HIGHER * np.concatenate(parts)
+
+    @property
+    def reach(self) -> float:
+        """How far any face stands out of its triangle, m, at the most."""
+        return float(self._offsets.max(initial=0.0))
 
     def slack(self, row: Ints) -> Floats | float:
         """How far, barycentric, the faces of rows (n,) are followed beyond their edges."""

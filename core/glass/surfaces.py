@@ -73,6 +73,11 @@ class Surface:
         return box_of(self.corners)
 
     @cached_property
+    def reach(self) -> float:
+        """How far curved faces stand out of their facets, m, at the most."""
+        return 0.0 if self.curved is None else self.curved.reach
+
+    @cached_property
     def volume(self) -> float:
         """Enclosed volume of the facets, m^3, positive for a solid."""
         return volume_of(self.corners)

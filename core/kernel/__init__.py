@@ -61,6 +61,7 @@ __all__ = [
     "off",
     "paint",
     "quantise",
+    "recorded_at_once",
     "state_of",
     "use_threads",
 ]
@@ -70,14 +71,24 @@ EVENTS_AT_ONCE = 1 << 16
 LEAST_AT_ONCE = 64
 # bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
 MOST_RECORDED = 1 << 26
+PLACE, WORD = 32, 8  # bytes of an event of a ray, in its way and in its course
 
 
 def can_follow(plan: "Plan", rays: "Rays", has_ways: bool) -> bool:
     """Can the kernel follow these rays, and write down their ways if asked to?"""
     if library() is None or made_of(plan) is None:
         return False
-    per_event = 32 * has_ways + 8 * rays.is_recorded
+    per_event = PLACE * has_ways + WORD * rays.is_recorded
     return len(rays.live) * per_event * (plan.settings.max_events + 1) <= MOST_RECORDED
+
+
+def recorded_at_once(plan: "Plan", most: int) -> int:
+    """How many rays, at most, the kernel follows at once and writes down the ways or courses of;
+    the given number where it follows none.
+    """
+    if left_out(plan.layers, plan.parts.kind) is not None:
+        return most
+    return min(most, max(1, MOST_RECORDED // (PLACE * (plan.settings.max_events + 1))))
 
 
 def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":

@@ -18,9 +18,10 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 9 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 10 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
+#define N_BITS 52           /* of a ray's mask, as in media.py */
 #define MOST_BUNDLED 32     /* rays */
 #define MOST_UNITS 4096     /* that are told apart in thin_parts.py */
 #define N_LEVELS 5          /* of boxes there */
@@ -110,8 +111,7 @@ typedef struct {
     uint64_t *bit;                     /* (p,) */
     Array *arrays;
     int64_t *array;                    /* (p,) of a plate of mirrors, -1 of all others */
-    int64_t *index_row;                /* (solids,) */
-    double *indices;
+    double *indices;                   /* (solids, N_BITS + 1) */
     int64_t n_triangles, n_open, n_aside, n_layers;
     int64_t *open_part;                /* (n_open,) */
     double *open_box, *aside_box;      /* (n, 2, 3) */
@@ -270,6 +270,12 @@ static inline void normalise(double *a) {
     double length = sqrt(dot(a, a));
     if (!(length > 0)) return;
     for (int i = 0; i < 3; i++) a[i] /= length;
+}
+
+/* The cosine, 0..1, of the angle between a ray and a normal, which need not be unit. */
+static inline double cosine_of(const double *d, const double *normal) {
+    double length = sqrt(dot(normal, normal));
+    return length > 0 ? fabs(dot(d, normal)) / length : 0;
 }
 
 /* What is no number is `low`. */

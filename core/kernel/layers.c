@@ -37,6 +37,10 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     bool fits = hit->enters != ((sides->mask & bit) && sides->cluster == plan->cluster[part]);
     bool is_last = plan->sheet[part] == sides->last_part;
     bool is_behind = bit && !fits && t > tolerance;
+    if (is_behind) { /* and not in the place that the ray comes from */
+        const double *normal = hit->is_curved ? hit->facing : search->layer->frames + 12 * hit->triangle + 3;
+        is_behind = t * cosine_of(search->d, normal) > tolerance;
+    }
     *is_wrong = is_behind && plan->is_closed[part];
     if (is_behind && !plan->is_closed[part] && t < sides->gap_distance) {
         sides->gap = part;

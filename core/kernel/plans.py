@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..arrays import Ints
 from ..glass.curved import CurvedFaces
 from ..light.plate import ArrayFrame
 from ..light.ray_engine import Layer
@@ -48,15 +49,17 @@ def _make_array(frame: ArrayFrame) -> Made:
     return made
 
 
-def left_out(layers: Sequence["PlannedLayer"]) -> str | None:
-    """Why the kernel does not follow rays in a plan of these layers; None where it does."""
-    return Message("it is not there") if library() is None else _unknown(layers)
+def left_out(layers: Sequence["PlannedLayer"], kind: Ints) -> str | None:
+    """Why the kernel does not follow rays in a plan of these layers and parts of kinds (p,); None
+    where it does.
+    """
+    return Message("it is not there") if library() is None else _unknown(layers, kind)
 
 
-def _unknown(layers: Sequence["PlannedLayer"]) -> str | None:
+def _unknown(layers: Sequence["PlannedLayer"], kind: Ints) -> str | None:
     if len(layers) > MOST_LAYERS:
         return Message("more than {n} layers", n=MOST_LAYERS)
-    if any(
+    if kind.max() > LAST_KIND or any(
         type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
         for held in layers
     ):
@@ -65,7 +68,7 @@ def _unknown(layers: Sequence["PlannedLayer"]) -> str | None:
 
 
 def _make_plan(plan: "Plan") -> Made | None:
-    if _unknown(plan.layers) is not None or plan.parts.kind.max() > LAST_KIND:
+    if _unknown(plan.layers, plan.parts.kind) is not None:
         return None
 
     made = Made(PlanStructure)
@@ -124,7 +127,6 @@ def _point_to_tables(made: Made, plan: "Plan") -> None:
         for name, dtype in columns.items():
             made.point(name, getattr(table, name), dtype)
 
-    made.point("index_row", plan.media.row, np.int64)
     made.point("indices", plan.media.indices, float)
     made.point("open_part", np.array([part.number for part in plan.open_parts]), np.int64)
     open_boxes = np.array([part.box for part in plan.open_parts]).reshape(-1, 2, 3)
@@ -160,7 +162,7 @@ def _point_to_layers(made: Made, plan: "Plan") -> None:
 
 def making(plan: "Plan") -> Pauses[None]:
     """Make a plan ready as `made_of` does, but with pauses."""
-    if plan not in _plans and left_out(plan.layers) is None:
+    if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
         for held in plan.layers:
             yield from growing_trees(held.layer)
 

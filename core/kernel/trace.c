@@ -66,6 +66,18 @@ static void keep_clear(Ray *ray, double distance) {
     }
 }
 
+/* The cosine of the angle between a ray and the face that it meets. */
+static double cosine_at(const Ray *ray, const Hit *hit) {
+    const double *d = ray->rays->directions + 3 * ray->i;
+    return hit->is_curved ? cosine_of(d, hit->facing) : fabs(dot(d, ray->plan->normals + 3 * hit->triangle));
+}
+
+/* Are the faces of two hits no further apart than this, m? Across them, as core/light/hits.py has it. */
+static bool are_near(const Ray *ray, const Hit *one, const Hit *other, double distance) {
+    double along = fabs(one->distance - other->distance);
+    return along <= distance || (along * cosine_at(ray, one) <= distance && along * cosine_at(ray, other) <= distance);
+}
+
 /* Where glass lies on the display: glass that a ray leaves comes before it, glass that it enters after it, as
    core/light/contact.py has it. */
 static void put_in_order(Ray *ray, Hit *first) {
@@ -80,12 +92,11 @@ static void put_in_order(Ray *ray, Hit *first) {
         if (leaves && (!glass || hit->distance < glass->distance)) glass = hit;
     }
     if (!display) return;
-    double nearest = glass && glass->distance < display->distance ? glass->distance : display->distance;
-    if (glass && nearest <= first->distance + near && fabs(display->distance - glass->distance) <= near) {
+    if (glass && are_near(ray, display, glass, near) &&
+        (are_near(ray, display, first, near) || are_near(ray, glass, first, near))) {
         *first = *glass;
         ray->beneath = display;
-    } else if (plan->kind[first->part] == GLASS && first->enters &&
-               fabs(display->distance - first->distance) <= near) {
+    } else if (plan->kind[first->part] == GLASS && first->enters && are_near(ray, display, first, near)) {
         *first = *display;
     }
 }
@@ -96,15 +107,18 @@ static bool find_first_hit(Ray *ray, Hit *first) {
     int64_t i = ray->i;
     const double *o = rays->positions + 3 * i, *d = rays->directions + 3 * i;
     Sides sides = {plan, rays->mask[i], rays->cluster[i], rays->last_part[i], -1, INFINITY, false};
-    double nearest = INFINITY, near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
+    double near = plan->is_by_glass ? NEAR * plan->merge_distance : 0;
 
+    const Hit *nearest = NULL;
     for (int64_t n = 0; n < plan->n_layers; n++) {
         const Layer *layer = plan->layers + plan->order[n];
         double tolerance = layer->tolerance > plan->merge_distance ? layer->tolerance : plan->merge_distance;
         if (tolerance < near) tolerance = near;
         Hit *hit = ray->by_layer + plan->order[n];
-        first_hit(layer, &sides, o, d, nearest + tolerance, hit);
-        if (hit->distance < nearest) nearest = hit->distance;
+        /* faces in one place are that far apart across, and further along the ray */
+        if (nearest && (layer->solid_bits || layer->has_engine || near > 0)) tolerance /= cosine_at(ray, nearest);
+        first_hit(layer, &sides, o, d, nearest ? nearest->distance + tolerance : INFINITY, hit);
+        if (hit->triangle >= 0 && (!nearest || hit->distance < nearest->distance)) nearest = hit;
     }
     if (sides.is_unready && rays->is_unready) __atomic_store_n(rays->is_unready, 1, __ATOMIC_RELAXED);
     *first = ray->by_layer[0];
@@ -246,7 +260,7 @@ static bool refract(const double *d, const double *normal, double n1, double n2,
 }
 
 static double index_of(const Plan *plan, int64_t part, uint64_t mask) {
-    return plan->indices[plan->index_row[part] + (mask ? 64 - __builtin_clzll(mask) : 0)];
+    return plan->indices[(N_BITS + 1) * part + (mask ? 64 - __builtin_clzll(mask) : 0)];
 }
 
 static void set_direction(Ray *ray, double *out) {
@@ -267,7 +281,7 @@ static void meet_glass(Ray *ray, const Hit *hit) {
         const Hit *other = ray->by_layer + n;
         if (other->triangle < 0 || other->triangle == hit->triangle) continue;
         if (plan->cluster[other->part] != plan->cluster[part]) continue; /* a mask is of one cluster */
-        if (fabs(other->distance - hit->distance) > plan->merge_distance) continue;
+        if (!are_near(ray, other, hit, plan->merge_distance)) continue;
         after ^= plan->bit[other->part];
         if (plan->patch[other->triangle] < patch) patch = plan->patch[other->triangle];
     }
@@ -388,7 +402,8 @@ static void follow_one(Ray *ray) {
         int64_t part = hit.part;
         Kind kind = (Kind)plan->kind[part];
         /* glass in the same place as a sheet just met: the sheet must not be met once more from there */
-        if (kind != GLASS || hit.distance > plan->merge_distance) rays->last_part[i] = plan->sheet[part];
+        bool is_beside = kind == GLASS && hit.distance * cosine_at(ray, &hit) <= plan->merge_distance;
+        if (!is_beside) rays->last_part[i] = plan->sheet[part];
         uint64_t before = rays->mask[i];
         switch (kind) {
             case GLASS: meet_glass(ray, &hit); break;

@@ -16,8 +16,7 @@ from .law_display import meet as meet_display
 from .plan import Plan
 from .rays import Rays
 
-# times the plan's merge distance, along a ray: glass and display that
-# differ by rounding are that near for all rays but those that graze them
+# times the plan's merge distance: glass and display that differ by rounding are that near
 NEAR = 4.0
 
 
@@ -45,11 +44,9 @@ def _contact(plan: Plan, first: Hits, by_layer: list[Hits]) -> Contact:
 
     near = NEAR * plan.merge_distance
     is_entered = (first.triangle >= 0) & (parts.kind[part_of[first.triangle]] == Kind.GLASS)
-    with np.errstate(invalid="ignore"):
-        is_first = np.minimum(display.distance, glass.distance) <= first.distance + near
-        leaves = is_first & (np.abs(display.distance - glass.distance) <= near)
-        enters = ~leaves & is_entered & first.enters
-        enters &= np.abs(display.distance - first.distance) <= near
+    is_first = (display.gap(first) <= near) | (glass.gap(first) <= near)
+    leaves = is_first & (display.gap(glass) <= near)
+    enters = ~leaves & is_entered & first.enters & (display.gap(first) <= near)
 
     return Contact(display, glass, leaves, enters)
 

@@ -54,8 +54,9 @@ class _Sides:
                 is_solid, fits & (t > np.where(is_last, -1e-3, -1.0) * tolerance), is_new
             )
 
-            # a face met from the wrong side: a gap in open glass, else another one was missed
-            is_behind = is_solid & ~fits & (t > tolerance)
+            # a face met from the wrong side, and not in the place that the ray comes from: a gap in
+            # open glass, else another one was missed
+            is_behind = is_solid & ~fits & (t * hits.cosine > tolerance)
             is_closed = parts.is_closed[part]
             if self.plan.open_parts:
                 self._note_gaps(i, t, part, is_behind & ~is_closed)
@@ -85,7 +86,7 @@ def find_first_hits(
     directions = taken(rays.directions, live)
     sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
-    nearest = np.full(len(live), np.inf)
+    nearest, cosine = np.full(len(live), np.inf), np.ones(len(live))
     near = NEAR * plan.merge_distance if plan.display.is_by_glass else 0.0
 
     # glass comes first: most other parts lie beyond, and then need not be asked
@@ -95,7 +96,9 @@ def find_first_hits(
         layer = held.layer
         tolerance = max(layer.tolerance, plan.merge_distance)
         has_sides = layer.curved is not None and held.solid_bits is not None
-        searches[number].begin(live, nearest + max(tolerance, near))
+        # faces in one place are that far apart across, and further along the ray
+        with np.errstate(divide="ignore"):
+            searches[number].begin(live, nearest + max(tolerance, near) / cosine)
         hits = yield from layer.find_first_hits(
             origins,
             directions,
@@ -106,7 +109,9 @@ def find_first_hits(
         )
         found = hits.triangle >= 0
         hits.triangle[found] = held.numbers[hits.triangle[found]]
-        nearest = np.minimum(nearest, hits.distance)
+        is_nearer = hits.distance < nearest
+        nearest = np.where(is_nearer, hits.distance, nearest)
+        cosine = np.where(is_nearer, hits.cosine, cosine)
         by_layer[number] = hits
 
     first = by_layer[0]

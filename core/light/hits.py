@@ -15,9 +15,10 @@ class Hits:
     """First hits of n rays.
 
     distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,)
-    the ray comes from the front; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal
-    to the face, and normal (n, 3), by which it refracts; None where nothing is curved, and where no
-    face refracts by another normal than its own
+    the ray comes from the front; cosine (n,) of the angle between the ray and the face's normal,
+    0..1; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal to the face, and normal
+    (n, 3), by which it refracts; None where nothing is curved, and where no face refracts by
+    another normal than its own
     """
 
     distance: Floats
@@ -25,6 +26,7 @@ class Hits:
     u: Floats
     v: Floats
     enters: Bools
+    cosine: Floats
     facing: Floats | None = None
     normal: Floats | None = None
 
@@ -39,6 +41,7 @@ class Hits:
             u=np.zeros(n),
             v=np.zeros(n),
             enters=np.zeros(n, bool),
+            cosine=np.ones(n),
             facing=facing,
             normal=normal,
         )
@@ -68,8 +71,19 @@ class Hits:
             )
         )
 
+    def gap(self, others: "Hits") -> Floats:
+        """Distances (n,) of the faces of these hits and others of the same rays, m, across the
+        faces: along a ray that grazes them a nanometre is a millimetre.
+        """
+        with np.errstate(invalid="ignore"):  # neither is met
+            along = np.abs(self.distance - others.distance)
+        return along * np.maximum(self.cosine, others.cosine)
+
     def _columns(self) -> tuple[np.ndarray | None, ...]:
-        return self.distance, self.triangle, self.u, self.v, self.enters, self.facing, self.normal
+        return (
+            *(self.distance, self.triangle, self.u, self.v, self.enters, self.cosine),
+            *(self.facing, self.normal),
+        )
 
 
 def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:

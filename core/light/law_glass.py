@@ -79,7 +79,7 @@ def _cross_faces(
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
         # a mask is of one cluster
         same_place &= parts.cluster[their_part] == cluster
-        same_place &= np.abs(other.distance - hits.distance) <= plan.merge_distance
+        same_place &= hits.gap(other) <= plan.merge_distance
         after[same_place] ^= parts.bit[their_part[same_place]]
         theirs = plan.triangles.patch[other.triangle[same_place]]
         patch[same_place] = np.minimum(patch[same_place], theirs)

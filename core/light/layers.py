@@ -7,11 +7,8 @@ from ..glass.curved import CurvedFaces
 from ..glass.curved_hull import making_hull
 from ..glass.surfaces import Surface
 from ..steps import Pauses
-from .media import boxes_touch
 from .ray_engine import FEW_TRIANGLES, Layer
 
-# of its size: so far a curved surface stays, with room to spare, within the box of its facets
-BULGE = 0.25
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
 
 
@@ -35,9 +32,9 @@ def are_unlike(boxes: Floats) -> Bools:
     return together.max(axis=2) > MOST_UNLIKE * np.minimum(size[:, None], size[None])
 
 
-def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
+def group_parts(surfaces: list[Surface], touch: Bools) -> list[list[int]]:
     """Which parts share a layer: each of few faces is its
-    own, the others by colour so that none touch.
+    own, the others by colour so that none touch (p, p).
     """
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
     if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
@@ -48,7 +45,7 @@ def group_parts(surfaces: list[Surface], slack: float) -> list[list[int]]:
 
     if rest:
         boxes = np.stack([surfaces[i].bounds for i in rest])
-        colours = colour(boxes_touch(boxes, slack) | are_unlike(boxes))
+        colours = colour(touch[np.ix_(rest, rest)] | are_unlike(boxes))
         groups += [
             [rest[k] for k in np.flatnonzero(colours == c)] for c in range(colours.max() + 1)
         ]
@@ -67,13 +64,6 @@ def making_layer(surfaces: list[Surface]) -> Pauses[Layer]:
     hull = None if curved is None else (yield from making_hull(curved))
     yield 0
     return Layer(corners, curved, hull)
-
-
-def grown(boxes: Floats) -> Floats:
-    """Boxes (..., 2, 3) that curved surfaces stay within, however
-    far they bulge out of the boxes of their facets.
-    """
-    return boxes + BULGE * (boxes[..., 1:, :] - boxes[..., :1, :]) * np.array([[-1.0], [1.0]])
 
 
 def triangles_of_boxes(boxes: Floats) -> Floats:

@@ -1,36 +1,38 @@
 """The medium at a point: nested, touching and overlapping
 solids by priority (Schmidt & Budge 2002).
 
-Solids whose boxes hang together are a cluster; each has a bit in the cluster's mask, by rising
-priority, so that the medium at a point is the highest bit set of the solids it is in.
+A ray's mask has a bit for each solid that it is in; the highest one is that of the medium. Solids
+that touch, directly or by others, are a cluster. Those of a cluster that touch have different bits,
+by rising priority where their indices differ. The others share bits: no ray is in two of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import RigError
 from ..glass.meshes import components
-from ..glass.surfaces import Surface
-from ..rig import Glass
 
-MOST_OVERLAPPING = 52  # solids in one cluster: their mask has to be exact as a float64
+if TYPE_CHECKING:
+    from .rig_parts import Solid
+
+N_BITS = 52  # of a mask, which has to be exact as a float64
 
 
 @dataclass(frozen=True, eq=False)
 class Media:
-    """Solids s: cluster (s,), bit (s,) uint64 in its mask, and
-    row (s,) at which its indices begin in `indices`.
+    """Solids s: cluster (s,), bit (s,) uint64 in its masks, and indices (s, N_BITS + 1): that of
+    air, then for each bit that of the solid that has it and touches this one.
 
-    A cluster's indices are 1.0 (air) and then those of its solids by rising priority. A ray is in
-    solids of one cluster at a time, so bits are used again from cluster to cluster. n_overlapping:
-    clusters of more than one solid.
+    A ray is in solids of one cluster at a time, so bits are used again from cluster to cluster.
+    n_overlapping: clusters of more than one solid.
     """
 
     cluster: Ints
     bit: np.ndarray
-    row: Ints
     indices: Floats
     n_overlapping: int
 
@@ -39,63 +41,41 @@ class Media:
         solids (n,).
         """
         # frexp's exponent is 1 + the position of the highest bit set, and 0 for none
-        return self.indices[self.row[solid] + np.frexp(mask.astype(float))[1]]
+        return self.indices[solid, np.frexp(mask.astype(float))[1]]
 
 
-def boxes_touch(boxes: Floats, slack: float) -> Bools:
-    """Do axis-aligned boxes (n, 2, 3) overlap or come closer than `slack`? (n, n)."""
-    low = boxes[:, 0]
-    high = boxes[:, 1] + slack
-    return ((low[:, None] <= high[None]) & (low[None] <= high[:, None])).all(axis=2)
+def make_media(solids: "Sequence[Solid]", touch: Bools, wavelength: float) -> Media:
+    """Give each solid its bit, and the indices around it.
 
-
-def clusters_of(touch: Bools) -> list[Ints]:
-    """Groups of solids whose boxes hang together, from who touches whom (n, n)."""
-    label = components(len(touch), *np.nonzero(touch))
-    return [np.flatnonzero(label == first) for first in np.unique(label)]
-
-
-def make_media(
-    solids: list[Surface], glass_of: list[Glass], slack: float, wavelength: float
-) -> Media:
-    """Give each solid its bit and the clusters their indices.
+    touch : (p, p) which parts touch, solids first, each itself, too
 
     Raises
     ------
     RigError
-        More solids hang together than a mask can tell apart.
+        More solids touch than a mask can tell apart.
     """
-    member = np.zeros(len(solids), np.int64)
-    row = np.zeros(len(solids), np.int64)
-    bit = np.zeros(len(solids), np.uint64)
-    indices: list[float] = []
-    clusters = clusters_of(boxes_touch(np.stack([solid.bounds for solid in solids]), slack))
-
-    for number, cluster in enumerate(clusters):
-        if len(cluster) > MOST_OVERLAPPING:
-            name = glass_of[cluster[0]].name
-            if all(glass_of[i].name == name for i in cluster):
-                raise RigError(
-                    "The glass '{name}' is in {n} pieces that overlap or nest: make one"
-                    " body of them by a Remesh modifier, merge its vertices by distance where they"
-                    " belong together, or keep at most {most} pieces.",
-                    name=name,
-                    n=len(cluster),
-                    most=MOST_OVERLAPPING,
-                )
-
+    touch = touch[: len(solids), : len(solids)]
+    index = np.array([float(solid.glass.ior.at(wavelength)) for solid in solids])
+    rank = [(solid.glass.priority, -abs(solid.surface.volume)) for solid in solids]
+    place = np.full(len(solids), -1)  # of each solid's bit
+    for i in sorted(range(len(solids)), key=rank.__getitem__):
+        is_other = index != index[i]
+        # those around a solid that this one touches, too, are told apart by it
+        around = touch[touch[i]].any(axis=0)
+        taken = set(place[touch[i] | around & is_other])
+        least = 1 + place[touch[i] & is_other].max(initial=-1)
+        place[i] = next(bit for bit in range(least, len(solids)) if bit not in taken)
+        if place[i] >= N_BITS:
             raise RigError(
-                "{n} glass solids around '{name}' overlap or nest: join them or keep at"
-                " most {most}.",
-                n=len(cluster),
-                name=name,
-                most=MOST_OVERLAPPING,
+                "More than {most} glass solids around '{name}' touch, overlap or nest: join"
+                " them by a Remesh modifier, or move them apart.",
+                most=N_BITS,
+                name=solids[i].glass.name,
             )
 
-        by_priority = sorted(cluster, key=lambda i: (glass_of[i].priority, -abs(solids[i].volume)))
-        bit[by_priority] = np.uint64(1) << np.arange(len(cluster), dtype=np.uint64)
-        row[by_priority] = len(indices)
-        member[by_priority] = number
-        indices += [1.0, *(float(glass_of[i].ior.at(wavelength)) for i in by_priority)]
-
-    return Media(member, bit, row, np.array(indices), sum(len(cluster) > 1 for cluster in clusters))
+    indices = np.ones((len(solids), N_BITS + 1))
+    by, of = np.nonzero(touch)
+    indices[by, 1 + place[of]] = index[of]
+    cluster = np.unique(components(len(solids), by, of), return_inverse=True)[1].ravel()
+    bit = np.uint64(1) << place.astype(np.uint64)
+    return Media(cluster, bit, indices, int((np.bincount(cluster) > 1).sum()))

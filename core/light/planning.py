@@ -17,14 +17,15 @@ from .contact import NEAR
 from .display import display_plane
 from .engines import engine_kind
 from .kept import Kept
-from .layers import group_parts, grown, making_layer, triangles_of_boxes
-from .media import Media, boxes_touch, make_media
+from .layers import group_parts, making_layer, triangles_of_boxes
+from .media import Media, make_media
 from .packing import Packing
 from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
 from .rig_parts import RigParts, read_solids
 from .sheets import find_clear, read_sheets
 from .thin_parts import ThinParts
+from .touching_solids import boxes_touch, find_touching, grown
 
 
 def make_plan(
@@ -59,10 +60,10 @@ def planning(
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     boxes = np.stack([surface.bounds for surface in parts.surfaces])
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
-    media = make_media(
-        solids, [solid.glass for solid in parts.solids], touching, settings.wavelength
-    )
-    layers = yield from _make_layers(parts, media, touching, kept)
+    touch = find_touching(parts, touching)
+    yield 0
+    media = make_media(parts.solids, touch, settings.wavelength)
+    layers = yield from _make_layers(parts, media, touch, kept)
     thin_parts = _kept_thin_parts(parts, boxes_aside, kept)
     key = f"plane of {parts.sheets[-1].key}, {rig.display.width} x {rig.display.height}"
     plane = kept.get(key, lambda: display_plane(rig.display, parts.surfaces[-1]))
@@ -109,13 +110,13 @@ def planning(
 
 
 def _make_layers(
-    parts: RigParts, media: Media, touching: float, kept: Kept
+    parts: RigParts, media: Media, touch: Bools, kept: Kept
 ) -> Pauses[tuple[PlannedLayer, ...]]:
     """Layers and their contents; one of solids that were moved together is moved as a whole."""
     layers = []
     n_solids = len(parts.solids)
 
-    for group in group_parts(parts.surfaces, touching):
+    for group in group_parts(parts.surfaces, touch):
         # its triangles, where they are or where they were made
         motions = [parts.solids[i].motion if i < n_solids else None for i in group]
         motion = motions[0] if all(other is motions[0] for other in motions) else None
@@ -191,7 +192,7 @@ def _rules(
     is_plate = parts.kind == Kind.PLATE
     no_plate = None if is_plate.any() else Message("there is no plate")
     is_sent_on = is_clear[is_plate].any(axis=1).all()
-    no_kernel = kernel.left_out(layers)
+    no_kernel = kernel.left_out(layers, parts.kind)
     has_engine = any(held.layer.has_engine for held in layers)
     no_engine = None
 

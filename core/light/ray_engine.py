@@ -19,7 +19,7 @@ from ..glass.meshes import Frames, box_of
 from ..glass.motion import Motion
 from ..products import combine
 from ..steps import Pauses, finish
-from ..vectors import dot
+from ..vectors import dot, normalise
 from .asked import Asked
 from .engines import Found
 from .hits import Accept, Hits, Question, Search, is_within, slab
@@ -152,7 +152,8 @@ class Layer:
         t = self.frames.distance(k, origins, directions)
         with np.errstate(invalid="ignore"):
             u, v = self.frames.barycentric(k, origins + t[..., None] * directions)
-        return Hits(t, k, u, v, enters=dot(directions, self.frames.normal[k]) < 0)
+        slope = dot(directions, normalise(self.frames.normal[k]))
+        return Hits(t, k, u, v, enters=slope < 0, cosine=np.abs(slope))
 
     def on_curved(
         self, spots: Spots, lines: Lines, leaves: Bools | None, is_last: bool = False
@@ -160,11 +161,8 @@ class Layer:
         """Where rays meet curved faces, beginning at places on them; and whether they do."""
         found = find_roots(self.curved, spots, lines, leaves, self.tolerance, is_last)
         hits = Hits(
-            distance=found.distance,
-            triangle=found.triangle,
-            u=found.u,
-            v=found.v,
-            enters=found.enters,
+            *(found.distance, found.triangle, found.u, found.v, found.enters),
+            cosine=np.abs(dot(lines.directions, normalise(found.facing))),
             facing=found.facing,
             normal=self.curved.given_normals(found.facing, *found.spots),
         )

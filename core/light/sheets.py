@@ -10,7 +10,7 @@ from ..kinds import Kind
 from ..rig import MET_ROLES, Rig, Role
 from .kept import Kept
 from .laws import LAWS
-from .layers import BULGE
+from .touching_solids import BULGE
 
 
 class Sheet(NamedTuple):

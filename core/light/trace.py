@@ -194,7 +194,7 @@ def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]
         # sheet must not be met once more from there
         part = plan.triangles.part[hits.triangle]
         kind = plan.parts.kind[part]
-        is_beside = (kind == Kind.GLASS) & (hits.distance <= plan.merge_distance)
+        is_beside = (kind == Kind.GLASS) & (hits.distance * hits.cosine <= plan.merge_distance)
         rays.last_part[rays.live[~is_beside]] = plan.parts.sheet[part[~is_beside]]
 
         before = rays.mask[rays.live]

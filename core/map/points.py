@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from .. import kernel
 from ..arrays import Bools, Floats, Ints, columns_of, taken
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
@@ -132,7 +133,9 @@ def trace_points(
         view, np.empty((n, 2)), np.empty(n, np.uint64), np.empty(n, np.uint8), np.empty(n)
     )
 
-    at_once = TRACED_AT_ONCE if paths is None and courses is None else RAYS_AT_ONCE
+    at_once = TRACED_AT_ONCE
+    if paths is not None or courses is not None:
+        at_once = kernel.recorded_at_once(plan, RAYS_AT_ONCE)
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
         origins, directions = plan.viewer.rays(view[some])

@@ -184,7 +184,7 @@ def leaks_of(shape: str, mesh: Mesh, every: int = 1) -> Leaks:
     outside = np.array(START)
     straight = make_plan(rig(mesh, ior=STRAIGHT, distance=10.0), Settings())
     glass = replace(straight.rig.glasses[0], ior=ConstantIndex(BENT))
-    media = replace(straight.media, indices=np.array([1.0, BENT]))
+    media = replace(straight.media, indices=np.array([[1.0, BENT]]))
     bent = replace(straight, rig=replace(straight.rig, glasses=(glass,)), media=media)
     return (
         leaks(straight, aims, outside, every, False)

@@ -352,7 +352,7 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     """WrongError where the compiled kernel passes by a face that numpy's way meets."""
     size = rig.viewer.width, rig.viewer.height
     plan = make_plan(rig, settings)
-    if kernel.left_out(plan.layers) is None:
+    if kernel.left_out(plan.layers, plan.parts.kind) is None:
         found = find_parted(
             plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size)
         )

@@ -350,18 +350,10 @@ GLASS = Section(
             "光は入って出ていきます。ガラスには両側の面が必要です。",
         ),
         Advice(
-            "{n} glass solids around '{name}' overlap or nest: join them or keep at most {most}.",
-            "A Boolean modifier makes one body of many.",
-            "ブーリアンモディファイアーで一つにまとめます。",
-        ),
-        Advice(
-            "The glass '{name}' is in {n} pieces that overlap or nest: make one body of them by a"
-            " Remesh modifier, merge its vertices by distance where they belong together, or keep"
-            " at most {most} pieces.",
-            "Remesh: choose Voxel, with voxels smaller than the thinnest part. To merge, press M in"
-            " Edit Mode, and choose By Distance.",
-            "リメッシュでは「ボクセル」を選び、一番細い部分より小さいボクセルにします。マージは、編集"
-            "モードで M を押して「距離で」を選びます。",
+            "More than {most} glass solids around '{name}' touch, overlap or nest: join them by a"
+            " Remesh modifier, or move them apart.",
+            "Remesh: choose Voxel, with voxels smaller than the thinnest part.",
+            "リメッシュでは「ボクセル」を選び、一番細い部分より小さいボクセルにします。",
         ),
         Advice(
             "{owner} has vertices that are not finite numbers: repair or remove them.",

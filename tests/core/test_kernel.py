@@ -28,9 +28,18 @@ from kiriko.core.image import outline, picture, reads, source_image
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
-from kiriko.core.kernel import dividing, fitting, loading, painting, structures, touching, trees
+from kiriko.core.kernel import (
+    dividing,
+    fitting,
+    loading,
+    painting,
+    plans,
+    structures,
+    touching,
+    trees,
+)
 from kiriko.core.kernel.structures import STRUCTURES
-from kiriko.core.light import asked, plate, ray_engine, rescue, thin_parts
+from kiriko.core.light import asked, media, plate, ray_engine, rescue, thin_parts, trace
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
@@ -42,7 +51,7 @@ from kiriko.core.map import bisection, share_batches
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import dividing as map_dividing
 from kiriko.core.map import shares as share_module
-from kiriko.core.map.points import trace_points
+from kiriko.core.map.points import Paths, trace_points
 from kiriko.core.map.searches import ask, traced
 from kiriko.core.map.share_batches import Lot
 from kiriko.core.map.shares import Shares
@@ -573,7 +582,7 @@ def test_what_it_does_not_know_is_left_to_numpy():
     of_layer = {f.name: getattr(layer.curved, f.name) for f in fields(CurvedFaces)}
     layers[number] = replace(layers[number], layer=layer.bent(Other(**of_layer)))
 
-    assert kernel.left_out(layers) == "faces of another kind"
+    assert kernel.left_out(layers, plan.parts.kind) == "faces of another kind"
     rays = rays_of(plan.rig, 50)
     found = trace_all(replace(plan, layers=tuple(layers)), *rays)
     assert_same(trace_all(plan, *rays), found)
@@ -590,6 +599,31 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
     monkeypatch.setattr(kernel, "MOST_RECORDED", 1000)
     assert not kernel.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
     assert np.array_equal(finish(recording(plan, *rays))[1], expected)
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
+    """The kernel, however many events their ways and courses may have; numpy where there is a part
+    that the kernel does not know.
+    """
+    if not is_known:
+        monkeypatch.setattr(plans, "LAST_KIND", 0)
+    by_numpy = []
+    by_events = trace._by_events
+    monkeypatch.setattr(
+        trace, "_by_events", lambda *rays: by_numpy.append(rays) or by_events(*rays)
+    )
+    a_rig = ball_rig(2, pixels=64)
+    plan = make_plan(a_rig, Settings(max_events=20_000))
+    view = np.random.default_rng(0).uniform(0, 64, (300, 2))
+    found = finish(trace_points(plan, view, paths=Paths(1.0)))
+    finish(trace_points(plan, view, courses=[]))
+    assert ("compiled kernel" in plan.used) == is_known
+    assert ("compiled kernel (faces of another kind)" in plan.left_out) != is_known
+    assert bool(by_numpy) != is_known
+    with kernel.off():
+        expected = finish(trace_points(make_plan(a_rig, Settings()), view))
+    np.testing.assert_allclose(found.xy, expected.xy, atol=1e-6)
 
 
 def test_a_library_of_another_version_is_not_used(monkeypatch):
@@ -1477,8 +1511,8 @@ def test_the_environment_switches_it_off():
 
 
 SHARING = (
-    *(asked, curved, curved_roots, fitting, loading, picture, plate, ray_engine, reads, rescue),
-    *(quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
+    *(asked, curved, curved_roots, fitting, loading, media, picture, plate, ray_engine, reads),
+    *(rescue, quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
     *(vertex_fields, source_image),
 )
 # constants that numpy's way has no need of

@@ -626,7 +626,7 @@ def test_facets_are_compared_as_long_as_light_goes_the_same_way(monkeypatch):
     assert n_events[0] < n_events[1] / 2
 
 
-@pytest.mark.parametrize("levels", [(2, 4), (3, 4), (3, 2)])
+@pytest.mark.parametrize("levels", [(2, 4), (3, 2)])
 def test_glass_that_touches_with_other_triangles_is_told(levels):
     """Light arrives elsewhere, or could, or does not: the film between is an accident of meshes."""
     assert drain(tessellation(make_plan(filled_cavity(*levels), Settings()))).undecided > UNDECIDED
