@@ -1439,7 +1439,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     v = Vertices(
         places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first
     )
-    fit = kernel.Fit(v, Fields(axis_x, axis_y, size, coefficients))
+    fit = kernel.Fit(v, Fields(axis_x, axis_y, size, coefficients, dice.random(n) < 0.3))
     wanted = dice.random(n) < 0.5
     before = coefficients.copy()
     settled = normals.copy()
