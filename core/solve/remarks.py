@@ -23,7 +23,7 @@ from .disagreement import is_sharp
 from .light_remarks import on_black, on_glare, on_white
 from .remark import Remark, note, warning
 from .remedies import facetted_glass, remedy_for, remedy_for_mesh
-from .tessellation import NOTED_ERROR_PX, Tessellation
+from .tessellation import Tessellation
 
 # share of the picture's light: less that goes through gaps or is cut off is not worth a remark
 LEAST_LOST = 1e-3
@@ -248,7 +248,7 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
 
 
 def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
-    if mesh.error <= NOTED_ERROR_PX:
+    if mesh.error <= plan.settings.tolerance:
         return
 
     yield note(

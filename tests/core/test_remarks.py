@@ -148,16 +148,8 @@ def irregular_ball(levels=4, aside=0.0, noise=0.0, surface="smooth"):
     edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
     v = mesh.vertices + aside * edge * random.uniform(-1, 1, mesh.vertices.shape)
     v /= np.linalg.norm(v, axis=1, keepdims=True)
-    normals = v.copy()
     v *= 0.025 * (1 + noise * random.normal(size=(len(v), 1)))
-
-    return replace(
-        mesh,
-        vertices=v,
-        corner_normals=normals[mesh.triangles],
-        has_mean_normals=True,
-        surface=surface,
-    )
+    return mean_normals(replace(mesh, vertices=v, surface=surface))
 
 
 def true_and_told(mesh):
@@ -193,12 +185,14 @@ def remarks_of(plan, accuracy, error, misses=MappingProxyType({})):
 
 @pytest.mark.parametrize(("aside", "noise"), [(0.0, 1e-2), (0.0, 1e-3), (0.0, 1e-4), (0.2, 1e-3)])
 def test_the_error_of_noisy_meshes_is_told(aside, noise):
-    """The estimate is not less than the error against the ball
-    that was meant, nor ten times as much; it names why.
+    """The estimate is within a factor of 2 of the error against the ball that was meant. It names
+    why, but where noise is so little that facets are further off.
     """
-    true, told = true_and_told(irregular_ball(3, aside, noise))
-    assert true < told.error < 10 * true
-    assert told.cause == "jumps"
+    mesh = irregular_ball(3, aside, noise)
+    true, told = true_and_told(mesh)
+    assert true / 2 < told.error < 2 * true
+    drawn, _ = true_and_told(replace(mesh, surface="facets"))
+    assert (told.cause == "jumps") == (drawn < true)
     assert told.uneven == 0
 
 
