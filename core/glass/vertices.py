@@ -111,12 +111,12 @@ def seen_across(v: Vertices) -> Vertices:
     is at none: its way along the edge and back is 0.
     """
     n = len(v.at)
-    a, b = v.of_corner.ravel(), np.roll(v.of_corner, -1, axis=1).ravel()
     n_around = np.diff(v.first)
-    is_open = np.bincount(a, minlength=n) < n_around
+    is_open = np.bincount(v.of_corner.ravel(), minlength=n) < n_around
     if not is_open.any():
         return v
 
+    a, b = v.of_corner.ravel(), np.roll(v.of_corner, -1, axis=1).ravel()
     between = is_open[a] & is_open[b]
     a, b = a[between], b[between]
     is_lone = ~np.isin(a * n + b, b * n + a)
