@@ -56,11 +56,9 @@ class CurvedFaces:
     vertex (p, 3) of the corners and vertex_normal (f, 3), the same for all faces around a vertex;
     normal_row (p,) and normal_terms (q, 14, 3): where normals of neighbours would not agree on
     their edges, or edges are straight, a face refracts by those of its vertices, interpolated, plus
-    14 terms; -1 where by its own; jump (p,) rad: by how much normals of neighbours differed in the
-    middles of edges, before they agreed, at most; bent_row (p,) and bent (q, 14, 3): coefficients
-    that faces with a straight edge would have if it were not straight; degree: 4, or less to follow
-    faces of a lower degree and see the difference; lowered_from: those of degree 4, None where
-    these are
+    14 terms; -1 where by its own; bent_row (p,) and bent (q, 14, 3): coefficients that faces with a
+    straight edge would have if it were not straight; degree: 4, or less to follow faces of a lower
+    degree and see the difference; lowered_from: those of degree 4, None where these are
     """
 
     corners: Floats
@@ -72,7 +70,6 @@ class CurvedFaces:
     vertex_normal: Floats
     normal_row: Ints
     normal_terms: Floats
-    jump: Floats
     bent_row: Ints
     bent: Floats
     degree: int = 4
@@ -94,7 +91,6 @@ class CurvedFaces:
             vertex_normal=np.empty((0, 3)),
             normal_row=no_rows,
             normal_terms=no_terms,
-            jump=np.empty(0),
             bent_row=no_rows,
             bent=no_terms,
         )
@@ -121,7 +117,7 @@ class CurvedFaces:
                 n_before[name] = n_before[name] + len(getattr(part, counted))
 
         full = [part for part in parts if part is not None]
-        others = ("neighbour_edge", "vertex_normal", "normal_terms", "jump", "bent")
+        others = ("neighbour_edge", "vertex_normal", "normal_terms", "bent")
         return cls(
             corners=np.concatenate(corners),
             coefficients=by_term(np.concatenate([part.coefficients for part in full])),
@@ -136,12 +132,13 @@ class CurvedFaces:
         whole = None if self.lowered_from is None else self.lowered_from.moved(motion)
         return replace(self, corners=motion.points(self.corners), lowered_from=whole, **turned)
 
+    def by_own_normals(self) -> "CurvedFaces":
+        """The same faces with their own normals, but for those held by a straight edge."""
+        return replace(self, normal_row=np.where(self.bent_row >= 0, self.normal_row, -1))
+
     def lowered(self, degree: int) -> "CurvedFaces":
-        """The faces of a lower degree through these, with their own
-        normals, but for those held by a straight edge.
-        """
-        normal_row = np.where(self.bent_row >= 0, self.normal_row, -1)
-        return replace(self, degree=degree, normal_row=normal_row, lowered_from=self.whole)
+        """The faces of a lower degree through these, by their own normals."""
+        return replace(self.by_own_normals(), degree=degree, lowered_from=self.whole)
 
     @property
     def whole(self) -> "CurvedFaces":
@@ -224,13 +221,6 @@ class CurvedFaces:
         """Unit normals (n, 3) by which the curved faces of triangles k refract at u, v (n,)."""
         c = self.terms(k)
         return normalise(self.refracting(cross(*value_and_slopes(c, u, v)[1:]).T, k, u, v))
-
-    def jumps(self, k: Ints) -> Floats:
-        """Angles (n,), rad, by which normals of triangles k and
-        their neighbours differed; 0 for flat ones.
-        """
-        row = self.row[k]
-        return np.where(row >= 0, self.jump[row], 0.0)
 
     def given_normals(self, facing: Floats, k: Ints, u: Floats, v: Floats) -> Floats | None:
         """Normals (n, 3), not unit, by which triangles k refract at u, v (n,), where their own are

@@ -293,7 +293,6 @@ def _put_together(
         vertex_normal=normal,
         normal_row=normal_row,
         normal_terms=by_term(normal_terms),
-        jump=greatest(agreed.jump[:, 1::3]),  # in the middles of edges
         bent_row=bent_row,
         bent=bent,
     )

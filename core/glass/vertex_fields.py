@@ -9,7 +9,7 @@ from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
 from ..products import solve_symmetric
 from ..steps import Pauses
-from ..vectors import dot, length_of
+from ..vectors import dot, length_of, normalise
 from .quartics import N_TERMS, POWERS, monomials, slopes, tangents
 from .vertices import Vertices
 
@@ -38,22 +38,31 @@ class Fields:
     """Height fields over the tangent planes of vertices: z =
     size * sum c (x / size)^a (y / size)^b.
 
-    axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14)
+    axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14);
+    is_rim (f,): the surface ends along x, and runs on by y to one side only
     """
 
     axis_x: Floats
     axis_y: Floats
     size: Floats
     coefficients: Floats
+    is_rim: Bools
 
 
 def tangent_planes(v: Vertices) -> Fields:
     """Fields of height 0 over all vertices."""
     axis_x, axis_y = tangents(np.where(v.is_known[:, None], v.normal, [0.0, 0.0, 1.0]))
+    is_rim = np.zeros(len(v.at), bool)
+    if v.rim is not None:
+        is_rim = v.is_known & v.rim.any(axis=1)
+        normal = v.normal[is_rim]
+        along = v.rim[is_rim]
+        axis_x[is_rim] = along = normalise(along - dot(along, normal)[:, None] * normal)
+        axis_y[is_rim] = np.cross(normal, along)
     away = taken(v.at, v.end) - taken(v.at, v.start)
     distance = length_of(away)
     size = np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
-    return Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)))
+    return Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)), is_rim)
 
 
 def _around(
@@ -88,11 +97,16 @@ def system(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix.
 
-    Heights (n, m). Of the last terms, as many as the ridge (terms,) has.
+    Heights (n, m). Of the last terms, as many as the ridge (terms,) has. Across a rim two rings
+    tell no more than a cubic: a quartic through their heights and slopes follows from the next
+    ring's own (Simpson's rule), so that all slopes across would do. Nor do those of neighbours at
+    the rim tell any, which would do alike.
     """
     x, y, z, distance, is_used = _around(v, fields, some, pairs)
     by_x, by_y = slopes(x, y)
     rows = np.concatenate([monomials(x, y), by_x, by_y], axis=1)[..., -len(ridge) :]
+    is_rim = fields.is_rim[some]
+    rows[is_rim, :, -1] = 0.0  # y^4
 
     # a height tells as much of the slope as the slope itself does, over its distance
     weights = np.concatenate(
@@ -100,6 +114,7 @@ def system(
         axis=1,
     )
     weights *= np.tile(is_used, 3)
+    weights[:, -x.shape[1] :] *= ~(is_rim[:, None] & fields.is_rim[v.end[pairs]])
     rows = rows * weights[..., None]
     matrix = np.matmul(rows.transpose(0, 2, 1), rows)
     scale = np.einsum("nr,nr->n", weights, weights)[:, None] + 1.0

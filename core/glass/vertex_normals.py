@@ -13,7 +13,7 @@ from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
 from .quartics import N_TERMS
 from .vertex_fields import RIDGE, STIFFER, Fields, gradients, system, tangent_planes
-from .vertices import Vertices
+from .vertices import Vertices, seen_across
 
 
 @dataclass(frozen=True)
@@ -66,20 +66,21 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme:
     fourth order from one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at
     least halve the error. Where neighbours are uneven they may let it grow: slopes there are looked
-    for once more, by stiffer fields, and those that were found before are held.
+    for once more, by stiffer fields, and those that were found before are held. At a rim, where the
+    mean is that of the last faces alone, slopes follow from two rings of neighbours: third order.
     """
     is_held = ~np.isnan(exact[:, 0])
     is_left = wanted & ~is_held
     normal = np.where(is_held[:, None], exact, v.normal)
-    fields = tangent_planes(v)
-    turn = length_of(taken(v.normal, v.end) - taken(v.normal, v.start))
-    turn = np.maximum.reduceat(turn, v.first[:-1])
+    across = seen_across(v)
+    fields = tangent_planes(across)
+    turn = _turns(v, v.normal)
 
     for ridge, straight in ((RIDGE, NORMALS.straight), (STIFFER, NORMALS.firm)):
         found = normal.copy()
-        change = yield from _settling_normals(v, fields, ridge, is_left, found)
+        change = yield from _settling_normals(across, fields, ridge, is_left, found)
         yield 0
-        is_near, is_straight = _are_near(v, turn, found, change, straight)
+        is_near, is_straight = _are_near(v, fields.is_rim, turn, found, change, straight)
         if ridge is STIFFER:  # which settles near the mean whatever chords say
             is_near &= is_straight
         is_near |= is_held
@@ -100,20 +101,28 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
     return normal
 
 
+def _turns(v: Vertices, normal: Floats) -> Floats:
+    """By how much, rad, normals (f, 3) turn to a neighbour's at most, per vertex (f,)."""
+    turn = length_of(taken(normal, v.end) - taken(normal, v.start))
+    return np.maximum.reduceat(turn, v.first[:-1])
+
+
 def _are_near(
-    v: Vertices, turn: Floats, normal: Floats, change: Floats, straight: float
+    v: Vertices, is_rim: Bools, turn: Floats, normal: Floats, change: Floats, straight: float
 ) -> tuple[Bools, Bools]:
     """Which normals (f, 3) that the last sweep changed by so much (f, 3) are near the means, and
     which chords do not contradict by more than a part of the turn.
 
     turn : (f,) rad, from a mean to its neighbours
+    is_rim : (f,) those whose means are half a face away
     """
+    turn = np.where(is_rim, _turns(v, normal), turn)
     with np.errstate(invalid="ignore"):
         moved = length_of(normal - v.normal)
         is_settled = length_of(change) <= NORMALS.restless * turn
         is_near = is_settled & (moved <= NORMALS.moved * turn)
         is_straight = is_settled & (_bend(v, normal) < straight * turn)
-        is_straight &= moved <= NORMALS.most_moved * turn
+        is_straight &= moved <= (NORMALS.most_moved + is_rim / 2) * turn
 
     return is_near, is_straight
 

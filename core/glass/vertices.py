@@ -1,7 +1,7 @@
 """The vertices of a smooth mesh, each with its neighbours."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,8 @@ class Vertices:
 
     at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a
     triangle's corner is; start (p,), end (p,): all directed pairs of neighbours, sorted by start;
-    first (f + 1,): where each begins
+    first (f + 1,): where each begins; rim (f, 3): m, along the rim at vertices whose neighbours are
+    all to one side of it, 0 elsewhere; None where rims are not looked for
     """
 
     at: Floats
@@ -28,6 +29,7 @@ class Vertices:
     start: Ints
     end: Ints
     first: Ints
+    rim: Floats | None = None
 
     def by_valence(self, wanted: Bools) -> Iterator[tuple[Ints, Ints]]:
         """Wanted vertices (n,) of equal numbers of neighbours,
@@ -99,3 +101,54 @@ def find_vertices(
     first = np.searchsorted(start, np.arange(len(used) + 1))
 
     return Vertices(at, normal, dot(normal, normal) > 0.5, of_corner, start, end, first)
+
+
+def seen_across(v: Vertices) -> Vertices:
+    """The same vertices, where those at rims have the neighbours of their neighbours, too.
+
+    One ring tells a dome from a cone as little as one edge does, so that a vertex counts as one at
+    a rim only if two of its rings are away from all rims. The end of a sharp edge within a surface
+    is at none: its way along the edge and back is 0.
+    """
+    n = len(v.at)
+    n_around = np.diff(v.first)
+    is_open = np.bincount(v.of_corner.ravel(), minlength=n) < n_around
+    if not is_open.any():
+        return v
+
+    a, b = v.of_corner.ravel(), np.roll(v.of_corner, -1, axis=1).ravel()
+    between = is_open[a] & is_open[b]
+    a, b = a[between], b[between]
+    is_lone = ~np.isin(a * n + b, b * n + a)
+    a, b = a[is_lone], b[is_lone]
+    rim = np.zeros((n, 3))
+    along = v.at[b] - v.at[a]
+    for ends in (a, b):
+        np.add.at(rim, ends, along)
+    is_open = rim.any(axis=1)
+
+    # two edges on from each vertex at a rim
+    pairs = np.flatnonzero(is_open[v.start])
+    middle = v.end[pairs]
+    counts = n_around[middle]
+    start = np.repeat(v.start[pairs], counts)
+    skipped = np.cumsum(counts) - counts
+    end = v.end[np.repeat(v.first[middle] - skipped, counts) + np.arange(counts.sum())]
+
+    is_inner = np.zeros(n, bool)
+    is_inner[v.start[~is_open[v.start] & ~is_open[v.end]]] = True
+    is_rim = np.zeros(n, bool)
+    is_rim[start[is_inner[end]]] = True
+    further = is_rim[start] & ~is_open[end]
+    start, end = np.divmod(np.setdiff1d((start * n + end)[further], v.start[pairs] * n + middle), n)
+
+    start = np.concatenate([v.start, start])
+    order = in_order(start)
+    start = start[order]
+    return replace(
+        v,
+        start=start,
+        end=np.concatenate([v.end, end])[order],
+        first=np.searchsorted(start, np.arange(n + 1)),
+        rim=np.where(is_rim[:, None], rim, 0.0),
+    )

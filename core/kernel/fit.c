@@ -38,6 +38,9 @@ static void look_at(const Fit *f, int64_t vertex, int64_t end, Told *told) {
     told->z = dot(away, f->normal + 3 * vertex);
     told->weights[0] = used * (2 / sqrt(distance > LEAST_DISTANCE ? distance : LEAST_DISTANCE));
     told->weights[1] = told->weights[2] = used;
+    if (!f->is_rim[vertex]) return;
+    if (f->is_rim[end]) told->weights[2] = 0;
+    for (int r = 0; r < 3; r++) told->terms[r][N_TERMS - 1] = 0; /* y^4 */
 }
 
 /* Slopes by x and y, in the frame of a vertex, of a surface with that normal. */

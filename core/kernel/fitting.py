@@ -37,6 +37,7 @@ class Fit:
 
         made.point("size", fields.size, float)
         made.point("is_known", v.is_known, np.uint8)
+        made.point("is_rim", fields.is_rim, np.uint8)
         made.point("first", v.first, np.int64)
         made.point("end", v.end, np.int64)
 

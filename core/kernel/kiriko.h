@@ -227,7 +227,7 @@ typedef struct {
     const double *at, *normal;         /* (f, 3) */
     const double *axis_x, *axis_y;     /* (f, 3) */
     const double *size;                /* (f,) */
-    const uint8_t *is_known;           /* (f,) */
+    const uint8_t *is_known, *is_rim;  /* (f,) */
     const int64_t *first, *end;        /* (f + 1,), (p,) */
     const int64_t *wanted;             /* (n_wanted,) */
     int64_t n_wanted;

@@ -68,8 +68,8 @@ StrokesStructure = _structure(
 LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I, stride=_I)
 FitStructure = _structure(
     "FitStructure",
-    at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, first=_P, end=_P, wanted=_P,
-    n_wanted=_I, ridge=_D * 14,
+    at=_P, normal=_P, axis_x=_P, axis_y=_P, size=_P, is_known=_P, is_rim=_P, first=_P, end=_P,
+    wanted=_P, n_wanted=_I, ridge=_D * 14,
 )  # fmt: skip
 N_LEVELS = 5
 ThinPartsStructure = _structure(

@@ -14,12 +14,9 @@ from ..light.landings import Landings, main_landings
 from ..light.plan import Counts, Plan
 from ..light.planning import planning
 from ..light.trace import tracing
-from ..rig import ROLES, Mesh, Rig, SurfaceChoice
+from ..rig import ROLES, Rig, SurfaceChoice
 from ..steps import Pauses
 
-# triangles of a part in Smooth that is looked at: more are seldom coarse, and the look takes as
-# long as the fit
-MOST_TRIANGLES = 2500
 # share of a part's smooth faces: where more are left as drawn because they are coarse, it is, too
 MOSTLY = 0.5
 
@@ -39,7 +36,7 @@ class Coarse(NamedTuple):
 
 
 def looking_for_coarse(
-    plan: Plan, whole: Landings, rays: tuple[Floats, Floats], uneven: int
+    plan: Plan, whole: Landings, rays: tuple[Floats, Floats], automatic: Plan | None
 ) -> Pauses[Coarse]:
     """The part that is too coarse to tell which surface was meant, where there is one.
 
@@ -49,20 +46,20 @@ def looking_for_coarse(
     Parameters
     ----------
     whole : landings (n,) of rays, origins and directions (n, 3)
-    uneven : the part whose normals jump, -1 for none
+    automatic : the plan with the part whose normals jump followed by Automatic; None without one
     """
     part = coarsest(plan.counts)
     if part >= 0:
         other = yield from planning(followed(plan.rig, "smooth", part), plan.settings)
-    elif uneven >= 0 and _may_be_coarse(plan.rig.curved_parts()[uneven].mesh):
-        other = yield from planning(followed(plan.rig, "automatic", uneven), plan.settings)
+    elif automatic is not None:
+        other = automatic
         part = coarsest(other.counts)
     if part < 0:
         return Coarse()
 
     found = yield from tracing(other.seen_by(plan.viewer), *rays)
     moved = main_landings(found, len(rays[0]), whole.branch)
-    n_same = int(_go_alike(whole, moved).sum())
+    n_same = int(go_alike(whole, moved).sum())
     n_either = int((whole.has_arrived | moved.has_arrived).sum())
     elsewhere = 1 - n_same / n_either if n_either else 0.0
     return Coarse(part, difference(whole, moved), elsewhere)
@@ -70,20 +67,15 @@ def looking_for_coarse(
 
 def difference(one: Landings, other: Landings) -> float:
     """Distance of landings on the same branch, rms in display px; 0 where there are none."""
-    same = _go_alike(one, other)
+    same = go_alike(one, other)
     return (
         float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
     )
 
 
-def _go_alike(one: Landings, other: Landings) -> Bools:
+def go_alike(one: Landings, other: Landings) -> Bools:
     """Which landings arrive on the same branch."""
     return one.has_arrived & other.has_arrived & (one.branch == other.branch)
-
-
-def _may_be_coarse(mesh: Mesh) -> bool:
-    """Is it worth while to look what Automatic would make of a mesh?"""
-    return mesh.surface == "smooth" and len(mesh.triangles) <= MOST_TRIANGLES
 
 
 def coarsest(counts: Counts) -> int:
@@ -94,6 +86,12 @@ def coarsest(counts: Counts) -> int:
     of_parts = zip(counts.n_coarse, counts.n_doubted, counts.n_curved, strict=True)
     shares = [n_coarse / max(n_doubted + n_curved, 1) for n_coarse, n_doubted, n_curved in of_parts]
     return shares.index(max(shares)) if max(shares, default=0.0) > MOSTLY else -1
+
+
+def is_mostly_drawn(counts: Counts, part: int) -> bool:
+    """Is most of a part, by its number among the glasses, then mirrors, left as drawn?"""
+    n_doubted = counts.n_doubted[part]
+    return n_doubted > MOSTLY * (n_doubted + counts.n_curved[part])
 
 
 def followed(rig: Rig, surface: SurfaceChoice, part: int | None = None) -> Rig:

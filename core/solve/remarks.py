@@ -25,7 +25,7 @@ from .light_remarks import on_black, on_glare, on_white
 from .picture_coverage import BY_GAPS
 from .remark import Remark, note, warning
 from .remedies import facetted_glass, remedy_for, remedy_for_mesh
-from .tessellation import NOTED_ERROR_PX, Tessellation
+from .tessellation import Tessellation
 
 LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is worth a remark
 # of the picture: where a viewer's frame cuts off more it is worth a remark; what pixels along the
@@ -248,7 +248,7 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
 
 
 def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
-    if mesh.error <= NOTED_ERROR_PX:
+    if mesh.error <= plan.settings.tolerance:
         return
 
     yield note(

@@ -9,7 +9,7 @@ from ..mesh import SAME_NORMAL
 from ..messages import Message
 from ..rig import Mesh, Rig
 from ..words import percent
-from .tessellation import NOTED_ERROR_PX, Tessellation
+from .tessellation import Tessellation
 
 # edges between flat faces that meet at less than ROUND: so many stand for a curved surface
 FACETTED = 64
@@ -22,7 +22,7 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
         return Message("raise Max Events")
 
     bends = error.facet_limited > error.unresolved
-    if bends and mesh.cause == "jumps" and mesh.jumps > NOTED_ERROR_PX:
+    if bends and mesh.cause == "jumps":
         return Message(
             "the faces of '{name}' contradict each other; {remedy}",
             name=name_of(rig, mesh.uneven),

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import kernel
-from ..arrays import Floats, Ints
+from ..arrays import Floats
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
-from ..light.display import display_pixel
+from ..glass.partly import PART
 from ..light.landings import Landings, Words, main_landings
 from ..light.plan import Plan, PlannedLayer
 from ..light.planning import planning
@@ -18,18 +18,19 @@ from ..light.ray_engine import Layer
 from ..light.trace import Step, recording, tracing
 from ..rig import Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
-from .coarse_parts import Coarse, difference, followed, looking_for_coarse
+from .coarse_parts import (
+    Coarse,
+    difference,
+    followed,
+    go_alike,
+    is_mostly_drawn,
+    looking_for_coarse,
+)
 from .undecided import undecided
 
 SAMPLES = 32  # rays along each side of the viewer's image
 # of a face's tilt: normals are means of some faces, and light turns by half of their turn
 TILTED = 0.25
-NOTED_ERROR_PX = 0.25  # where the surface may be further off it is worth a remark
-# times the error of the order: noisy balls have 7 and
-# more of it by jumps, an icosahedron once cut 1
-IRREGULAR = 3.0
-# times the error as drawn: noisy balls have 2.4 and more of it by jumps, coarse tori 1.1 and less
-WORSE = 2.0
 
 
 class Tessellation(NamedTuple):
@@ -44,8 +45,7 @@ class Tessellation(NamedTuple):
     jumps : because the normals of curved faces do not agree at
         their edges: the mesh is irregular or noisy
     uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
-    as_drawn : the first as it would be if all were followed as
-        drawn, asked only where jumps matter; else 0
+    is_irregular : jumps exceed the tolerance, and Automatic leaves most of that part as drawn
     coarse : a part that does not tell which surface was meant: drawn is then no less than its
         error, and jumps are no more
     undecided : share of the light, 0..1, that passes two solids so near each other that it arrives
@@ -58,7 +58,7 @@ class Tessellation(NamedTuple):
     straight: float = 0.0
     jumps: float = 0.0
     uneven: int = -1
-    as_drawn: float = 0.0
+    is_irregular: bool = False
     undecided: float = 0.0
     coarse: Coarse = Coarse()
 
@@ -72,22 +72,20 @@ class Tessellation(NamedTuple):
         """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'; 'coarse' where most is
         of a part that does not tell which surface was meant.
 
-        On a mesh that is merely coarse normals jump as well: by no more than a few
-        times the error of the order, or than its facets would be off.
+        On a mesh that is merely coarse normals jump as well.
         """
         if 2 * self.coarse.error > self.error:
             return "coarse"
-        is_coarse = self.jumps < max(IRREGULAR * self.order, WORSE * self.as_drawn)
-        return max(
-            ("drawn", "order", "straight") if is_coarse else self._fields[:4],
-            key=lambda name: getattr(self, name),
-        )
+        if self.is_irregular:
+            return "jumps"
+        return max(("drawn", "order", "straight"), key=lambda name: getattr(self, name))
 
     def limited_by(self, coarse: Coarse, rig: Rig) -> "Tessellation":
         """The same with a part of a rig that is too coarse to tell."""
+        found = self._replace(coarse=coarse, jumps=min(self.jumps, coarse.error))
         if rig.curved_parts()[coarse.part].mesh.surface == "smooth":
-            return self._replace(coarse=coarse, jumps=min(self.jumps, coarse.error))
-        return self._replace(coarse=coarse, drawn=max(self.drawn, coarse.error))
+            return found
+        return found._replace(drawn=max(self.drawn, coarse.error))
 
 
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
@@ -155,8 +153,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     triangles with bent normals are compared with paraboloids; faces whose edges are held straight
     with what they would be if they were not. Curved faces are of degree 4; what degree 5 would
     change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a geometric sequence.
-    Where normals jump at the edges of the faces that a ray meets, its light may be turned by a part
-    of that. Yields progress 0..1.
+    Where normals jump at the edges of the faces that a ray meets, the faces' own are compared with
+    those that they agree on. Yields progress 0..1.
     """
     curved = [held.layer.curved for held in plan.layers if held.layer.curved is not None]
     if not (curved or plan.triangles.is_bent.any()):
@@ -173,19 +171,18 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         let_go = yield from at(0.8, sample.changed(_let_go))
         found = found._replace(straight=difference(sample.here, let_go))
 
-    is_uneven = found.cause == "jumps" and found.jumps > NOTED_ERROR_PX
-    uneven = found.uneven if is_uneven else -1
-    coarse = yield from at(0.9, looking_for_coarse(plan, sample.whole, sample.every, uneven))
+    automatic = None
+    if found.jumps > plan.settings.tolerance:
+        automatic = plan
+        if plan.rig.curved_parts()[found.uneven].mesh.surface != "automatic":
+            rig = followed(plan.rig, "automatic", found.uneven)
+            automatic = yield from at(0.9, planning(rig, plan.settings))
+    coarse = yield from at(0.9, looking_for_coarse(plan, sample.whole, sample.every, automatic))
     if coarse.part >= 0:
-        found = found.limited_by(coarse, plan.rig)
-
-    if found.cause == "jumps" and found.jumps > NOTED_ERROR_PX:
-        all_drawn = yield from at(0.9, planning(followed(plan.rig, "facets"), plan.settings))
-        seen = tessellation(all_drawn.seen_by(plan.viewer))
-        drawn = yield from within(seen, 0.9, 1.0)
-        found = found._replace(as_drawn=drawn.drawn)
-
-    return found
+        return found.limited_by(coarse, plan.rig)
+    if automatic is None:
+        return found
+    return found._replace(is_irregular=is_mostly_drawn(automatic.counts, found.uneven))
 
 
 def _sampled(plan: Plan) -> Pauses[_Sample]:
@@ -215,29 +212,41 @@ def _error_of_facets(sample: _Sample) -> Pauses[float]:
         _as_parabolic(plan, held) if so else held.layer
         for held, so in zip(plan.layers, is_drawn, strict=True)
     ]
+    # normals that an artist gave are right; means are not, and paraboloids refract by their own
+    parts = plan.rig.curved_parts()
+    has_means = np.array([part.mesh.has_mean_normals for part in parts] + [False])
+    is_mean = has_means[plan.parts.owner[plan.triangles.part]]
+    is_bent = plan.triangles.is_bent.copy()
+    for held, so in zip(plan.layers, is_drawn, strict=True):
+        is_bent[held.numbers[is_mean[held.numbers]]] &= not so
+    changed = replace(plan, triangles=replace(plan.triangles, is_bent=is_bent))
+
     # a ray that has left its way tells nothing, and may go on for long
     _, course = yield from recording(plan, *sample.rays)
-    return difference(sample.here, (yield from sample.landings(layers, course=course)))
+    found = yield from replace(sample, plan=changed).landings(layers, course=course)
+    return difference(sample.here, found)
 
 
 def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None, Tessellation]:
     """With the errors of curved faces, by their degree and their normals; yields progress 0..1."""
+    own = yield from at(0.0, sample.changed(CurvedFaces.by_own_normals))
     steps: list[Step] = []
-    square = yield from at(0.0, sample.changed(lambda curved: curved.lowered(2)))
-    cubic = yield from at(0.5, sample.changed(lambda curved: curved.lowered(3), steps))
+    square = yield from at(0.3, sample.changed(lambda curved: curved.lowered(2)))
+    cubic = yield from at(0.6, sample.changed(lambda curved: curved.lowered(3), steps))
     yield 1.0
 
-    last = difference(sample.here, cubic)
+    last = difference(own, cubic)
     before = difference(cubic, square)
     ways = sample.steps, steps
     origins = sample.every[0], sample.rays[0]
-    jumps, uneven = _turned_by_jumps(sample.plan, sample.steps, sample.here.sample)
+    # both sides of an edge differ by twice as much as from their mean
+    jumps = 2 * float(np.sqrt(PART.told)) * difference(sample.here, own)
 
     return found._replace(
         order=last * min(1.0, last / before) if before else last,
         undecided=undecided(sample.plan, (sample.here, cubic), origins, ways),
         jumps=jumps,
-        uneven=uneven,
+        uneven=_most_moved(sample, own) if jumps else -1,
     )
 
 
@@ -247,37 +256,26 @@ def _spread_rays(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
     return viewer.rays(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
 
 
-def _turned_by_jumps(plan: Plan, steps: list[Step], arrived: Ints) -> tuple[float, int]:
-    """By how much, display px rms, jumping normals move the
-    landings of rays that arrived, and most by which part.
+def _most_moved(sample: _Sample, own: Landings) -> int:
+    """The part most of whose light lands elsewhere by its faces' own normals."""
+    plan, here = sample.plan, sample.here
+    alike = go_alike(here, own)
+    moved = np.zeros(len(sample.every[0]))
+    moved[here.sample[alike]] = ((own.xy - here.xy)[alike] ** 2).sum(axis=1)
 
-    Normals are off by about as much as they jump at the edges of a face.
-    """
-    parts = plan.rig.curved_parts()
-    ways = np.array([way_from(plan.rig, part) for part in parts])
-    n_rays = int(arrived.max(initial=-1)) + 1
-    squares = np.zeros((len(parts), n_rays))
-
+    by_part = np.zeros(len(plan.rig.curved_parts()))
     for held in plan.layers:
         curved = held.layer.curved
         if curved is None:
             continue
+        is_given = np.zeros(len(plan.triangles), bool)
+        is_given[held.numbers[curved.triangle]] = curved.normal_row >= 0
+        for step in sample.steps:
+            some = is_given[step.triangle]
+            owner = plan.parts.owner[plan.triangles.part[step.triangle[some]]]
+            np.add.at(by_part, owner, moved[step.rays[some]])
 
-        place = held.places(len(plan.triangles))
-        for step in steps:
-            some = (place[step.triangle] >= 0) & (step.rays < n_rays)
-            rays = step.rays[some]
-            met = step.triangle[some]
-            owner = plan.parts.owner[plan.triangles.part[met]]
-            np.add.at(
-                squares, (owner, rays), (TILTED * ways[owner] * curved.jumps(place[met])) ** 2
-            )
-
-    if not len(arrived):
-        return 0.0, -1
-
-    by_part = np.sqrt(squares[:, arrived].mean(axis=1)) / display_pixel(plan.rig.display)
-    return float(np.linalg.norm(by_part)), int(np.argmax(by_part))
+    return int(np.argmax(by_part))
 
 
 def _let_go(curved: CurvedFaces) -> CurvedFaces:

@@ -15,7 +15,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.solve.accuracy import measure
 from kiriko.core.solve.coarse_parts import coarsest, followed
 from kiriko.core.solve.remarks import remarks_on
-from kiriko.core.solve.tessellation import NOTED_ERROR_PX, tessellation
+from kiriko.core.solve.tessellation import tessellation
 from known.reference_rigs import rig
 from known.work import drain
 
@@ -107,7 +107,7 @@ def test_automatic_is_not_advised_where_it_is_further_off(shape, segments):
 def notes_of(plan):
     """Notes on the mesh of a plan, by a sample of rays."""
     accuracy = drain(measure(plan))
-    assert accuracy.tessellation.error > NOTED_ERROR_PX
+    assert accuracy.tessellation.error > plan.settings.tolerance
     channel = SimpleNamespace(
         plan=plan, accuracy=accuracy, map_error=NO_ERROR, misses={}, glare=None
     )

@@ -30,6 +30,7 @@ from known.reference_rigs import (
     mean_normals,
     rig,
     torus,
+    wavy_slab,
 )
 from known.work import drain, solve
 
@@ -148,16 +149,8 @@ def irregular_ball(levels=4, aside=0.0, noise=0.0, surface="smooth"):
     edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
     v = mesh.vertices + aside * edge * random.uniform(-1, 1, mesh.vertices.shape)
     v /= np.linalg.norm(v, axis=1, keepdims=True)
-    normals = v.copy()
     v *= 0.025 * (1 + noise * random.normal(size=(len(v), 1)))
-
-    return replace(
-        mesh,
-        vertices=v,
-        corner_normals=normals[mesh.triangles],
-        has_mean_normals=True,
-        surface=surface,
-    )
+    return mean_normals(replace(mesh, vertices=v, surface=surface))
 
 
 def true_and_told(mesh):
@@ -193,13 +186,59 @@ def remarks_of(plan, accuracy, error, misses=MappingProxyType({})):
 
 @pytest.mark.parametrize(("aside", "noise"), [(0.0, 1e-2), (0.0, 1e-3), (0.0, 1e-4), (0.2, 1e-3)])
 def test_the_error_of_noisy_meshes_is_told(aside, noise):
-    """The estimate is not less than the error against the ball
-    that was meant, nor ten times as much; it names why.
+    """The estimate is within a factor of 2 of the error against the ball that was meant. It names
+    why, but where noise is so little that facets are further off.
     """
-    true, told = true_and_told(irregular_ball(3, aside, noise))
-    assert true < told.error < 10 * true
-    assert told.cause == "jumps"
+    mesh = irregular_ball(3, aside, noise)
+    true, told = true_and_told(mesh)
+    assert true / 2 < told.error < 2 * true
+    drawn, _ = true_and_told(replace(mesh, surface="facets"))
+    assert (told.cause == "jumps") == (drawn < true)
     assert told.uneven == 0
+
+
+def reeded(n):
+    """A pane of n x n faces: six sine-shaped ribs in front, a flat back, and its own normals."""
+    slab = wavy_slab(n)
+    x, y, _ = slab.vertices.T
+    k = 2 * np.pi / 0.0125
+    is_front = y < 0
+    vertices = slab.vertices.copy()
+    vertices[:, 1] = np.where(is_front, -0.01 + 0.0005 * np.sin(k * x), 0.01)
+    steep = np.where(is_front, 0.0005 * k * np.cos(k * x), 0)
+    own = np.stack([steep, np.where(is_front, -1, 1), 0 * x], axis=1)
+    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    normals = np.where(slab.is_smooth[:, None, None], own[slab.triangles], slab.corner_normals)
+    return replace(slab, vertices=vertices, corner_normals=normals)
+
+
+@pytest.mark.parametrize("n", [60, 72])
+@pytest.mark.parametrize("surface", ["smooth", "facets"])
+def test_the_error_of_reeded_glass_is_told(n, surface):
+    """Within a factor of 3 of the rms against its own normals, at the picture's place, where light
+    that is turned by the glass lands nearly as if it were not: its way to the display tells
+    nothing of how far it lands beside.
+    """
+    exact = reeded(n)
+    mesh = mean_normals(replace(exact, surface=surface))
+    a_rig = rig(mesh, display=0.1)
+    along = np.linspace(0, 512, 66)[1:-1]
+    rays = a_rig.viewer.rays(np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2))
+    found, meant = (
+        trace_all(make_plan(rig(one, display=0.1), Settings()), *rays).xy for one in (mesh, exact)
+    )
+    true = np.sqrt(np.nanmean(((found - meant) ** 2).sum(axis=1)))
+    told = drain(tessellation(make_plan(a_rig, Settings()))).error
+    assert true / 3 < told < 3 * true
+
+
+def test_notes_on_the_mesh_follow_the_tolerance():
+    """An error of the mesh is noted from the tolerance on, whatever that is."""
+    told = Accuracy(Tessellation(order=0.2), 0.0, (0.0,), 0.0, (0.0,))
+    for tolerance, is_noted in ((0.1, True), (0.19, True), (0.21, False), (0.5, False)):
+        plan = make_plan(ball_rig(3, pixels=8), Settings(tolerance=tolerance))
+        notes = [remark.told() for remark in remarks_of(plan, told, NO_ERROR)]
+        assert any("The mesh costs up to about 0.2" in note for note in notes) == is_noted
 
 
 def test_an_irregular_mesh_on_its_surface_is_followed():
