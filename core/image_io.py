@@ -2,13 +2,13 @@
 
 import importlib
 import importlib.util
-from collections.abc import Callable, Container
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import png
 from .disk import check_new, together
@@ -39,6 +39,7 @@ FORMATS = {
     "EXR_HALF": Format(".exr", "half", True),
     "EXR_FLOAT": Format(".exr", "float", True),
 }
+PLAIN = ("PNG8", "PNG16")  # written without OpenImageIO, too
 SUFFIX_FORMS = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
@@ -84,13 +85,18 @@ def openimageio() -> Any:
         ) from None
 
 
-def why_not(form: str, without: Container[str] = ()) -> str:
-    """Why files of a format, but for those `without` OpenImageIO, cannot be
-    written, with the remedy: a sentence without its full stop; '' where they can.
+def has_openimageio() -> bool:
+    """Has this Python OpenImageIO?"""
+    return importlib.util.find_spec("OpenImageIO") is not None
+
+
+def why_not(form: str) -> str:
+    """Why files of a format cannot be written, with the remedy: a sentence without its full stop;
+    '' where they can.
     """
-    if form in without or importlib.util.find_spec("OpenImageIO") is not None:
+    if form in PLAIN or has_openimageio():
         return ""
-    others = {FORMATS[name].suffix for name in FORMATS if name in without}
+    others = {FORMATS[name].suffix for name in PLAIN}
     return Message(
         "This Blender's Python has no OpenImageIO, which writes {suffix}: {instead}{remedy}",
         suffix=FORMATS[form].suffix,
@@ -159,9 +165,8 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     title: str = "Kiriko source image",
     gamma: float | None = None,
     overwrite: bool = False,
-    save_png: Callable[[Path, NDArray[Any]], None] | None = None,
 ) -> Path:
-    """Write an image file, whole or not at all.
+    """Write an image file, whole or not at all. Without OpenImageIO a PNG has no metadata.
 
     Parameters
     ----------
@@ -173,8 +178,6 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     title : first words of the description in the metadata
     gamma : by which numbers of formats not linear are encoded; None: sRGB
     overwrite : replace an existing file
-    save_png : writes integers (h, w, c) to a new file where
-        there is no OpenImageIO, without metadata
 
     Returns
     -------
@@ -189,11 +192,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     path = named_for(path, form)
     check_new(path, overwrite)
 
-    is_plain = (
-        save_png is not None
-        and kind.suffix == ".png"
-        and importlib.util.find_spec("OpenImageIO") is None
-    )
+    is_plain = kind.suffix == ".png" and not has_openimageio()
     oiio = None if is_plain else openimageio()
     pixels = np.asarray(pixels)
     pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind, gamma)
@@ -201,7 +200,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     with together(path.parent) as new:
         part = new / path.name
         if is_plain:
-            save_png(part, pixels)
+            png.write(part, pixels)
             return path
 
         put(part, _spec(oiio, kind, pixels.shape, size, title, gamma), pixels)

@@ -12,6 +12,7 @@ from ..arrays import Floats, frozen
 from ..fingerprint import fingerprint
 from ..image.tone import Tone
 from ..rig import ROLES, Mesh
+from .colour import rec709_from_working
 from .material import Texture, read_texture
 from .mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .moving import Reel, at_frame, stamp_of
@@ -136,7 +137,7 @@ class Kept:
         number : the frame of an image that moves
         """
         tone = tone or Tone()
-        space = image.colorspace_settings
+        space, matrix = image.colorspace_settings, rec709_from_working()
         numbers = (
             (tuple(image.size), image.is_float)
             if number is None
@@ -147,6 +148,7 @@ class Kept:
             space.name,
             space.is_data,
             image.alpha_mode,
+            None if matrix is None else matrix.tobytes(),
             tone,
             *numbers,
         )
