@@ -17,6 +17,7 @@ from .encoding import quantised
 from .errors import ImageError
 from .messages import Message, joined
 
+PROFILE_NAME = "ICCProfile:profile_description"
 # chromaticities: red, green, blue, white
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
@@ -240,7 +241,7 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
     """Numbers of an image file as they stand (h, w, c) float32,
     integers as 0..1, row 0 at the top; and its metadata.
 
-    is_plain : the numbers in the file's own type, which takes less time
+    is_plain : the numbers in the file's own type, which takes less time, and all of them
 
     Raises
     ------
@@ -251,17 +252,34 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
     try:
         spec = source.spec()
         pixels = source.read_image(format=spec.format if is_plain else "float")
-        if pixels is None:
+        why = " ".join(source.geterror().split())
+        if pixels is None or (is_plain and why):
             raise ImageError(
-                "The image '{path}' is broken ({why}): choose another file.",
-                path=path,
-                why=" ".join(source.geterror().split()),
+                "The image '{path}' is broken ({why}): choose another file.", path=path, why=why
             )
     finally:
         source.close()
 
     pixels = np.asarray(pixels, None if is_plain else np.float32)
-    return pixels, {item.name: item.value for item in spec.extra_attribs}
+    return pixels, _words(spec)
+
+
+def about(path: Path | str) -> dict[str, Any]:
+    """The metadata of an image file; raises as `read` does."""
+    source = _opened(path)
+    try:
+        return _words(source.spec())
+    finally:
+        source.close()
+
+
+def _words(spec: Any) -> dict[str, Any]:
+    # OpenImageIO 3.0 ends with a signal where it is asked for a profile's empty signature
+    listed = [one for one in spec.extra_attribs if not one.name.startswith("ICCProfile:")]
+    words = {one.name: one.value for one in listed}
+    if "ICCProfile" in words:
+        words[PROFILE_NAME] = spec.getattribute(PROFILE_NAME)
+    return words
 
 
 def _opened(path: Path | str) -> Any:
@@ -274,21 +292,3 @@ def _opened(path: Path | str) -> Any:
             why=" ".join(oiio.geterror().split()),
         )
     return source
-
-
-def read_photograph(path: Path | str) -> np.ndarray:
-    """Numbers of an image file as `read`, turned the way the
-    camera was held (Exif orientation): (h, w, c) float32.
-    """
-    oiio = openimageio()
-    pixels, about = read(path)
-    if about.get("Orientation", 1) == 1:
-        return pixels
-
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, "float")
-    spec.attribute("Orientation", about["Orientation"])
-    image = oiio.ImageBuf(spec)
-    image.set_pixels(oiio.ROI(), pixels)
-
-    return np.asarray(oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT), np.float32)

@@ -9,6 +9,7 @@ from ..errors import ImageError
 from ..free_memory import check_free
 from ..messages import Message
 from . import colour
+from .image_file import check_header, check_whole
 
 # types of image that Blender shows and has no pixels of for others
 UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}
@@ -26,7 +27,15 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             owner=owner,
         )
 
+    check_header(image, owner)
     if min(image.size) < 1:  # asking for the size loads the file
+        if image.type == "MULTILAYER":
+            raise ImageError(
+                "The image '{image}' of {owner} has several layers or views, and Blender gives no"
+                " pixels of it: save one as an image (Image > Save As), and choose that file.",
+                image=image.name,
+                owner=owner,
+            )
         if not image.filepath:
             raise ImageError(
                 "The image '{image}' of {owner} is empty, and has no file: choose another.",
@@ -48,6 +57,7 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     Raises ImageError when there are none, RigError when they need more memory than is free.
     """
     check_readable(image, owner)
+    check_whole(image, owner)
     width, height = image.size
     check_free(
         float(OF_PIXEL) * width * height,

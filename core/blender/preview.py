@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 
 from ..errors import ImageError
+from ..picture_file import has_header
 from .colour import to_rec709
 from .image import image_from_pixels, stored_numbers
 from .preview_options import Options
@@ -95,7 +96,7 @@ class Preview:
         if not self.is_rendered:
             raise ImageError("Cycles wrote no preview: look in the console for its reason.")
 
-        if _has_header(self.path):
+        if has_header(self.path):
             image = mark(bpy.data.images.load(str(self.path), check_existing=False))
             pixels = stored_numbers(image)
             bpy.data.images.remove(image)
@@ -124,19 +125,6 @@ class Preview:
             add_surroundings(self.scene, scene, view_layer, taken)
 
         parts.add_camera(scene, depsgraph)
-
-
-def _has_header(path: Path) -> bool:
-    """Is the header of an OpenEXR file all there? Blender 4.2
-    never comes back from reading one that is cut off.
-    """
-    with path.open("rb") as file:
-        # after magic number and version: name, type, length and value of each attribute
-        rest = file.read(1 << 16)[8:]
-    while rest[:1] not in {b"", b"\0"}:
-        rest = rest.split(b"\0", 2)[-1]
-        rest = rest[4 + int.from_bytes(rest[:4], "little") :]
-    return bool(rest)
 
 
 def render_preview(
