@@ -110,8 +110,8 @@ STAGES = {
     "preview": (
         "core.blender.scene.read",
         "core.blender.preview.set_cycles",
-        "core.blender.preview._has_header",
-        "core.blender.preview.pixels_from_image",
+        "core.blender.preview.has_header",
+        "core.blender.preview.stored_numbers",
         "operators.preview.replace_image",
         "core.blender.result.pack",
     ),

@@ -13,12 +13,14 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
+from known.profiles import COLUMNS, fixed, profile
 from small_rigs import small_rig
 
 TALL = np.random.default_rng(2).random((24, 16, 3)).astype(np.float32)  # as a person sees it
 # chromaticities of ACEScg, and of Rec.709
 AP1 = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+SRGB = b"para\0\0\0\0\0\3\0\0" + fixed(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
 # of each orientation: the stored pixels of those that are seen (Exif 2.32, 4.6.4)
 STORED = {
     1: lambda seen: seen,
@@ -37,6 +39,9 @@ def write(path: Path, found: np.ndarray, kind: str = "uint8", **about: object) -
     for name, value in about.items():
         if name == "chromaticities":
             spec.attribute(name, "float[8]", value)
+        elif name == "ICCProfile":
+            numbers = np.frombuffer(value, np.uint8)
+            spec.attribute(name, oiio.TypeDesc(f"uint8[{len(value)}]"), numbers)
         else:
             spec.attribute(name, value)
     out = oiio.ImageOutput.create(str(path))
@@ -114,6 +119,24 @@ def test_a_turned_photograph_that_blender_loaded_is_reported(
         notes = bpy.context.scene.kiriko.result.notes
         assert ("stored turned or mirrored" in notes) == (orientation == 6)
         assert ("Open Picture" in notes) == (orientation == 6)
+
+
+@pytest.mark.parametrize("columns", COLUMNS)
+@pytest.mark.parametrize("name", ["p.jpg", "p.png", "p.tif"])
+def test_a_profile_that_blender_does_not_apply_is_reported(
+    picture: bpy.types.Object,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture,
+    name: str,
+    columns: str,
+) -> None:
+    """When the picture is opened, and by the result; sRGB's own profile is not."""
+    made = profile(COLUMNS[columns], SRGB)
+    opened(picture, write(tmp_path / name, TALL, ICCProfile=made))
+    word, is_other = "a colour profile (", columns != "sRGB"
+    assert (word in capfd.readouterr().out) == is_other
+    bpy.ops.kiriko.solve()
+    assert (word in bpy.context.scene.kiriko.result.notes) == is_other
 
 
 @pytest.mark.parametrize("is_alike", [False, True])

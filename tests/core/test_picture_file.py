@@ -1,7 +1,6 @@
 """What an image file says about itself."""
 
 import struct
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from kiriko.core import image_io, picture_file
+from known.profiles import COLUMNS, fixed, profile
 
 NOISE = np.random.default_rng(5).random((48, 64, 3)).astype(np.float32)
 
@@ -103,44 +103,12 @@ def test_photographs_are_turned_as_exif_has_it(tmp_path: Path, orientation: int)
     assert np.array_equal(side(seen, column, row), stored[:, 0])
 
 
-# columns of the profiles of sRGB, Display P3 and Adobe RGB (1998), as they are published
-COLUMNS = {
-    "sRGB": ((0.43607, 0.22249, 0.01392), (0.38515, 0.71687, 0.09708), (0.14307, 0.06061, 0.7141)),
-    "P3": ((0.51512, 0.2412, -0.00105), (0.29198, 0.69225, 0.04189), (0.1571, 0.06657, 0.78407)),
-    "Adobe": (
-        (0.60974, 0.31111, 0.01947),
-        (0.20528, 0.62567, 0.06087),
-        (0.14919, 0.06322, 0.74457),
-    ),
-}
 # to linear Rec.709, as CSS Color Module Level 4 has them
 REC709_FROM = {
     "sRGB": np.eye(3),
     "P3": [[1.22494, -0.22494, 0], [-0.04206, 1.04206, 0], [-0.01964, -0.07864, 1.09827]],
     "Adobe": [[1.39836, -0.39836, 0], [0, 1, 0], [0, -0.04293, 1.04293]],
 }
-
-
-def fixed(*values: float) -> bytes:
-    return b"".join(struct.pack(">i", round(65536 * value)) for value in values)
-
-
-def profile(columns: tuple, curve: bytes) -> bytes:
-    """An ICC profile of a display."""
-    tags = {b"%cTRC" % c: curve for c in b"rgb"}
-    tags |= {
-        b"%cXYZ" % c: b"XYZ \0\0\0\0" + fixed(*xyz) for c, xyz in zip(b"rgb", columns, strict=True)
-    }
-    padded = [data + b"\0" * (-len(data) % 4) for data in tags.values()]
-    starts = np.cumsum([132 + 12 * len(tags), *map(len, padded)]).tolist()
-    table = b"".join(
-        name + struct.pack(">II", start, end - start)
-        for name, (start, end) in zip(tags, pairwise(starts), strict=True)
-    )
-    head = struct.pack(">I4sI12s", starts[-1], b"none", 0x04000000, b"mntrRGB XYZ ")
-    head += bytes(12) + b"acsp" + bytes(28) + fixed(0.9642, 1, 0.8249) + bytes(48)
-    return head + struct.pack(">I", len(tags)) + table + b"".join(padded)
-
 
 X = np.linspace(0, 1, 1024)
 SRGB = np.where(X <= 0.04045, X / 12.92, ((X + 0.055) / 1.055) ** 2.4)
