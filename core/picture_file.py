@@ -7,14 +7,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import image_io
+from . import image_io, png
 from .arrays import Floats
 from .disk import read_bytes
+from .encoding import linear_from_srgb
 from .errors import ImageError
 
 JPEG, TIFF, RIFF = b"\xff\xd8\xff", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), b"RIFF"
 SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG's marks of a scan and of the end
 EXR = b"v/1\x01"
+CICP = "cICP"
+# by the codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
+PRIMARIES = {
+    1: image_io.REC709,
+    9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+}
+SRGB_CURVE = 13
 D50 = np.array([0.9642, 1.0, 0.8249])  # XYZ of the white of ICC profiles
 # to the cones' colours, in which whites are adapted. Source: ICC.1:2022, Annex E
 BRADFORD = np.array(
@@ -56,13 +65,18 @@ def has_header(path: Path) -> bool:
 
 
 def said_by(path: Path) -> dict[str, Any]:
-    """What a file says about its pixels, by OpenImageIO's names; nothing where it says nothing, or
-    there is no OpenImageIO.
+    """What a file says about its pixels, by OpenImageIO's names, with a PNG's cICP; nothing where
+    it says nothing, or there is no OpenImageIO.
     """
     try:
-        return image_io.about(path) if image_io.has_openimageio() else {}
-    except ImageError:
+        said = image_io.about(path) if image_io.has_openimageio() else {}
+        with path.open("rb") as file:
+            head = file.read(1 << 12)
+    except (ImageError, OSError):
         return {}
+    at = head.find(b"cICP")
+    is_there = at > 0 and head.startswith(png.SIGNATURE)
+    return said | {CICP: head[at + 4 : at + 8]} if is_there else said
 
 
 def read_photograph(path: Path | str) -> np.ndarray:
@@ -86,6 +100,11 @@ def light_said(said: dict[str, Any], numbers: Floats) -> Floats | None:
     """The linear Rec.709 light that numbers (n, 3), 0..1, have by a file's profile, or
     chromaticities; None where it has neither, or a profile that is no matrix with curves.
     """
+    if CICP in said:
+        primaries, curve = PRIMARIES.get(said[CICP][0]), said[CICP][1]
+        if primaries is None or curve != SRGB_CURVE:
+            return None
+        return _rec709_from_xyz(linear_from_srgb(numbers) @ _xyz_from(primaries).T)
     if "ICCProfile" in said:
         return _light_by_profile(np.asarray(said["ICCProfile"], np.uint8).tobytes(), numbers)
     if "chromaticities" in said:

@@ -12,19 +12,13 @@ from numpy.typing import NDArray
 
 from .. import png
 from ..arrays import Floats
+from ..encoding import linear_from_srgb
 
 ROUNDED = 1e-5  # by which Blender 4.2's matrix from Rec.709 to itself is off
 # by which linear light may be off: below half a step of sRGB's 8 bits, which is 1.5e-4 in the dark
 ALIKE = 1e-4
 AT_ONCE = 1 << 20  # pixels that Blender converts at once
 BYTES = np.arange(256)
-
-
-def linear_from_srgb(encoded: Floats) -> Floats:
-    """Linear light of sRGB-encoded numbers, both 0..1. Source: IEC 61966-2-1."""
-    return np.where(
-        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    )
 
 
 TABLES = tuple(

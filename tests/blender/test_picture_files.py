@@ -13,7 +13,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
-from known.profiles import COLUMNS, fixed, profile
+from known.profiles import COLUMNS, fixed, profile, with_code_points
 from small_rigs import small_rig
 
 TALL = np.random.default_rng(2).random((24, 16, 3)).astype(np.float32)  # as a person sees it
@@ -137,6 +137,19 @@ def test_a_profile_that_blender_does_not_apply_is_reported(
     assert (word in capfd.readouterr().out) == is_other
     bpy.ops.kiriko.solve()
     assert (word in bpy.context.scene.kiriko.result.notes) == is_other
+
+
+def test_code_points_of_a_png_are_applied_or_reported(
+    picture: bpy.types.Object, tmp_path: Path
+) -> None:
+    """Blender 5 takes such a PNG as Display P3, earlier ones as sRGB."""
+    path = write(tmp_path / "p.png", TALL)
+    path.write_bytes(with_code_points(path.read_bytes(), 12))
+    opened(picture, path)
+    bpy.ops.kiriko.solve()
+    is_reported = "a colour profile (" in bpy.context.scene.kiriko.result.notes
+    assert is_reported == (picture.kiriko.image.colorspace_settings.name == "sRGB")
+    assert is_reported or bpy.app.version >= (5, 0)
 
 
 @pytest.mark.parametrize("is_alike", [False, True])

@@ -7,8 +7,8 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
-from kiriko.core import image_io, picture_file
-from known.profiles import COLUMNS, fixed, profile
+from kiriko.core import image_io, picture_file, png
+from known.profiles import COLUMNS, fixed, profile, with_code_points
 
 NOISE = np.random.default_rng(5).random((48, 64, 3)).astype(np.float32)
 
@@ -157,6 +157,16 @@ def test_light_by_chromaticities_is_that_of_a_closed_form(tmp_path: Path) -> Non
         [-0.024, -0.12897, 1.15297],
     ]
     assert np.abs(found - np.transpose(wanted)).max() < 1e-4
+
+
+def test_light_by_a_pngs_code_points_is_that_of_a_closed_form(tmp_path: Path) -> None:
+    """Display P3, as Blender 5.2 marks what it renders for such a display."""
+    path = tmp_path / "a.png"
+    path.write_bytes(with_code_points(png.encoded(np.zeros((4, 4, 3), np.uint8)), 12))
+    found = picture_file.light_said(picture_file.said_by(path), np.tile(X[:, None], 3))
+    assert np.abs(found - SRGB[:, None]).max() < 1e-3
+    found = picture_file.light_said(picture_file.said_by(path), np.eye(3))
+    assert np.abs(found - np.transpose(REC709_FROM["P3"])).max() < 1e-3
 
 
 @pytest.mark.parametrize("part", [0, 100, 140, 300])

@@ -1,6 +1,7 @@
-"""ICC profiles of displays, written here: a matrix and a curve."""
+"""ICC profiles of displays, written here: a matrix and a curve; and the code points of a PNG."""
 
 import struct
+import zlib
 from itertools import pairwise
 
 import numpy as np
@@ -36,3 +37,10 @@ def profile(columns: tuple, curve: bytes) -> bytes:
     head = struct.pack(">I4sI12s", starts[-1], b"none", 0x04000000, b"mntrRGB XYZ ")
     head += bytes(12) + b"acsp" + bytes(28) + fixed(0.9642, 1, 0.8249) + bytes(48)
     return head + struct.pack(">I", len(tags)) + table + b"".join(padded)
+
+
+def with_code_points(png: bytes, primaries: int) -> bytes:
+    """A PNG that says that it has these primaries (ITU-T H.273) and the curve of sRGB."""
+    body = b"cICP" + bytes([primaries, 13, 0, 1])
+    chunk = struct.pack(">I", 4) + body + struct.pack(">I", zlib.crc32(body))
+    return png[:33] + chunk + png[33:]
