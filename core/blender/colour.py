@@ -19,6 +19,8 @@ ROUNDED = 1e-5  # by which Blender 4.2's matrix from Rec.709 to itself is off
 ALIKE = 1e-4
 AT_ONCE = 1 << 20  # pixels that Blender converts at once
 BYTES = np.arange(256)
+# by the names of a space and the working space: as Blender has all evaluated anew after it converts
+_tables: dict[tuple[str, bytes | None], NDArray[np.float32] | None] = {}
 
 
 TABLES = tuple(
@@ -57,6 +59,14 @@ def table_of(image: bpy.types.Image) -> NDArray[np.float32] | None:
     """The linear Rec.709 light (256,) of an 8-bit image's numbers, the same for each channel, where
     they are linear or encoded as in sRGB; else None.
     """
+    matrix = rec709_from_working()
+    of_space = image.colorspace_settings.name, None if matrix is None else matrix.tobytes()
+    if of_space not in _tables:
+        _tables[of_space] = _found_table(image)
+    return _tables[of_space]
+
+
+def _found_table(image: bpy.types.Image) -> NDArray[np.float32] | None:
     ramps = np.zeros((4, 256, 3), np.uint8)
     ramps[0] = BYTES[:, None]
     for channel in range(3):
@@ -71,14 +81,15 @@ def converted(image: bpy.types.Image, numbers: NDArray[np.uint8]) -> NDArray[np.
     Blender converts what it loads as float: here the same numbers, as a PNG file of 16 bits.
     """
     data = png.encoded(numbers.astype(np.uint16) * 257, level=0)
-    copy = image.copy()  # it has the colour space, even one that has no name
-    try:
-        copy.source = "FILE"
-        copy.pack(data=data, data_len=len(data))
-        found = np.empty(len(copy.pixels), np.float32)
-        copy.pixels.foreach_get(found)
-    finally:
-        bpy.data.images.remove(copy)
+    space = image.colorspace_settings.name
+    with bpy.data.temp_data() as apart:
+        other = apart.images.new("Kiriko Numbers", 1, 1)
+        if space:  # else it is hidden from menus, and so the one that Blender gives such images
+            other.colorspace_settings.name = space
+        other.source = "FILE"
+        other.pack(data=data, data_len=len(data))
+        found = np.empty(len(other.pixels), np.float32)
+        other.pixels.foreach_get(found)
     return to_rec709(found.reshape(*numbers.shape[:2], -1)[::-1, :, :3])
 
 
