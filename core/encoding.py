@@ -1,4 +1,4 @@
-"""From linear light to the numbers that a file of a display's image holds."""
+"""From linear light to the numbers that a file of a display's image holds, and back."""
 
 from functools import cache
 from typing import NamedTuple
@@ -23,6 +23,13 @@ def encode(linear: ArrayLike, gamma: float | None = None) -> Floats:
     if gamma is not None:
         return linear ** (1 / gamma)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def linear_from_srgb(encoded: Floats) -> Floats:
+    """Linear light of sRGB-encoded numbers, both 0..1. Source: IEC 61966-2-1."""
+    return np.where(
+        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
+    )
 
 
 class _Table(NamedTuple):

@@ -2,23 +2,22 @@
 
 import importlib
 import importlib.util
-from collections.abc import Callable, Container
-from contextlib import closing
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import png
 from .disk import check_new, together
 from .encoding import encode as encode  # scripts ask for it here
 from .encoding import quantised
 from .errors import ImageError
-from .free_memory import check_free
 from .messages import Message, joined
 
+PROFILE_NAME = "ICCProfile:profile_description"
 # chromaticities: red, green, blue, white
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
@@ -41,7 +40,7 @@ FORMATS = {
     "EXR_HALF": Format(".exr", "half", True),
     "EXR_FLOAT": Format(".exr", "float", True),
 }
-OF_PIXEL = 40  # bytes: a photograph as float32, turned, and searched (27 to 35 were measured)
+PLAIN = ("PNG8", "PNG16")  # written without OpenImageIO, too
 SUFFIX_FORMS = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
@@ -87,13 +86,18 @@ def openimageio() -> Any:
         ) from None
 
 
-def why_not(form: str, without: Container[str] = ()) -> str:
-    """Why files of a format, but for those `without` OpenImageIO, cannot be
-    written, with the remedy: a sentence without its full stop; '' where they can.
+def has_openimageio() -> bool:
+    """Has this Python OpenImageIO?"""
+    return importlib.util.find_spec("OpenImageIO") is not None
+
+
+def why_not(form: str) -> str:
+    """Why files of a format cannot be written, with the remedy: a sentence without its full stop;
+    '' where they can.
     """
-    if form in without or importlib.util.find_spec("OpenImageIO") is not None:
+    if form in PLAIN or has_openimageio():
         return ""
-    others = {FORMATS[name].suffix for name in FORMATS if name in without}
+    others = {FORMATS[name].suffix for name in PLAIN}
     return Message(
         "This Blender's Python has no OpenImageIO, which writes {suffix}: {instead}{remedy}",
         suffix=FORMATS[form].suffix,
@@ -162,9 +166,8 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     title: str = "Kiriko source image",
     gamma: float | None = None,
     overwrite: bool = False,
-    save_png: Callable[[Path, NDArray[Any]], None] | None = None,
 ) -> Path:
-    """Write an image file, whole or not at all.
+    """Write an image file, whole or not at all. Without OpenImageIO a PNG has no metadata.
 
     Parameters
     ----------
@@ -176,8 +179,6 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     title : first words of the description in the metadata
     gamma : by which numbers of formats not linear are encoded; None: sRGB
     overwrite : replace an existing file
-    save_png : writes integers (h, w, c) to a new file where
-        there is no OpenImageIO, without metadata
 
     Returns
     -------
@@ -192,11 +193,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     path = named_for(path, form)
     check_new(path, overwrite)
 
-    is_plain = (
-        save_png is not None
-        and kind.suffix == ".png"
-        and importlib.util.find_spec("OpenImageIO") is None
-    )
+    is_plain = kind.suffix == ".png" and not has_openimageio()
     oiio = None if is_plain else openimageio()
     pixels = np.asarray(pixels)
     pixels = _quantised(pixels[..., None] if pixels.ndim == 2 else pixels, kind, gamma)
@@ -204,7 +201,7 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     with together(path.parent) as new:
         part = new / path.name
         if is_plain:
-            save_png(part, pixels)
+            png.write(part, pixels)
             return path
 
         put(part, _spec(oiio, kind, pixels.shape, size, title, gamma), pixels)
@@ -244,7 +241,7 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
     """Numbers of an image file as they stand (h, w, c) float32,
     integers as 0..1, row 0 at the top; and its metadata.
 
-    is_plain : the numbers in the file's own type, which takes less time
+    is_plain : the numbers in the file's own type, which takes less time, and all of them
 
     Raises
     ------
@@ -255,17 +252,44 @@ def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str
     try:
         spec = source.spec()
         pixels = source.read_image(format=spec.format if is_plain else "float")
-        if pixels is None:
+        why = " ".join(source.geterror().split())
+        if pixels is None or (is_plain and why):
             raise ImageError(
-                "The image '{path}' is broken ({why}): choose another file.",
-                path=path,
-                why=" ".join(source.geterror().split()),
+                "The image '{path}' is broken ({why}): choose another file.", path=path, why=why
             )
     finally:
         source.close()
 
     pixels = np.asarray(pixels, None if is_plain else np.float32)
-    return pixels, {item.name: item.value for item in spec.extra_attribs}
+    return pixels, _words(spec)
+
+
+def about(path: Path | str) -> dict[str, Any]:
+    """The metadata of an image file; raises as `read` does."""
+    source = _opened(path)
+    try:
+        return _words(source.spec())
+    finally:
+        source.close()
+
+
+def size(path: Path | str) -> tuple[int, int]:
+    """Pixels of an image file, across and down; raises as `read` does."""
+    source = _opened(path)
+    try:
+        spec = source.spec()
+        return spec.width, spec.height
+    finally:
+        source.close()
+
+
+def _words(spec: Any) -> dict[str, Any]:
+    # OpenImageIO 3.0 ends with a signal where it is asked for a profile's empty signature
+    listed = [one for one in spec.extra_attribs if not one.name.startswith("ICCProfile:")]
+    words = {one.name: one.value for one in listed}
+    if "ICCProfile" in words:
+        words[PROFILE_NAME] = spec.getattribute(PROFILE_NAME)
+    return words
 
 
 def _opened(path: Path | str) -> Any:
@@ -278,37 +302,3 @@ def _opened(path: Path | str) -> Any:
             why=" ".join(oiio.geterror().split()),
         )
     return source
-
-
-def read_photograph(path: Path | str) -> np.ndarray:
-    """Numbers of an image file as `read`, turned the way the
-    camera was held (Exif orientation): (h, w, c) float32.
-
-    Raises
-    ------
-    ImageError
-        The file is missing or broken.
-    RigError
-        Searching it takes more memory than is free.
-    """
-    oiio = openimageio()
-    with closing(_opened(path)) as source:
-        spec = source.spec()
-    check_free(
-        float(OF_PIXEL) * spec.width * spec.height,
-        Message("Reading the photograph '{path}'", path=path),
-        Message(
-            "choose a smaller one ({width} x {height} pixels)", width=spec.width, height=spec.height
-        ),
-    )
-    pixels, about = read(path)
-    if about.get("Orientation", 1) == 1:
-        return pixels
-
-    height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, "float")
-    spec.attribute("Orientation", about["Orientation"])
-    image = oiio.ImageBuf(spec)
-    image.set_pixels(oiio.ROI(), pixels)
-
-    return np.asarray(oiio.ImageBufAlgo.reorient(image).get_pixels(oiio.FLOAT), np.float32)

@@ -6,7 +6,6 @@ from pathlib import Path
 import bpy
 
 from ..core import disk, image_io
-from ..core.blender.image import save_png
 from ..core.errors import ImageError
 from ..core.messages import Message
 from ..core.solve.comparison import Comparison, side_by_side
@@ -134,4 +133,4 @@ def write(path: Path, made: Comparison, ours: bpy.types.PropertyGroup) -> Path:
     left, right = (getattr(made, choice.lower()) for choice in (ours.left, ours.right))
     both = side_by_side(left, right, GAP)
     title = "Kiriko comparison"
-    return image_io.write(path, both, "PNG8", title=title, overwrite=True, save_png=save_png)
+    return image_io.write(path, both, "PNG8", title=title, overwrite=True)

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core import disk, image_io
+from ..core import disk
 from ..core.arrays import Floats
 from ..core.bench.extra_photograph import Extra, extra_photographs
 from ..core.bench.fit import Fit, fit
@@ -29,6 +29,7 @@ from ..core.blender.viewer import seats_of, viewer_of
 from ..core.errors import ImageError, RigError
 from ..core.image.flat_picture import view_of_picture
 from ..core.messages import Message, joined
+from ..core.picture_file import read_photograph
 from ..core.rig import Rig
 from ..core.steps import within
 from . import long_work, look_over, needed, work
@@ -182,7 +183,7 @@ def measured_points(
         scale = _scale(path, size, viewer_size)
         points = read_points(path, lattice, expected / scale)
     else:
-        photograph = image_io.read_photograph(path)
+        photograph = read_photograph(path)
         size = np.array(photograph.shape[1::-1], float)
         scale = _scale(path, size, viewer_size)
         points = match(find_points(photograph), expected / scale, lattice)

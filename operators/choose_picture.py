@@ -9,6 +9,7 @@ import bpy
 
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
+from ..core.blender.image_file import check_whole, make_ready, notes_on
 from ..core.blender.moving import Timing, at_frame, number_at
 from ..core.blender.numbered_files import sequence_of
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
@@ -61,6 +62,8 @@ class ChoosePicture:
         owner = Message("the picture '{picture}'", picture=picture.name)
         with at_frame(image, number_at(image, timing, context.scene.frame_current), owner) as shown:
             check_readable(shown, owner)
+            check_whole(shown, owner)
+            ignored = notes_on(shown)
         before = {slot.material for slot in picture.material_slots}
         picture.kiriko.image = image
         if timing is not None:
@@ -106,6 +109,8 @@ class ChoosePicture:
             )
         else:
             telling.report(self, "INFO", Message("{text}.", text=text))
+        for note in ignored:
+            telling.report(self, "WARNING", note)
 
 
 class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
@@ -211,8 +216,12 @@ def _opened(
 
     is_relative = bpy.data.filepath and context.preferences.filepaths.use_relative_paths
     image = bpy.data.images.load(bpy.path.relpath(str(file)) if is_relative else str(file))
-    if timing is not None:
-        image.source = "SEQUENCE"
+    with or_none(image):
+        if timing is not None:
+            image.source = "SEQUENCE"
+        else:
+            picture = the_picture(context)
+            make_ready(image, Message("the picture '{picture}'", picture=picture.name))
     return image, timing
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..core import disk, image_io
-from ..core.blender.image import pixels_from_image, save_png
+from ..core.blender.image import pixels_from_image
 from ..core.blender.kept import Numbers
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.reports import said_by
@@ -14,7 +14,6 @@ from ..core.messages import Message
 from . import needed, telling, watch
 from .of_rig import OfRig
 
-WITHOUT_OPENIMAGEIO = ("PNG8", "PNG16")
 OLD = Message("Export the old image?")
 ALL_THE_SAME = Message("Export All the Same")
 
@@ -51,10 +50,10 @@ def gamma_of(scene: bpy.types.Scene) -> float | None:
 
 def unwritable(form: str) -> list[str]:
     """The reason why a format cannot be exported, where there is one."""
-    why = image_io.why_not(form, WITHOUT_OPENIMAGEIO)
+    why = image_io.why_not(form)
     if why:
         use_bundled_modules()
-        why = image_io.why_not(form, WITHOUT_OPENIMAGEIO)
+        why = image_io.why_not(form)
     return [why] if why else []
 
 
@@ -207,7 +206,6 @@ class KIRIKO_OT_export(OfRig, bpy.types.Operator):
                 size=tuple(size) if size else None,
                 gamma=gamma_of(context.scene),
                 overwrite=self.overwrite or ours.export_overwrite or is_shown,
-                save_png=save_png,
             )
 
             if self.is_in_dialogue and context.scene.is_editable:

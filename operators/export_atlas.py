@@ -17,7 +17,6 @@ from ..core.atlas.atlas import Atlas, amount
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
 from ..core.atlas.refine import check, check_heads
-from ..core.blender.image import save_png
 from ..core.blender.paths import absolute
 from ..core.blender.units import length_of_unit
 from ..core.errors import ImageError
@@ -65,7 +64,7 @@ def _save_image(
     size: tuple[float, float] | None,
     gamma: float | None,
 ) -> None:
-    image_io.write(path, pixels, "PNG8", size=size, gamma=gamma, save_png=save_png)
+    image_io.write(path, pixels, "PNG8", size=size, gamma=gamma)
 
 
 def told(atlas: Atlas, target: Path) -> Message:

@@ -1,6 +1,5 @@
 """Export maps: files by which other programs warp any picture, or film, for the display."""
 
-import importlib.util
 import json
 from collections.abc import Generator
 from dataclasses import replace
@@ -10,7 +9,6 @@ from typing import Any
 import bpy
 
 from ..core import disk, image_io
-from ..core.blender.image import save_png
 from ..core.blender.paths import absolute
 from ..core.errors import ImageError
 from ..core.farm import extension
@@ -64,7 +62,7 @@ def exported(
     """
     options.check()
     use_bundled_modules()
-    if "EXR" in options.formats and not has_openimageio():
+    if "EXR" in options.formats and not image_io.has_openimageio():
         raise ImageError(
             "This Blender's Python has no OpenImageIO, which writes .exr: choose other formats, or"
             " {remedy}.",
@@ -112,22 +110,16 @@ def _written(
 
     Yields progress 0..1, returns what maps.json tells of each.
     """
-    save = None if has_openimageio() else save_png
     solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
     told = []
     n = len(names)
     for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
         start, stop = (SOLVED + (1 - SOLVED) * i / n for i in (k, k + 1))
         maps = yield from within(maps_of(channel, options), start, stop)
-        write_maps(new, forms, maps, ABOUT, save)
+        write_maps(new, forms, maps, ABOUT)
         told.append(description(channel, maps, forms))
         yield stop
     return told
-
-
-def has_openimageio() -> bool:
-    """Has this Blender's Python the library that writes .exr?"""
-    return importlib.util.find_spec("OpenImageIO") is not None
 
 
 def files_in(about: dict[str, Any]) -> list[str]:

@@ -19,7 +19,6 @@ import bpy
 
 from ..core import disk, image_io, placeholder
 from ..core.blender.frames import frame_kept
-from ..core.blender.image import save_png
 from ..core.blender.moving import OfMovie, Reel
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
@@ -297,7 +296,6 @@ def _one(
             size=None if reading.display_size is None else tuple(reading.display_size),
             gamma=gamma_of(scene),
             overwrite=True,  # another process may have written the same meanwhile
-            save_png=save_png,
         )
         _log(path.parent / run.log, line, began, **_done(solution, reading), error=None)
     except ImageError as error:

@@ -235,6 +235,8 @@ class Live:
         except KirikoError:
             self._key = None
             raise
+        context.view_layer.update()
+        self.is_changed = False  # this one told of what reading itself made and removed
         if self._key is None:
             self._show_problem("")  # that of a scene that could not be read
         key = (

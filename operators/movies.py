@@ -8,7 +8,7 @@ import bpy
 
 from ..core import disk, image_io
 from ..core.blender import movie
-from ..core.blender.image import save_png, size_of
+from ..core.blender.image import size_of
 from ..core.errors import ImageError, RigError
 from ..core.image.test_card import card
 from ..core.messages import Message
@@ -105,9 +105,7 @@ def _test_card(
 ) -> movie.Card:
     """The test card, with the display's name and numbers over it."""
     rate = scene.render.fps / scene.render.fps_base
-    file = image_io.write(
-        scratch / "card.png", card(*size), "PNG8", gamma=gamma_of(scene), save_png=save_png
-    )
+    file = image_io.write(scratch / "card.png", card(*size), "PNG8", gamma=gamma_of(scene))
     numbers = f"{_by(size)}, {rate:.4g} fps, {movie.CODECS[wish.codec].label}"
     n = max(1, round(wish.card * rate))
     return movie.Card(file, n, (name, numbers, wish.file.name))

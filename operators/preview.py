@@ -5,7 +5,6 @@ from pathlib import Path
 import bpy
 
 from ..core import disk, image_io
-from ..core.blender.image import save_png
 from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
@@ -185,7 +184,6 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
                 form,
                 title=NAME,
                 overwrite=self.overwrite,
-                save_png=save_png,
             )
 
         self.end_with()

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import bpy
 
+from ..core.blender.image_file import make_ready
+from ..core.blender.paths import absolute
 from ..core.blender.picture import check_readable
 from ..core.blender.viewer import camera_at, seats_of
 from ..core.errors import ImageError, RigError
@@ -21,7 +23,7 @@ def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
         an image of each viewer's name, whatever its kind
     """
     names = names_of(scene)
-    folder = Path(bpy.path.abspath(file))
+    folder = absolute(file)
     if folder.is_dir():
         return {
             name: _in_folder(folder, (name, safe))
@@ -38,7 +40,7 @@ def files_of(scene: bpy.types.Scene, file: str) -> dict[str, Path]:
         )
     found = {}
     for name, safe in zip(names, names_for(names), strict=True):
-        paths = [Path(bpy.path.abspath(file.replace(MARK, word))) for word in (name, safe)]
+        paths = [absolute(file.replace(MARK, word)) for word in (name, safe)]
         found[name] = next((path for path in paths if path.is_file()), paths[0])
     return found
 
@@ -101,6 +103,7 @@ def give(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
 
 def _opened(path: Path, viewer: str) -> bpy.types.Image:
     """The image in a viewer's file."""
+    owner, known = Message("the viewer '{viewer}'", viewer=viewer), set(bpy.data.images)
     try:
         image = bpy.data.images.load(str(path), check_existing=True)
         if image.source == "SEQUENCE":  # it is loaded as the first of one, another picture
@@ -111,5 +114,7 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
             file=path,
             viewer=viewer,
         ) from None
-    check_readable(image, Message("the viewer '{viewer}'", viewer=viewer))
+    if image not in known:
+        make_ready(image, owner)
+    check_readable(image, owner)
     return image

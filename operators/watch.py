@@ -185,6 +185,8 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         verdicts = {**kept, result.solved_for: has_changed(context, watched.kept)}
         for text in surfaces.rigs_made_for(context.scene):
             verdicts[text] = has_rig_changed(context, text, watched.kept)
+        context.view_layer.update()
+        watched.changed_at = None  # this one told of what reading itself made and removed
         watched.lasted[is_short] = perf_counter() - started
     if verdicts != watched.verdicts:
         watched.verdicts = verdicts

@@ -11,7 +11,7 @@ from mathutils import Matrix
 
 from ..operators import compared
 from ..operators.telling import in_words
-from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers
+from .overlay.view_handlers import IMAGE_SHADER, ViewHandlers, for_shader
 
 LINE = (1.0, 1.0, 1.0, 0.9)
 LETTERS = 11.0  # px at a scale of 1
@@ -55,7 +55,7 @@ def _texture(made: object, choice: str) -> gpu.types.GPUTexture:
     textures = _textures[id(made)][1]
 
     if choice not in textures:
-        image = np.flipud(getattr(made, choice.lower()))
+        image = np.flipud(for_shader(getattr(made, choice.lower())))
         height, width = image.shape[:2]
         opaque = np.dstack([image, np.ones((height, width), np.float32)])
         numbers = gpu.types.Buffer("FLOAT", opaque.size, np.ascontiguousarray(opaque).ravel())

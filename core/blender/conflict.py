@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats
+from ..encoding import linear_from_srgb
 from .image import pack, set_pixels
-from .picture import linear_from_srgb
 from .result import has_size_of, let_go, replace_image, unpacked_image
 from .rig_names import name_for
 from .viridis import viridis

@@ -242,7 +242,7 @@ def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
         )
 
     place = PicturePlace(part.name, *pixels.shape[1::-1], part.mesh)
-    return place.showing(pixels), notes + about(image)
+    return place.showing(pixels), notes + about(image) + kept.notes_on(image)
 
 
 def place_of(

@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..encoding import quantised
-from ..errors import ImageError
 from ..png import encoded
-from .reports import said_by
+from .colour import from_rec709, rec709_from_working, to_rec709
 
 UNPACKED = ""  # its packed file is of older pixels, if there is one
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
+WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the space it was made in
 _read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
-
-# its names through the versions
-LINEAR_SPACES = ("Linear Rec.709", "Linear BT.709", "Linear Rec.709 (sRGB)", "Linear")
 
 
 @contextmanager
@@ -45,26 +42,27 @@ def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
     height, width, channels = pixels.shape
     image = bpy.data.images.new(name, width, height, alpha=channels == 4, float_buffer=True)
     with or_none(image):
-        spaces = {
-            item.identifier
-            for item in image.colorspace_settings.bl_rna.properties["name"].enum_items
-        }
-        linear = next((space for space in LINEAR_SPACES if space in spaces), None)
-
-        # else a colour configuration of the user's own: a new float image is scene linear there
-        if linear is not None:
-            image.colorspace_settings.name = linear
-
+        image[WORKING_MARK] = _working_mark()
         set_pixels(image, pixels)
 
     return image
 
 
-def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
-    """Give a float image of the same size other pixels (h, w, 3 or 4), linear, row 0 at the top.
+def _working_mark() -> list[float]:
+    matrix = rec709_from_working()
+    return [] if matrix is None else matrix.ravel().tolist()
 
-    It stays unsaved.
+
+def is_in_working_space(image: bpy.types.Image) -> bool:
+    """Was an image of ours made in the working space that the file has now?"""
+    return list(image.get(WORKING_MARK, ())) == _working_mark()
+
+
+def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give a float image of the same size other pixels (h, w, 3 or 4), linear Rec.709, row 0 at the
+    top. It stays unsaved.
     """
+    pixels = from_rec709(pixels)
     height, width, channels = pixels.shape
     rgba = np.ones((height, width, 4), np.float32)
     for channel in range(channels):  # numpy is slow where rows are a few numbers long
@@ -75,12 +73,22 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     image[PACKED_MARK] = UNPACKED  # an undo step has this mark, but not the pixels
 
 
-def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
-    """Pixels (h, w, 4) float32 as Blender holds them, row 0 at the top."""
+def stored_numbers(image: bpy.types.Image) -> NDArray[np.float32]:
+    """Numbers (h, w, 4) of a float image as Blender has them, row 0 at the top."""
     width, height = image.size
     rgba = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(rgba)
     return rgba.reshape(height, width, 4)[::-1].copy()
+
+
+def pixels_from_image(image: bpy.types.Image) -> NDArray[np.float32]:
+    """Pixels (h, w, 4) of a float image, linear Rec.709, row 0 at the top."""
+    return to_rec709(stored_numbers(image))
+
+
+def holds(image: bpy.types.Image, pixels: NDArray[np.float32]) -> bool:
+    """Has a float image these pixels (h, w, 3), linear Rec.709?"""
+    return np.array_equal(stored_numbers(image)[..., :3], from_rec709(pixels))
 
 
 def encoded_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
@@ -156,42 +164,6 @@ def _compressed(image: bpy.types.Image) -> bytes:
         bpy.data.scenes.remove(scene)
 
 
-def save_png(path: Path, numbers: NDArray[np.integer]) -> None:
-    """Write whole numbers (h, w, 1, 3 or 4) of 8 or 16 bit as
-    they are to a PNG file, by Blender's own means.
-
-    Raises
-    ------
-    ImageError
-        The file cannot be written, or is not whole after it.
-    """
-    height, width, channels = numbers.shape
-    top = np.iinfo(numbers.dtype).max
-    rgba = np.full((height, width, 4), top, numbers.dtype)
-    rgba[..., :channels] = numbers[::-1] if channels != 1 else np.repeat(numbers[::-1], 4, axis=2)
-
-    # without a colour space, so that nothing is converted
-    image = bpy.data.images.new(
-        "Kiriko PNG", width, height, alpha=channels == 4, float_buffer=top > 255, is_data=True
-    )
-    try:
-        image.pixels.foreach_set((rgba / np.float32(top)).astype(np.float32).ravel())
-        image.update()
-        _save_as_it_is(
-            image, path, {1: "BW", 3: "RGB", 4: "RGBA"}[channels], "16" if top > 255 else "8"
-        )
-    except RuntimeError as reason:
-        why = said_by(reason).rstrip(".")
-        raise ImageError(
-            "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
-        ) from None
-    finally:
-        bpy.data.images.remove(image)
-
-    if not _holds(path, rgba):
-        raise ImageError("The file '{path}' is not whole after writing: check the disk.", path=path)
-
-
 def size_of(path: Path) -> tuple[int, int]:
     """Width and height of an image file, 0 where it is missing or broken, by Blender's own means:
     not every Blender's Python has OpenImageIO.
@@ -212,32 +184,3 @@ def loaded(path: Path) -> Iterator[bpy.types.Image | None]:
         yield image
     finally:
         bpy.data.images.remove(image)
-
-
-def _save_as_it_is(image: bpy.types.Image, path: Path, mode: str, depth: str) -> None:
-    """Write an image's numbers to a PNG file, by the settings of a scene of its own."""
-    scene = bpy.data.scenes.new("Kiriko PNG")
-    try:
-        form = scene.render.image_settings
-        form.file_format = "PNG"
-        form.color_mode = mode
-        form.color_depth = depth
-        form.color_management = "OVERRIDE"
-        form.view_settings.view_transform = "Raw"
-        scene.render.dither_intensity = 0.0
-        image.save_render(str(path), scene=scene)
-    finally:
-        bpy.data.scenes.remove(scene)
-
-
-def _holds(path: Path, rgba: NDArray[np.integer]) -> bool:
-    """Does a file hold these numbers (h, w, 4), row 0 at the bottom?"""
-    with loaded(path) as image:
-        if image is None:
-            return False
-        image.colorspace_settings.is_data = True
-        if tuple(image.size) != rgba.shape[1::-1]:
-            return False
-        found = np.empty(rgba.size, np.float32)
-        image.pixels.foreach_get(found)
-        return np.array_equal(np.rint(found * np.float32(np.iinfo(rgba.dtype).max)), rgba.ravel())

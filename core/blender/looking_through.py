@@ -3,6 +3,7 @@ kept as text, to be put back: in the scene, and those of objects and cameras on 
 themselves, so that these are found whatever name they have by then.
 """
 
+from contextlib import suppress
 from secrets import token_hex
 from typing import Any
 
@@ -34,9 +35,9 @@ SCENE = {
     "cycles.caustics_reflective": True,
     "cycles.sample_clamp_direct": 0.0,
     "cycles.sample_clamp_indirect": 0.0,
-    "view_settings.look": "None",
-    "view_settings.view_transform": "Standard",
 }
+# leaves colours as they are exported; a colour configuration of the user's own has its views
+VIEW = {"view_settings.look": "None", "view_settings.view_transform": "Standard"}
 # of a picture's plane, which would stand before the light that makes the picture
 PLANE = dict.fromkeys(
     (f"visible_{ray}" for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")), False
@@ -61,6 +62,8 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
     kept = []
     try:
         kept += [["", *one] for one in change(scene, SCENE)]
+        with suppress(TypeError):
+            kept += [["", *one] for one in change(scene, VIEW)]
         is_elsewhere = elsewhere(scene)
         for thing in scene.objects:
             if thing.kiriko.role == "NONE" or not thing.is_editable:

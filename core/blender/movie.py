@@ -220,23 +220,30 @@ def _fill(
     """Put the strips of all images, and of the card, into a scene's sequencer."""
     editor = scene.sequence_editor_create()
     strips = editor.strips if hasattr(editor, "strips") else editor.sequences  # until 4.3
+    space = scene.sequencer_colorspace_settings.name
     first = 1
     if card is not None:
         first += card.n
-        _add_images(strips, "card", [card.file], 1, card.n)
+        _add_images(strips, space, "card", [card.file], 1, card.n)
         for k, line in enumerate(card.lines):
             _add_text(strips, line, k, card.n, size[1])
-    _add_images(strips, "frames", files, first, len(files))
+    _add_images(strips, space, "frames", files, first, len(files))
 
 
-def _add_images(strips: Any, name: str, files: Sequence[Path], first: int, n: int) -> None:
-    """Show files of one folder, one after another, for n frames; a single one for all of them."""
+def _add_images(
+    strips: Any, space: str, name: str, files: Sequence[Path], first: int, n: int
+) -> None:
+    """Show files of one folder, one after another, for n frames; a single one for all of them.
+
+    space : the sequencer's own colour space, so that nothing is converted
+    """
     strip = strips.new_image(name, str(files[0]), channel=1, frame_start=first)
     for file in files[1:]:
         strip.elements.append(file.name)
     # named anew in 5.2
     setattr(strip, "duration" if hasattr(strip, "duration") else "frame_final_duration", n)
-    strip.colorspace_settings.name = "sRGB"
+    with suppress(TypeError):  # a space that has no name
+        strip.colorspace_settings.name = space
 
 
 def _add_text(strips: Any, line: str, k: int, n: int, height: int) -> None:

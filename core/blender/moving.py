@@ -14,10 +14,12 @@ from typing import NamedTuple
 
 import bpy
 
+from .. import disk
 from ..errors import ImageError
 from ..frame_list import MOST
 from ..messages import Message
 from ..movie_file import missing
+from ..picture_file import has_header
 from ..words import percent
 
 MOVING = {"SEQUENCE", "MOVIE"}
@@ -155,8 +157,8 @@ def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
     """
     if number is None:
         return
-    is_there = file_of(image, number).exists() if image.source == "SEQUENCE" else min(image.size)
-    if not is_there:
+    is_sequence = image.source == "SEQUENCE"
+    if not (disk.is_there(file_of(image, number)) if is_sequence else min(image.size)):
         raise _unreadable(image, number, owner)
 
 
@@ -210,7 +212,10 @@ class Reel:
             with suppress(RuntimeError):  # no such frame
                 copy.scale(*copy.size, frame=number)
         else:
-            copy.source, copy.filepath_raw = "FILE", str(file_of(image, number))
+            file = file_of(image, number)
+            if not has_header(file):
+                raise _unreadable(image, number, owner)
+            copy.source, copy.filepath_raw = "FILE", str(file)
 
         width, height = copy.size
         if min(width, height) < 1:

@@ -89,4 +89,4 @@ def _read(
     frame = scene.frame_current
     tone = tone_of(scene.kiriko.picture)
     pixels = kept.pixels(image, owner, tone, number_at(image, None, frame))
-    return pixels, about(image) + ended(image, None, frame)
+    return pixels, about(image) + ended(image, None, frame) + kept.notes_on(image)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import bpy
 
+from ..disk import is_there
 from ..errors import ImageError
 
 # Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
@@ -12,7 +13,7 @@ RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0)
 
 def absolute(path: str) -> Path:
     """The place that a path from the interface means; ImageError
-    when it is relative to a .blend never saved.
+    when it is relative to a .blend never saved, or too long.
     """
     if path.startswith("//") and not bpy.data.filepath:
         raise ImageError(
@@ -20,7 +21,9 @@ def absolute(path: str) -> Path:
             " choose another.",
             path=path,
         )
-    return Path(bpy.path.abspath(path))
+    found = Path(bpy.path.abspath(path))
+    is_there(found)  # refuses what can be no path
+    return found
 
 
 def is_chosen(path: str) -> bool:

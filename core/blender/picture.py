@@ -1,4 +1,4 @@
-"""Reads the pixels of an Image datablock as linear, premultiplied numbers."""
+"""Reads the pixels of an Image datablock as linear Rec.709 light, premultiplied."""
 
 import bpy
 import numpy as np
@@ -8,23 +8,14 @@ from .. import kernel
 from ..errors import ImageError
 from ..free_memory import check_free
 from ..messages import Message
+from . import colour
+from .image_file import check_header, check_whole
 from .moving import check_there
 
-LINEAR_BYTE_SPACES = {
-    "Linear Rec.709",
-    "scene_linear",
-}  # byte images in these hold linear numbers already
 # types of image that Blender shows and has no pixels of for others
 UNREADABLE = {"RENDER_RESULT", "COMPOSITING"}
 OF_PIXEL = 16  # bytes that reading takes: four float32
 DECODED_AT_ONCE = 1 << 18  # pixels that are decoded at once
-
-
-def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear light of sRGB-encoded numbers, both 0..1. Source: IEC 61966-2-1."""
-    return np.where(
-        encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    )
 
 
 def check_readable(image: bpy.types.Image, owner: str) -> None:
@@ -37,7 +28,15 @@ def check_readable(image: bpy.types.Image, owner: str) -> None:
             owner=owner,
         )
 
+    check_header(image, owner)
     if min(image.size) < 1:  # asking for the size loads the file
+        if image.type == "MULTILAYER":
+            raise ImageError(
+                "The image '{image}' of {owner} has several layers or views, and Blender gives no"
+                " pixels of it: save one as an image (Image > Save As), and choose that file.",
+                image=image.name,
+                owner=owner,
+            )
         if not image.filepath:
             raise ImageError(
                 "The image '{image}' of {owner} is empty, and has no file: choose another.",
@@ -69,6 +68,7 @@ def stored_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     Raises ImageError when there are none, RigError when they need more memory than is free.
     """
     check_readable(image, owner)
+    check_whole(image, owner)
     width, height = image.size
     check_free(
         float(OF_PIXEL) * width * height,
@@ -99,10 +99,10 @@ def four_channels(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
     """Pixels of an image for the painter.
 
-    Blender keeps float images linear and premultiplied, byte images as their colour space encodes
-    them and straight. An image whose alpha is no coverage (None, Channel Packed, Non-Color) is
-    opaque. The colours are those that Cycles shows over black with the texture's alpha linked;
-    without that link it premultiplies *encoded* colours.
+    Blender has float images in its working space and premultiplied, byte images as their colour
+    space encodes them and straight. An image whose alpha is no coverage (None, Channel Packed,
+    Non-Color) is opaque. The colours are those that Cycles shows over black with the texture's
+    alpha linked; without that link it premultiplies *encoded* colours.
 
     Parameters
     ----------
@@ -111,12 +111,11 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 
     Returns
     -------
-    (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
+    (h, w, 4) float32, linear Rec.709, premultiplied by alpha, row 0 at the top
 
     Raises
     ------
-    ImageError : no pixels (missing or broken file, a render result), numbers that are not finite,
-        or a byte image in a colour space other than sRGB, Linear Rec.709 and Non-Color
+    ImageError : no pixels (missing or broken file, a render result), or numbers that are not finite
     RigError : more pixels than there is memory for
     """
     return decoded(image, stored_pixels(image, owner), owner)
@@ -125,29 +124,21 @@ def read_pixels(image: bpy.types.Image, owner: str) -> NDArray[np.float32]:
 def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> NDArray[np.float32]:
     """The same from pixels (h, w, channels) as Blender keeps them, which are used up."""
     pixels = four_channels(stored)
-    space = image.colorspace_settings
-    is_encoded = not image.is_float and space.name == "sRGB"
-    if not (image.is_float or is_encoded or space.is_data or space.name in LINEAR_BYTE_SPACES):
-        raise ImageError(
-            "The image '{image}' of {owner} is in the colour space {space}, which Kiriko"
-            " does not know for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color.",
-            image=image.name,
-            owner=owner,
-            space=space.name,
-        )
-
-    has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
-    table = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+    has_coverage = image.alpha_mode in {"STRAIGHT", "PREMUL"}
+    has_coverage &= not image.colorspace_settings.is_data
+    table = None if image.is_float else colour.table_of(image)
+    if table is None and not image.is_float:
+        colour.decode(image, pixels)
     # in place: there may be gigabytes of them
     decode = kernel.decode if kernel.library() is not None else _decode
     is_straight = has_coverage and not image.is_float
-    if not decode(pixels, table if is_encoded else None, has_coverage, is_straight):
+    if not decode(pixels, table, has_coverage, is_straight):
         raise ImageError(
             "The image '{image}' of {owner} has pixels that are not finite numbers: repair it.",
             image=image.name,
             owner=owner,
         )
-    return pixels
+    return colour.to_rec709(pixels) if image.is_float else pixels
 
 
 def _decode(

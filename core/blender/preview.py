@@ -15,7 +15,9 @@ import bpy
 import numpy as np
 
 from ..errors import ImageError
-from .image import image_from_pixels, pixels_from_image
+from ..picture_file import has_header
+from .colour import to_rec709
+from .image import image_from_pixels, stored_numbers
 from .preview_options import Options
 from .preview_parts import PreviewParts, add_surroundings
 from .preview_settings import set_cycles, set_render
@@ -52,6 +54,7 @@ class Preview:
         self.notes: list[str] = []
         chosen = Options(**options)
         studio = Studio(source, chosen.fresnel, length_of_unit(scene), mark)
+        self._is_colour = source is not None
         self._folder = tempfile.TemporaryDirectory(prefix="kiriko-")
         self.path = Path(self._folder.name) / "preview.exr"
         remove_leftovers()
@@ -86,20 +89,20 @@ class Preview:
         return self.pixels()
 
     def pixels(self) -> np.ndarray:
-        """The render (h, w, 4) float32, linear, row 0 at the top.
+        """The render (h, w, 4) float32, linear Rec.709 or coordinates, row 0 at the top.
 
         Only the border's part where one was given.
         """
         if not self.is_rendered:
             raise ImageError("Cycles wrote no preview: look in the console for its reason.")
 
-        if _has_header(self.path):
+        if has_header(self.path):
             image = mark(bpy.data.images.load(str(self.path), check_existing=False))
-            pixels = pixels_from_image(image)
+            pixels = stored_numbers(image)
             bpy.data.images.remove(image)
             # no file of which a part is missing has any, and Blender says nothing of that
             if pixels.size:
-                return pixels
+                return to_rec709(pixels) if self._is_colour else pixels
 
         raise ImageError(
             "The preview could not be written whole to the folder for temporary files,"
@@ -124,19 +127,6 @@ class Preview:
         parts.add_camera(scene, depsgraph)
 
 
-def _has_header(path: Path) -> bool:
-    """Is the header of an OpenEXR file all there? Blender 4.2
-    never comes back from reading one that is cut off.
-    """
-    with path.open("rb") as file:
-        # after magic number and version: name, type, length and value of each attribute
-        rest = file.read(1 << 16)[8:]
-    while rest[:1] not in {b"", b"\0"}:
-        rest = rest.split(b"\0", 2)[-1]
-        rest = rest[4 + int.from_bytes(rest[:4], "little") :]
-    return bool(rest)
-
-
 def render_preview(
     scene: bpy.types.Scene,
     reading: Reading,
@@ -147,12 +137,12 @@ def render_preview(
 
     Parameters
     ----------
-    source_image : (H, W, 3) float, linear, row 0 at the top; or an image datablock
+    source_image : (H, W, 3) float, linear Rec.709, row 0 at the top; or an image datablock
     options : as `Options` has them
 
     Returns
     -------
-    (h, w, 4) float32, linear, row 0 at the top
+    (h, w, 4) float32, linear Rec.709, row 0 at the top
     """
     made = None
     if not isinstance(source_image, bpy.types.Image):

@@ -95,12 +95,4 @@ def scene_notes(
         if camera.type == "CAMERA" and camera.data.dof.use_dof
     ]
 
-    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
-    if space != "Linear Rec.709":
-        notes.append(
-            Message(
-                "The file works in {space}: Kiriko takes linear colours as Rec.709.", space=space
-            )
-        )
-
     return notes

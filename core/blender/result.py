@@ -13,7 +13,7 @@ from ..errors import one_line
 from ..messages import Message
 from ..solve.solution import Solution
 from ..words import NO_PLATE, summary
-from .image import image_from_pixels, or_none, pack, pixels_from_image, set_pixels
+from .image import holds, image_from_pixels, is_in_working_space, or_none, pack, set_pixels
 from .kept import Numbers, Sentences
 from .on_display import is_on_display, put_on_display
 from .result_images import images_of
@@ -104,7 +104,7 @@ def _show_source(scene: bpy.types.Scene) -> None:
 def has_size_of(image: bpy.types.Image | None, pixels: np.ndarray) -> bool:
     """Can an image, of one result alone, take these pixels as it is?"""
     fits = image is not None and image.is_float and tuple(image.size) == pixels.shape[1::-1]
-    return fits and not _is_shared(image)
+    return fits and is_in_working_space(image) and not _is_shared(image)
 
 
 def pack_source(scene: bpy.types.Scene) -> None:
@@ -141,7 +141,7 @@ def update_solution(scene: bpy.types.Scene, reading: Reading, solution: Solution
         display = bpy.data.objects.get(reading.display_object)
         is_shown = display is None or is_on_display(display, image)
         remarks = [] if is_shown else put_on_display(display, image)
-        if np.array_equal(pixels_from_image(image)[..., :3], solution.source):
+        if holds(image, solution.source):
             _show_source(scene)
         else:
             update_source(scene, solution.source)

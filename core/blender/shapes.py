@@ -12,9 +12,11 @@ from ..arrays import Floats, frozen
 from ..fingerprint import fingerprint
 from ..image.tone import Tone
 from ..rig import ROLES, Mesh
+from .colour import rec709_from_working
+from .image_file import notes_on
 from .mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .moving import Reel, at_frame, stamp_of
-from .picture import decoded, stored_pixels
+from .picture import check_readable, decoded, stored_pixels
 from .plane import chosen_image
 from .texture import Texture, read_texture
 
@@ -57,11 +59,13 @@ class KeptPixels:
     settings : of the image and the picture, by which they were decoded
     stored : fingerprint of the pixels as Blender keeps them
     pixels : (h, w, 4), which nobody can write to: the same array is the same picture
+    notes : on what the file says and Blender ignores
     """
 
     settings: tuple[object, ...]
     stored: str
     pixels: NDArray[np.float32]
+    notes: list[str]
 
     @cached_property
     def fingerprint(self) -> str:
@@ -136,7 +140,9 @@ class Kept:
         number : the frame of an image that moves
         """
         tone = tone or Tone()
-        space = image.colorspace_settings
+        if number is None:
+            check_readable(image, owner)
+        space, matrix = image.colorspace_settings, rec709_from_working()
         numbers = (
             (tuple(image.size), image.is_float)
             if number is None
@@ -147,6 +153,7 @@ class Kept:
             space.name,
             space.is_data,
             image.alpha_mode,
+            None if matrix is None else matrix.tobytes(),
             tone,
             *numbers,
         )
@@ -162,11 +169,15 @@ class Kept:
                 if not (is_same_frame and content and before.stored == content):
                     pixels = frozen(tone.of(decoded(shown, stored, owner)))
                     if not (is_same_frame and np.array_equal(pixels, before.pixels)):
-                        self._pixels[uid] = KeptPixels(settings, content, pixels)
+                        self._pixels[uid] = KeptPixels(settings, content, pixels, notes_on(shown))
 
         self._asked.add(uid)
         self._compared.add(uid)
         return self._pixels[uid].pixels
+
+    def notes_on(self, image: bpy.types.Image) -> list[str]:
+        """Notes on the file of an image whose pixels were asked for."""
+        return self._pixels[image.session_uid].notes
 
     def fingerprint_of(self, pixels: NDArray[np.float32]) -> str:
         """Of pixels that were read; kept while they are the same array."""

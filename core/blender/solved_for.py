@@ -25,7 +25,7 @@ class _Unplaced:
     """
 
     def __init__(self, kept: Kept) -> None:
-        self.end, self.pixels = kept.end, kept.pixels
+        self.end, self.pixels, self.notes_on = kept.end, kept.pixels, kept.notes_on
         self._kept = kept
         self.drawn: dict[int, tuple[Mesh, Shape, Floats]] = {}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import MALFORMED, ImageError
 from .channel_maps import ChannelMaps
-from .images import SavePng, write_exr, write_png
+from .images import write_exr, write_png
 from .mesh import write_data, write_obj
 from .options import FORMATS, MapOptions
 from .tables import write_npz, write_pgm
@@ -117,12 +117,10 @@ def write_maps(
     names: dict[str, tuple[str, ...]],
     maps: ChannelMaps,
     about: str,
-    save_png: SavePng | None = None,
 ) -> None:
     """Write the files of a channel, by their names, to a new folder.
 
     about : a line on them, kept in the files that have room for it
-    save_png : writes integers (h, w, 3) to a new file where there is no OpenImageIO
 
     Raises
     ------
@@ -134,7 +132,7 @@ def write_maps(
             for path, stmap in zip(paths, (maps.warp, maps.view), strict=True):
                 write_exr(path, stmap, about)
         elif form == "PNG":
-            write_png(paths[0], maps.warp, about, save_png)
+            write_png(paths[0], maps.warp, about)
         elif form == "NPZ":
             write_npz(paths[0], maps.warp)
         elif form == "FFMPEG":

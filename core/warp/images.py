@@ -3,14 +3,11 @@
 Their numbers are places, no colours: no curve is put on them.
 """
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .. import image_io
+from .. import image_io, png
 from .stmap import STMap
 
 # outside of every image, so that programs show nothing there
@@ -25,7 +22,6 @@ CHANNELS = (
     *(f"jacobian_{of}" for of in ("xx", "xy", "yx", "yy")),
 )
 TOP = 65535  # the largest number of 16 bits
-SavePng = Callable[[Path, NDArray[Any]], None]
 
 
 def write_exr(path: Path, stmap: STMap, about: str) -> None:
@@ -54,17 +50,15 @@ def write_exr(path: Path, stmap: STMap, about: str) -> None:
     image_io.put(path, spec, pixels)
 
 
-def write_png(path: Path, stmap: STMap, about: str, save_png: SavePng | None = None) -> None:
+def write_png(path: Path, stmap: STMap, about: str) -> None:
     """Write a map as 16-bit PNG: R = s, G = t, B = coverage, each times 65535; 0 where there
     is nothing.
-
-    save_png : writes integers (h, w, 3) to a new file where there is no OpenImageIO
     """
     there = stmap.is_there[..., None]
     values = np.concatenate([stmap.st, stmap.coverage[..., None]], axis=2)
     numbers = np.rint(np.clip(np.where(there, values, 0.0), 0, 1) * TOP).astype(np.uint16)
-    if save_png is not None:
-        save_png(path, numbers)
+    if not image_io.has_openimageio():
+        png.write(path, numbers)
         return
 
     oiio = image_io.openimageio()

@@ -3,6 +3,10 @@
 from collections.abc import Callable
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.blender.colour import from_rec709
 
 # since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
 # all that is drawn within a viewport, and there was no other shader
@@ -11,6 +15,11 @@ IMAGE_SHADER = "IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) 
 TINTED_SHADER = (
     "IMAGE_COLOR_SCENE_LINEAR_TO_REC709_SRGB" if bpy.app.version >= (5, 0) else "IMAGE_COLOR"
 )
+
+
+def for_shader(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Linear Rec.709 pixels as the shader takes them: since 5.0 in the working space."""
+    return from_rec709(pixels) if bpy.app.version >= (5, 0) else pixels
 
 
 class ViewHandlers:

@@ -427,10 +427,16 @@ PICTURE = Section(
             alike=("The image '{image}' of {owner} is empty, and has no file: choose another.",),
         ),
         Advice(
-            "The image '{image}' of {owner} is in the colour space {space}, which Kiriko does not"
-            " know for 8-bit images: set it to sRGB, Linear Rec.709 or Non-Color.",
-            "The colour space is in the image's own settings, in the Image Editor.",
-            "色空間は、画像エディターの画像の設定にあります。",
+            "The image '{image}' of {owner} is cut off: the end of its file {file} is missing. Copy"
+            " or save it again.",
+            "A download or a copy that stopped leaves such a file. Blender shows the rest grey.",
+            "途中で止まったコピーで残るファイルです。Blender では残りが灰色になります。",
+        ),
+        Advice(
+            "The image '{image}' of {owner} has several layers or views, and Blender gives no"
+            " pixels of it: save one as an image (Image > Save As), and choose that file.",
+            "In the Image Editor, choose layer and pass in the header, then save as OpenEXR.",
+            "画像エディターのヘッダーでレイヤーとパスを選び、OpenEXR で保存します。",
         ),
         Advice(
             "The image '{image}' of {owner} has pixels that are not finite numbers: repair it.",

@@ -1,3 +1,4 @@
+import errno
 import importlib
 import sys
 import warnings
@@ -198,17 +199,21 @@ def test_what_cannot_be_written_is_grey_with_the_reason(
 
 
 def test_a_png_that_cannot_be_saved_is_one_sentence(
-    solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
+    solved: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without OpenImageIO, too, a file is whole or is not there."""
+
+    def full(path: Path, data: bytes) -> None:
+        with path.open("wb") as file:
+            file.write(data[:10])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.image")
-    for fault in (lambda *a: None, lambda image, path, *a: path.write_bytes(b"half")):
-        monkeypatch.setattr(module, "_save_as_it_is", fault)
-        with pytest.raises(RuntimeError, match="is not whole after writing") as caught:
-            bpy.ops.kiriko.export(filepath=str(tmp_path / "a.png"))
-        assert "Traceback" not in str(caught.value)
-        assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(RuntimeError, match=r"a\.png' cannot be written \(No space left") as caught:
+        bpy.ops.kiriko.export(filepath=str(tmp_path / "a.png"))
+    assert "Traceback" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
 
 
 def test_paths_beside_the_blend_bring_no_warning(

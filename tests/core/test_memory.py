@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from environments import link_package
-from kiriko.core import free_memory, image_io
+from kiriko.core import free_memory, image_io, picture_file
 from kiriko.core.errors import RigError
 from kiriko.core.kernel import library
 from kiriko.core.kernel.loading import SWITCH
@@ -248,7 +248,7 @@ def test_a_photograph_is_refused_before_it_is_read(monkeypatch, tmp_path):
     """A photograph that needs more memory than is free is refused, and so is its remedy named."""
     path = tmp_path / "large.png"
     image_io.write(path, np.zeros((300, 200, 3), np.float32), "PNG8")
-    assert image_io.read_photograph(path).shape == (300, 200, 3)
+    assert picture_file.read_photograph(path).shape == (300, 200, 3)
     monkeypatch.setattr(free_memory, "available", lambda: 1e6)
     with pytest.raises(RigError, match=r"choose a smaller one \(200 x 300 pixels\)"):
-        image_io.read_photograph(path)
+        picture_file.read_photograph(path)

@@ -1,0 +1,179 @@
+"""An image file as it is on the disk: is it cut off, and what does it say about its pixels?"""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import image_io, png
+from .arrays import Floats
+from .disk import read_bytes
+from .encoding import linear_from_srgb
+from .errors import ImageError
+from .free_memory import check_free
+from .messages import Message
+
+JPEG, TIFF, RIFF = b"\xff\xd8\xff", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), b"RIFF"
+SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG's marks of a scan and of the end
+OF_PIXEL = 40  # bytes: a photograph as float32, turned, and searched (27 to 35 were measured)
+EXR = b"v/1\x01"
+CICP = "cICP"
+# by the codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
+PRIMARIES = {
+    1: image_io.REC709,
+    9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+}
+SRGB_CURVE = 13
+D50 = np.array([0.9642, 1.0, 0.8249])  # XYZ of the white of ICC profiles
+# to the cones' colours, in which whites are adapted. Source: ICC.1:2022, Annex E
+BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
+
+
+def is_cut(path: Path) -> bool:
+    """Is the end of an image missing? Asked of kinds of files that Blender shows nevertheless, grey
+    or black from there on. False where there is no file, or no OpenImageIO, which reads TIFF.
+
+    Source: a JPEG ends with EOI (ITU-T T.81, B.2.1), a WebP is as long as its RIFF header says.
+    """
+    try:
+        data = read_bytes(path)
+        if data.startswith(JPEG):
+            return data.rfind(END) <= data.rfind(SCAN)
+        if data.startswith(RIFF):
+            return len(data) < 8 + int.from_bytes(data[4:8], "little")
+        if data.startswith(TIFF) and image_io.has_openimageio():
+            image_io.read(path, is_plain=True)
+    except ImageError:
+        return path.is_file()
+    return False
+
+
+def has_header(path: Path) -> bool:
+    """Is the header of an OpenEXR file all there? Blender 4.2 never comes back from reading one
+    that is cut off. True for other files.
+    """
+    with path.open("rb") as file:
+        data = file.read(1 << 16)
+    # after magic number and version: name, type, length and value of each attribute
+    rest = data[8:] if data.startswith(EXR) else b"\0"
+    while rest[:1] not in {b"", b"\0"}:
+        rest = rest.split(b"\0", 2)[-1]
+        rest = rest[4 + int.from_bytes(rest[:4], "little") :]
+    return bool(rest)
+
+
+def said_by(path: Path) -> dict[str, Any]:
+    """What a file says about its pixels, by OpenImageIO's names, with a PNG's cICP; nothing where
+    it says nothing, or there is no OpenImageIO.
+    """
+    try:
+        said = image_io.about(path) if image_io.has_openimageio() else {}
+        with path.open("rb") as file:
+            head = file.read(1 << 12)
+    except (ImageError, OSError):
+        return {}
+    at = head.find(b"cICP")
+    is_there = at > 0 and head.startswith(png.SIGNATURE)
+    return said | {CICP: head[at + 4 : at + 8]} if is_there else said
+
+
+def read_photograph(path: Path | str) -> np.ndarray:
+    """Numbers of an image file as `read`, turned the way the
+    camera was held (Exif orientation): (h, w, c) float32.
+
+    Raises
+    ------
+    ImageError
+        The file is missing or broken.
+    RigError
+        Searching it takes more memory than is free.
+    """
+    width, height = image_io.size(path)
+    check_free(
+        float(OF_PIXEL) * width * height,
+        Message("Reading the photograph '{path}'", path=path),
+        Message("choose a smaller one ({width} x {height} pixels)", width=width, height=height),
+    )
+    pixels, about = image_io.read(path)
+    return turned(pixels, about.get("Orientation", 1))
+
+
+def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Pixels (h, w, ...) of a file as its Exif orientation, 1 to 8, has them seen."""
+    rows_are_columns = orientation > 4
+    pixels = pixels.swapaxes(0, 1) if rows_are_columns else pixels
+    down = -1 if orientation in {3, 4, 7, 8} else 1
+    across = -1 if orientation in {2, 3, 6, 7} else 1
+    return pixels[::down, ::across]
+
+
+def light_said(said: dict[str, Any], numbers: Floats) -> Floats | None:
+    """The linear Rec.709 light that numbers (n, 3), 0..1, have by a file's profile, or
+    chromaticities; None where it has neither, or a profile that is no matrix with curves.
+    """
+    if CICP in said:
+        primaries, curve = PRIMARIES.get(said[CICP][0]), said[CICP][1]
+        if primaries is None or curve != SRGB_CURVE:
+            return None
+        return _rec709_from_xyz(linear_from_srgb(numbers) @ _xyz_from(primaries).T)
+    if "ICCProfile" in said:
+        return _light_by_profile(np.asarray(said["ICCProfile"], np.uint8).tobytes(), numbers)
+    if "chromaticities" in said:
+        return _rec709_from_xyz(numbers @ _xyz_from(said["chromaticities"]).T)
+    return None
+
+
+def _rec709_from_xyz(xyz: Floats) -> Floats:
+    return xyz @ np.linalg.inv(_xyz_from(image_io.REC709)).T
+
+
+def _xyz_from(chromaticities: ArrayLike) -> Floats:
+    """The matrix (3, 3) to XYZ, adapted to D50, from colours whose red, green, blue and white have
+    these x and y (8,).
+    """
+    xy = np.reshape(chromaticities, (4, 2)).astype(float)
+    xyz = np.column_stack([xy, 1 - xy.sum(axis=1)]) / xy[:, 1:]
+    made = xyz[:3].T * np.linalg.solve(xyz[:3].T, xyz[3])
+    gain = (BRADFORD @ D50) / (BRADFORD @ xyz[3])
+    return np.linalg.inv(BRADFORD) @ np.diag(gain) @ BRADFORD @ made
+
+
+def _light_by_profile(profile: bytes, numbers: Floats) -> Floats | None:
+    """The same by an ICC profile. Source: ICC.1:2022, 7.3, 8.3.3, 10.6, 10.18."""
+    try:
+        (n,) = struct.unpack_from(">I", profile, 128)
+        entries = (struct.unpack_from(">4sII", profile, 132 + 12 * k) for k in range(min(n, 100)))
+        tags = {name: profile[start : start + size] for name, start, size in entries}
+        columns = [_numbers_of(tags[b"%cXYZ" % c], 8, 3) for c in b"rgb"]
+        curves = [_curve(tags[b"%cTRC" % c]) for c in b"rgb"]
+    except (KeyError, struct.error):
+        return None
+    light = np.column_stack([curve(numbers[:, k]) for k, curve in enumerate(curves)])
+    return _rec709_from_xyz(light @ np.array(columns))
+
+
+def _numbers_of(tag: bytes, start: int, n: int) -> Floats:
+    """Numbers of 16.16 bits."""
+    return np.array(struct.unpack_from(f">{n}i", tag, start)) / 65536
+
+
+def _curve(tag: bytes) -> Any:
+    """The function from numbers to light of a curve's tag."""
+    if tag.startswith(b"para"):
+        (kind,) = struct.unpack_from(">H", tag, 8)
+        g, a, b, c, d, e, f = (*_numbers_of(tag, 12, (1, 3, 4, 5, 7)[kind]), *[0.0] * 6)[:7]
+        if kind == 0:
+            return lambda x: x**g
+        if kind < 3:  # the power begins where its base does
+            d, c, e, f = -b / a, 0.0, c, c
+        return lambda x: np.where(x >= d, np.maximum(a * x + b, 0) ** g + e, c * x + f)
+    (n,) = struct.unpack_from(">I", tag, 8)
+    table = np.array(struct.unpack_from(f">{n}H", tag, 12)) / (256 if n == 1 else 65535)
+    if n < 2:
+        return lambda x: x ** (table[0] if n else 1.0)
+    return lambda x: np.interp(x, np.linspace(0, 1, n), table)

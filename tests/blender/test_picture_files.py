@@ -1,0 +1,285 @@
+"""What files of pictures say, and Blender ignores, is applied or reported; those that are no whole
+picture are refused.
+"""
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+
+from known.profiles import COLUMNS, fixed, profile, with_code_points
+from small_rigs import small_rig
+
+TALL = np.random.default_rng(2).random((24, 16, 3)).astype(np.float32)  # as a person sees it
+# chromaticities of ACEScg, and of Rec.709
+AP1 = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+SRGB = b"para\0\0\0\0\0\3\0\0" + fixed(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
+# of each orientation: the stored pixels of those that are seen (Exif 2.32, 4.6.4)
+STORED = {
+    1: lambda seen: seen,
+    2: np.fliplr,
+    3: lambda seen: np.rot90(seen, 2),
+    4: np.flipud,
+    5: lambda seen: seen.swapaxes(0, 1),
+    6: lambda seen: np.rot90(seen, 1),
+    7: lambda seen: np.rot90(seen.swapaxes(0, 1), 2),
+    8: lambda seen: np.rot90(seen, -1),
+}
+
+
+def write(path: Path, found: np.ndarray, kind: str = "uint8", **about: object) -> Path:
+    spec = oiio.ImageSpec(*found.shape[1::-1], found.shape[2], kind)
+    for name, value in about.items():
+        if name == "chromaticities":
+            spec.attribute(name, "float[8]", value)
+        elif name == "ICCProfile":
+            numbers = np.frombuffer(value, np.uint8)
+            spec.attribute(name, oiio.TypeDesc(f"uint8[{len(value)}]"), numbers)
+        else:
+            spec.attribute(name, value)
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec), oiio.geterror()
+    assert out.write_image(np.ascontiguousarray(found))
+    assert out.close()
+    return path
+
+
+@pytest.fixture
+def picture(scene: bpy.types.Scene) -> bpy.types.Object:
+    return small_rig()["PICTURE"]
+
+
+@pytest.fixture
+def linear(kiriko: ModuleType) -> Callable[[bpy.types.Image], np.ndarray]:
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
+    return lambda image: module.read_pixels(image, "the picture")[..., :3]
+
+
+def opened(picture: bpy.types.Object, path: Path) -> bpy.types.Image:
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    return picture.kiriko.image
+
+
+@pytest.mark.parametrize("orientation", STORED)
+@pytest.mark.parametrize(("name", "kind"), [("p.png", "uint8"), ("p.tif", "uint16")])
+def test_open_picture_turns_a_photograph_upright(
+    picture: bpy.types.Object,
+    linear: Callable[..., Any],
+    tmp_path: Path,
+    orientation: int,
+    name: str,
+    kind: str,
+) -> None:
+    """Its pixels are those of the same picture that is stored upright, also when they are loaded
+    anew; unpacking it would not take the place of its file.
+    """
+    # Blender's own conversion of 16-bit rows depends on how long they are
+    off = 1e-4
+    wanted = linear(bpy.data.images.load(str(write(tmp_path / f"wanted_{name}", TALL, kind))))
+    stored = STORED[orientation](TALL)
+    path = write(tmp_path / name, stored, kind, Orientation=orientation)
+    image = opened(picture, path)
+    assert tuple(image.size) == (16, 24)
+    assert np.abs(linear(image) - wanted).max() < off
+    image.buffers_free()
+    assert np.abs(linear(image) - wanted).max() < off
+    assert picture.dimensions.y == pytest.approx(1.5 * picture.dimensions.x)
+    if orientation != 1:
+        assert bpy.path.abspath(image.filepath) != str(path)
+    bpy.ops.kiriko.solve()
+    assert "turned" not in bpy.context.scene.kiriko.result.notes
+
+
+def test_viewers_images_are_turned_upright(
+    picture: bpy.types.Object, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    images = importlib.import_module(f"{kiriko.__name__}.operators.viewer_images")
+    path = write(tmp_path / "p.png", STORED[6](TALL), Orientation=6)
+    images.open_images(bpy.context.scene, str(path))
+    assert tuple(bpy.context.scene.kiriko.picture_image.size) == (16, 24)
+
+
+def test_a_turned_photograph_that_blender_loaded_is_reported(
+    picture: bpy.types.Object, tmp_path: Path
+) -> None:
+    """With the button that turns it; one that is upright is not."""
+    for orientation in (1, 6):
+        path = write(
+            tmp_path / f"{orientation}.jpg", STORED[orientation](TALL), Orientation=orientation
+        )
+        picture.kiriko.image = bpy.data.images.load(str(path))
+        bpy.ops.kiriko.solve()
+        notes = bpy.context.scene.kiriko.result.notes
+        assert ("stored turned or mirrored" in notes) == (orientation == 6)
+        assert ("Open Picture" in notes) == (orientation == 6)
+
+
+@pytest.mark.parametrize("columns", COLUMNS)
+@pytest.mark.parametrize("name", ["p.jpg", "p.png", "p.tif"])
+def test_a_profile_that_blender_does_not_apply_is_reported(
+    picture: bpy.types.Object,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture,
+    name: str,
+    columns: str,
+) -> None:
+    """When the picture is opened, and by the result; sRGB's own profile is not."""
+    made = profile(COLUMNS[columns], SRGB)
+    opened(picture, write(tmp_path / name, TALL, ICCProfile=made))
+    word, is_other = "a colour profile (", columns != "sRGB"
+    assert (word in capfd.readouterr().out) == is_other
+    bpy.ops.kiriko.solve()
+    assert (word in bpy.context.scene.kiriko.result.notes) == is_other
+
+
+def test_code_points_of_a_png_are_applied_or_reported(
+    picture: bpy.types.Object, tmp_path: Path
+) -> None:
+    """Blender 5 takes such a PNG as Display P3, earlier ones as sRGB."""
+    path = write(tmp_path / "p.png", TALL)
+    path.write_bytes(with_code_points(path.read_bytes(), 12))
+    opened(picture, path)
+    bpy.ops.kiriko.solve()
+    is_reported = "a colour profile (" in bpy.context.scene.kiriko.result.notes
+    assert is_reported == (picture.kiriko.image.colorspace_settings.name == "sRGB")
+    assert is_reported or bpy.app.version >= (5, 0)
+
+
+@pytest.mark.parametrize("is_alike", [False, True])
+def test_colours_of_a_file_that_blender_does_not_apply_are_reported(
+    picture: bpy.types.Object, tmp_path: Path, is_alike: bool
+) -> None:
+    """Unless they are those that it takes, by itself or because the artist chose them."""
+    path = write(tmp_path / "p.exr", TALL, "float", chromaticities=REC709 if is_alike else AP1)
+    image = opened(picture, path)
+    bpy.ops.kiriko.solve()
+    word = "a colour profile (the chromaticities of its file)"
+    assert (word in bpy.context.scene.kiriko.result.notes) == (not is_alike)
+    if not is_alike:
+        image.colorspace_settings.name = "ACEScg"
+        bpy.ops.kiriko.solve()
+        assert word not in bpy.context.scene.kiriko.result.notes
+
+
+def cut(path: Path, part: float) -> Path:
+    data = path.read_bytes()
+    path.write_bytes(data[: int(part * len(data))])
+    return path
+
+
+CUT = [
+    (name, kind, part)
+    for name, kind in (
+        ("p.png", "uint8"),
+        ("p.png", "uint16"),
+        ("p.jpg", "uint8"),
+        ("p.tif", "uint8"),
+        ("p.tif", "uint16"),
+        ("p.exr", "half"),
+        ("p.hdr", "float"),
+        ("p.webp", "uint8"),
+    )
+    for part in (0.02, 0.37, 0.99)
+]
+
+
+@pytest.mark.parametrize(("name", "kind", "part"), CUT)
+def test_a_picture_that_is_cut_off_is_refused(
+    picture: bpy.types.Object, tmp_path: Path, name: str, kind: str, part: float
+) -> None:
+    """By Open Picture, and by Solve where Blender loaded it or its file was cut since."""
+    noise = np.random.default_rng(4).random((256, 256, 3)).astype(np.float32)
+    path = write(tmp_path / name, noise, kind)
+    before = picture.kiriko.image, len(bpy.data.images)
+    whole = path.read_bytes()
+    cut(path, part)
+    words = r"is cut off|is missing or broken"
+    with pytest.raises(RuntimeError, match=words) as caught:
+        bpy.ops.kiriko.open_picture(filepath=str(path))
+    assert path.name in str(caught.value)
+    assert (picture.kiriko.image, len(bpy.data.images)) == before
+    picture.kiriko.image = bpy.data.images.load(str(path))
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.kiriko.solve()
+
+    path.write_bytes(whole)
+    picture.kiriko.image.reload()
+    bpy.ops.kiriko.solve()
+
+
+def test_a_packed_picture_needs_no_file(picture: bpy.types.Object, tmp_path: Path) -> None:
+    path = write(tmp_path / "p.jpg", TALL)
+    image = opened(picture, path)
+    image.pack()
+    cut(path, 0.5)
+    bpy.ops.kiriko.solve()
+
+
+@pytest.mark.parametrize("kind", ["layers", "views"])
+def test_images_of_several_layers_are_named(
+    picture: bpy.types.Object, tmp_path: Path, kind: str
+) -> None:
+    """As what they are, and with what to do, not as broken."""
+    scene = bpy.data.scenes.new("render")
+    scene.collection.objects.link(bpy.data.objects.new("eye", bpy.data.cameras.new("eye")))
+    scene.camera = scene.collection.objects[0]
+    render, form = scene.render, scene.render.image_settings
+    render.engine, scene.cycles.samples = "CYCLES", 1
+    render.resolution_x = render.resolution_y = 16
+    render.filepath = str(tmp_path / "p.exr")
+    if hasattr(form, "media_type"):
+        form.media_type = "MULTI_LAYER_IMAGE" if kind == "layers" else "IMAGE"
+    form.file_format = "OPEN_EXR_MULTILAYER" if kind == "layers" else "OPEN_EXR"
+    if kind == "views":
+        render.use_multiview, form.views_format = True, "MULTIVIEW"
+    bpy.ops.render.render(scene=scene.name, write_still=True)
+
+    with pytest.raises(RuntimeError, match="has several layers or views") as caught:
+        opened(picture, tmp_path / "p.exr")
+    assert "broken" not in str(caught.value)
+    assert "Image > Save As" in str(caught.value)
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize("path", [f"/tmp/{LONG}.png", f"/tmp/{LONG}/p.png"])
+def test_a_path_that_is_too_long_is_one_sentence(
+    picture: bpy.types.Object, tmp_path: Path, capfd: pytest.CaptureFixture, path: str
+) -> None:
+    """By each button that takes a path; nothing is printed but that."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "p.blend"))
+    bpy.ops.kiriko.solve()
+    ours = bpy.ops.kiriko
+    for call in (
+        lambda: ours.open_picture(filepath=path),
+        lambda: ours.export(filepath=path),
+        lambda: ours.export_maps(directory=path),
+        lambda: ours.calibrate(filepath=path),
+        lambda: ours.preview(filepath=path),
+        lambda: ours.save_comparison(filepath=path),
+        lambda: ours.open_pictures(filepath=path),
+    ):
+        with pytest.raises(RuntimeError, match=r"no room for such a name|no file|cannot be"):
+            call()
+        told = capfd.readouterr()
+        assert "Traceback" not in told.out + told.err
+
+
+def test_an_image_whose_path_is_too_long_is_one_sentence(
+    picture: bpy.types.Object, capfd: pytest.CaptureFixture
+) -> None:
+    """A script may give it any path."""
+    image = bpy.data.images.new("p", 1, 1)
+    image.source, image.filepath = "FILE", f"/tmp/{LONG}.png"
+    picture.kiriko.image = image
+    with pytest.raises(RuntimeError, match="no room for such a name"):
+        bpy.ops.kiriko.solve()
+    assert "Traceback" not in "".join(capfd.readouterr())
