@@ -55,6 +55,7 @@ class Drawn:
     facets : (t, 3) normals of the triangles, unit
     edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
     polygon : (t,) that each triangle is a part of; None where each is one of its own
+    is_sample : patches of a larger mesh, which are judged as one piece
     """
 
     vertices: Floats
@@ -64,6 +65,7 @@ class Drawn:
     edges: Edges
     is_joined: Bools
     polygon: Ints | None
+    is_sample: bool = False
 
 
 def make_curved(
@@ -121,7 +123,7 @@ def make_curved(
         shell = whole_shells(drawn.triangles, asked, faces)
         yield 0
         is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
-        parts = Parts(flat_face, shell, is_known[faces.chosen])
+        parts = Parts(flat_face, shell, is_known[faces.chosen], drawn.is_sample)
         trusted = yield from how_far_trusted(v, size, faces, trial, parts)
         if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
             doubts = trusted.doubts
@@ -243,9 +245,7 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
         wanted = wanted & ~is_bad
 
     # a flat face in parts is curved as a whole or not at all
-    edges = drawn.edges
-    first = edges.first
-    second = edges.second
+    first, second = drawn.edges.first, drawn.edges.second
     turn = greatest(np.abs(taken(drawn.facets, first) - taken(drawn.facets, second)))
     is_flat = drawn.is_joined & (turn < FIT.coplanar)
     flat_face = components(len(wanted), first[is_flat], second[is_flat])

@@ -42,11 +42,14 @@ class Trusted(NamedTuple):
 class Parts(NamedTuple):
     """The flat face (t,) that each triangle is a part of; of each curved face (n,) the whole shell,
     -1 where there is none, and whether it is known to be the surface meant (known.py).
+
+    is_sample : the triangles are patches of a larger mesh, judged as one piece
     """
 
     flat_face: Ints
     shell: Ints
     is_known: Bools
+    is_sample: bool
 
 
 def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
@@ -85,7 +88,7 @@ def how_far_trusted(
     off = lines.off_splines[vertex[whole]]
     is_near[whole] |= trial.at(whole).are_splines(off, parts.shell[whole])
 
-    piece = _pieces(vertex)
+    piece = np.zeros(len(vertex), np.int64) if parts.is_sample else _pieces(vertex)
     if trial.is_coarse.any() and not is_near.all():
         is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
 
