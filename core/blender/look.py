@@ -178,13 +178,11 @@ def _shows_opaque(thing: bpy.types.Object, bends: Bends) -> bool:
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
-    """Faults, but for faces of closed glass that look inward, and flat ones that are turned round,
-    where nobody looks at it by Cycles, which alone does not know where the inside is.
+    """Faults, but for closed glass all of whose faces look inward, where nobody looks at it by
+    Cycles, which alone does not know where the inside is.
     """
-    is_looking = bool(scene.kiriko.looking)
-    is_inward = faults.is_inside_out and (faults.n_open > 0 or is_looking)
-    n_turned = faults.n_turned if faults.is_turned_smooth or is_looking else 0
-    return faults._replace(is_inside_out=is_inward, n_turned=n_turned)
+    is_inward = faults.is_inside_out and (faults.n_open > 0 or bool(scene.kiriko.looking))
+    return faults._replace(is_inside_out=is_inward)
 
 
 def has_open_ends(thing: bpy.types.Object) -> bool:
@@ -297,4 +295,5 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         is_one_sided=faults.is_one_sided,
         n_turned=int(np.count_nonzero(faults.is_turned)),
         is_turned_smooth=faults.is_turned_smooth,
+        n_loose=faults.n_loose,
     )

@@ -20,13 +20,14 @@ class Counts(NamedTuple):
     """How many faults a mesh has, and whether its faces look inwards.
 
     n_cut : polygons that others cut, so that nothing tells the inside
-    n_facets : polygons that are shaded flat where a curve seems meant
+    n_facets : polygons that look flat where a curve seems meant
     is_vessel : is a hole of it as wide as the mouth of a vessel?
     is_cut_curved : are any of the polygons that others cut shaded smooth?
     n_double : polygons that lie on others
     is_one_sided : has a closed part of it one side only?
     n_turned : polygons that look the other way than those beside them
-    is_turned_smooth : is one of these shaded smooth?
+    is_turned_smooth : has one of these normals other than its plane's?
+    n_loose : vertices that another one in the same place stands for
     """
 
     n_open: int = 0
@@ -40,6 +41,7 @@ class Counts(NamedTuple):
     is_one_sided: bool = False
     n_turned: int = 0
     is_turned_smooth: bool = False
+    n_loose: int = 0
 
 
 @dataclass(frozen=True)
