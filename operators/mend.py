@@ -20,6 +20,7 @@ from ..core.blender.look import has_open_ends, sides_of
 from ..core.blender.mesh import column, mesh_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.errors import MeshError, RigError
+from ..core.glass.smoothed import FACTOR
 from ..core.messages import Message, joined, quoted
 from . import needed, telling
 from .parts import NamesPart
@@ -54,7 +55,7 @@ class MendsPart(NamesPart):
             telling.report(self, "INFO", self.mend(context, thing))
             result = context.scene.kiriko.result
             if result.source is None and self.changes_light:
-                result.summary = ""  # of Add Rig, on the light as it went before
+                result.summary = result.details = ""  # of Add Rig, on the light as it went before
             return {"FINISHED"}
 
         return {"CANCELLED"}
@@ -387,9 +388,7 @@ def _mark_sharp(mesh: bpy.types.Mesh) -> None:
 
 
 class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
-    """Merge faces that touch, have all of them look out, and shade them smooth, with sharp edges at
-    more than 30 degrees
-    """
+    """Merge faces that touch, recalculate normals, and shade smooth below 30 degrees"""
 
     bl_idname = "kiriko.shade_smooth"
     bl_label = "Shade Smooth"
@@ -429,6 +428,39 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
             )
             told = joined([told, text])
         return _and_others(told, thing)
+
+
+class KIRIKO_OT_smooth_glass(MendsPart, bpy.types.Operator):
+    """Smooth bumps that scatter the picture, by a Smooth modifier, and shade the faces smooth"""
+
+    bl_idname = "kiriko.smooth_glass"
+    bl_label = "Smooth Glass"
+
+    iterations: bpy.props.IntProperty(
+        name="Iterations",
+        description="Of the Smooth modifier: more make the glass smoother and smaller",
+        default=10,
+        min=1,
+        options={"SKIP_SAVE"},
+    )
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        mesh = _mesh_of(thing)
+        _check_faces(thing, mesh.polygons)
+        _clear_normals(mesh)
+        _join(mesh)
+        _turn_out(mesh)
+        mesh.shade_smooth()
+        modifier = thing.modifiers.new("Smooth", "SMOOTH")
+        modifier.factor, modifier.iterations = FACTOR, self.iterations
+        return _and_others(
+            Message(
+                "'{name}' is smoothed now, by the modifier '{modifier}'.",
+                name=thing.name,
+                modifier=modifier.name,
+            ),
+            thing,
+        )
 
 
 def _shown_facets(context: bpy.types.Context, thing: bpy.types.Object) -> int:

@@ -11,6 +11,7 @@ from math import floor, log10
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
+from ..solve.legibility import READABLE, illegible
 from ..words import percent
 from .checklist_mesh import on_mesh, thicken
 from .checklist_parts import (
@@ -148,7 +149,29 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
             yield _solve(look)
         return
 
+    if look.legibility is not None and look.legibility < READABLE:
+        yield replace(_illegible(look), can_wait=True)
     yield from _once(_losses(look, length_text))
+
+
+def _illegible(look: Look) -> Entry:
+    """A picture that nobody recognises, with the remedy that was measured."""
+    text = illegible(look.legibility)
+    help = look.smoothing
+    if help is None:
+        return Entry(text, ADVICE)
+    after = Message("Smooth raises it to {share}.", share=percent(help.after))
+    buttons = tuple(
+        Button(
+            "kiriko.smooth_glass",
+            Message("Smooth Glass"),
+            naming(thing.named, iterations=round(help.amount)),
+            "MOD_SMOOTH",
+        )
+        for thing in look.things
+        if thing.named.name == help.part
+    )
+    return Entry(joined([text, after]), ADVICE, buttons)
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:

@@ -68,8 +68,10 @@ def _on_facets(thing: Thing, faults: Counts, own: Counts) -> Entry:
     if faults.n_turned and thing.role == "GLASS":
         text = joined([text, _on_turned(thing, faults, own).text])
     is_brought = own.n_turned or own.n_loose
-    label = "Merge, Recalculate Normals and Shade Smooth" if is_brought else "Shade Smooth"
-    button = Button("kiriko.shade_smooth", Message(label), naming(thing.named), "SPHERECURVE")
+    label = Message("Shade Smooth")
+    if is_brought:
+        label = Message("Merge, Recalculate Normals and Shade Smooth")
+    button = Button("kiriko.shade_smooth", label, naming(thing.named), "SPHERECURVE")
     return Entry(text, PROBLEM if is_brought else ADVICE, (button,))
 
 

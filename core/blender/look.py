@@ -72,8 +72,9 @@ def look_at(
     """
     result = scene.kiriko.result
     is_solved = result.source is not None
-    details = Numbers.read(result.details).by_name if is_solved else {}
-    helps = details.get("helps")
+    numbers = Numbers.read(result.details).by_name  # Add Rig knows the legibility alone
+    details = numbers if is_solved else {}
+    helps, smoothing = details.get("helps"), numbers.get("smoothing")
     bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
     things = [
         _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
@@ -90,6 +91,8 @@ def look_at(
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
+        legibility=numbers.get("legibility"),
+        smoothing=None if smoothing is None else Help(**smoothing),
         is_doubled=len(found.get("DISPLAY", ())) > 1 and is_doubled(scene),
         is_coarse=result.is_coarse,
         lacks_numbers=lacks_numbers(result),

@@ -129,6 +129,8 @@ class Look:
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
+    legibility : of the picture, 0..1, by the last result; None if it is not known
+    smoothing : what was found to raise it
     lacks_numbers : is the source image final, without its numbers?
     is_doubled : are there copies of a rig's display and picture beside them?
     is_followed : does Live follow the scene, so that the final image comes by itself?
@@ -150,6 +152,8 @@ class Look:
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
+    legibility: float | None = None
+    smoothing: Help | None = None
     is_doubled: bool = False
     is_coarse: bool = False
     lacks_numbers: bool = False
