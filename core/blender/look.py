@@ -181,11 +181,9 @@ def _shows_opaque(thing: bpy.types.Object, bends: Bends) -> bool:
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
-    """Faults, but for closed glass all of whose faces look inward, where nobody looks at it by
-    Cycles, which alone does not know where the inside is.
-    """
-    is_inward = faults.is_inside_out and (faults.n_open > 0 or bool(scene.kiriko.looking))
-    return faults._replace(is_inside_out=is_inward)
+    """Faults. Closed glass may look inward, unless Cycles shows it, which does not know inside."""
+    is_told = faults.n_open > 0 or bool(scene.kiriko.looking)
+    return faults._replace(is_inside_out=faults.is_inside_out and is_told)
 
 
 def has_open_ends(thing: bpy.types.Object) -> bool:
