@@ -52,10 +52,13 @@ def likeness(seen: Floats, ideal: Floats, weight: Floats) -> float:
 
 
 def legibility(solution: Solution) -> float:
-    """How like the ideal image the first viewer's is, 0..1, within the picture's outline."""
-    viewer = solution.first.viewer
+    """How like the ideal image the first viewer's is, 0..1, where the display is seen within the
+    picture's outline. Light that is lost is told by the picture's coverage.
+    """
+    channel = solution.first
     seen, ideal = (image.mean(axis=2, dtype=float) for image in (solution.seen(), solution.ideal()))
-    return likeness(seen, ideal, cover_in_view(solution.rig.place_of(viewer), viewer))
+    cover = cover_in_view(solution.rig.place_of(channel.viewer), channel.viewer)
+    return likeness(seen, ideal, cover * channel.view_coverage)
 
 
 def card_legibility(
