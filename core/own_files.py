@@ -4,6 +4,7 @@ behind are removed.
 
 import hashlib
 import os
+import platform
 import shutil
 from contextlib import suppress
 from pathlib import Path
@@ -20,8 +21,8 @@ def own_name() -> str:
 
 
 def _started() -> str:
-    """Tells this start of this machine, and its processes' numbers, from others; "any" where the
-    system tells neither, as Windows and macOS.
+    """Tells this start of this machine, and its processes' numbers, from others; the machine alone
+    if the system does not tell more, as macOS; "any" on Windows, where no process is asked for.
     """
     try:
         start = BOOT.read_text(encoding="ascii").strip()
@@ -30,7 +31,10 @@ def _started() -> str:
             f"{start} {NUMBERS.stat().st_ino}".encode(), usedforsecurity=False
         ).hexdigest()[:12]
     except OSError:
-        return "any"
+        name = platform.node() if os.name == "posix" else ""
+        return (
+            hashlib.sha1(name.encode(), usedforsecurity=False).hexdigest()[:12] if name else "any"
+        )
 
 
 def remove_left(folder: Path) -> bool:

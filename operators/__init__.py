@@ -83,6 +83,7 @@ CLASSES = (
     mend.KIRIKO_OT_turn_out,
     mend.KIRIKO_OT_fill_holes,
     mend.KIRIKO_OT_shade_smooth,
+    mend.KIRIKO_OT_smooth_glass,
     mend.KIRIKO_OT_select_faults,
     mend.KIRIKO_OT_rescale_scene,
     open_example.KIRIKO_OT_open_example,

@@ -2,20 +2,23 @@
 
 from collections.abc import Generator
 from dataclasses import replace
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ..core.bench.behind import propose_behind
 from ..core.bench.placement import Proposal, Wishes, propose, viewer_of
+from ..core.bench.placement import rig_of as proposed_rig
 from ..core.bench.spread import MOST, Spread, part_of_picture
 from ..core.bench.squares import SEARCH
 from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.given_glass import has_place
-from ..core.blender.kept import Sentences
+from ..core.blender.kept import Numbers, Sentences
 from ..core.blender.look import has_own_faces
 from ..core.blender.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
+from ..core.blender.result import legibility_numbers
 from ..core.blender.rig_record import Record
 from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
 from ..core.blender.units import length_of_unit, length_text
@@ -27,9 +30,11 @@ from ..core.light.landings import REASON_WORDS, Reason
 from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.rig import ROLES
+from ..core.solve.legibility import READABLE, illegible
 from ..core.steps import within
 from ..core.words import listed, percent, summary
 from . import automatic, compared, framing, live, long_work, look_through, needed, work
+from .remedies import legible
 from .telling import in_words
 
 ROOM = 1.01  # a display is a little larger than the light that was traced to its edge
@@ -194,7 +199,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         settings = work.settings_of(scene)
         steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
         try:
-            proposal, spread = yield from within(steps, 0.05, 1.0)
+            proposal, spread = yield from within(steps, 0.05, 0.9)
         except InsideGlassError as error:  # which names a camera that is not made yet
             name = error.message.values["glass"]
             raise RigError(
@@ -212,8 +217,13 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         if needed and limit:
             proposal = replace(proposal, display=min(needed, limit))
 
+        rig = proposed_rig(proposal, bench.rig, viewer, pixels)
+        seen = yield from within(legible(rig, settings, is_watched=self.is_watched), 0.9, 1.0)
+
         _remember(proposal, bench, limit, length_of_unit(scene))
         remarks = _on_materials(bench)
+        if seen[0] < READABLE:
+            remarks.append(illegible(seen[0]))
         on_display, for_most = _on_display(scene, proposal, limit, spread, aspect)
         text = joined([on_display, *left_out])
         if scene.kiriko.looking:
@@ -223,7 +233,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         live.settle(scene)
         live.forget_why()
         record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
-        _tell(record, scene, text, remarks, for_most)
+        _tell(record, scene, text, remarks, for_most, legibility_numbers(*seen))
         if not bpy.app.background:
             _show(context, record, glasses)
         is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
@@ -375,15 +385,21 @@ def _on_display(
 
 
 def _tell(
-    record: Record, scene: bpy.types.Scene, text: str, remarks: list[str], for_most: float
+    record: Record,
+    scene: bpy.types.Scene,
+    text: str,
+    remarks: list[str],
+    for_most: float,
+    numbers: dict[str, Any],
 ) -> None:
-    """Write the panel's lines."""
+    """Write the panel's lines, and the numbers that are known by now."""
     lines = {
         "summary": text,
         "for_most": for_most,
         "seen_summary": "",
         "notes": "\n".join(map(one_line, remarks)),
         "sentences": Sentences.of(text, remarks).text(),
+        "details": Numbers(numbers).text(),
     }
     record.change(scene, {f"kiriko.result.{name}": line for name, line in lines.items()})
 

@@ -422,6 +422,7 @@ def _maps(arguments: argparse.Namespace) -> Generator[str, None, None]:
     )
     files = [*export_maps.files_in(about), SIDECAR]
     yield Message("wrote {names} to '{folder}'", names=", ".join(files), folder=arguments.out)
+    yield from export_maps.left_out(options)
     yield from (one["ffmpeg"]["command"] for one in about["maps"] if "ffmpeg" in one)
 
 

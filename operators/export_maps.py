@@ -1,8 +1,10 @@
 """Export maps: files by which other programs warp any picture, or film, for the display."""
 
 import json
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from ..core.blender.paths import absolute
 from ..core.errors import ImageError
 from ..core.farm import extension
 from ..core.fingerprint import fingerprint
-from ..core.messages import Message
+from ..core.messages import Message, joined
 from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.steps import within
@@ -27,7 +29,7 @@ from ..core.warp.files import (
     suffixes,
     write_maps,
 )
-from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions, wavelengths_for
+from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions, check_memory, wavelengths_for
 from . import folder, work
 from .export import use_bundled_modules
 from .into_folder import IntoFolder
@@ -62,17 +64,13 @@ def exported(
     """
     options.check()
     use_bundled_modules()
-    if "EXR" in options.formats and not image_io.has_openimageio():
-        raise ImageError(
-            "This Blender's Python has no OpenImageIO, which writes .exr: choose other formats, or"
-            " {remedy}.",
-            remedy=image_io.REMEDY,
-        )
+    options = writable(options)
 
     scene = context.scene
     rig = work.read(context).rig
     rig.check()
     options.check_for(rig.picture_place)
+    check_memory(rig, options)
     settings = work.settings_of(scene)
     wavelengths = wavelengths_for(rig, settings.wavelength)
     seen_by = [(viewer.name, wavelength) for wavelength in wavelengths for viewer in rig.viewers]
@@ -85,7 +83,9 @@ def exported(
     told: list[dict[str, Any]] = []
     earlier = earlier_files(target)
 
-    with disk.together(target) as new:
+    with ExitStack() as stack:
+        # made when there is something to write: whoever is killed before leaves nothing behind
+        new = cache(lambda: stack.enter_context(disk.together(target)))
         n, each = len(wavelengths), len(rig.viewers)
         for k, wavelength in enumerate(wavelengths):
             of_it = names[k * each : (k + 1) * each]
@@ -93,20 +93,21 @@ def exported(
             told += yield from within(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
         # undo, or another file, may have taken the scene away meanwhile: nothing is written then
         about = {**_about(scene, rig, settings, options), "maps": told}
-        disk.write_text(new / SIDECAR, json.dumps(about, indent=2) + "\n")
+        disk.write_text(new() / SIDECAR, json.dumps(about, indent=2) + "\n")
 
     remove_earlier(target, earlier, files)
     return about
 
 
 def _written(
-    new: Path,
+    new: Callable[[], Path],
     rig: Rig,
     settings: Settings,
     options: MapOptions,
     names: list[dict[str, tuple[str, ...]]],
 ) -> Generator[float, None, list[dict[str, Any]]]:
-    """Write the maps of a rig at one wavelength, those of each viewer by their names, to a folder.
+    """Write the maps of a rig at one wavelength, those of each viewer by their names, to a
+    folder, which `new` makes.
 
     Yields progress 0..1, returns what maps.json tells of each.
     """
@@ -116,10 +117,36 @@ def _written(
     for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
         start, stop = (SOLVED + (1 - SOLVED) * i / n for i in (k, k + 1))
         maps = yield from within(maps_of(channel, options), start, stop)
-        write_maps(new, forms, maps, ABOUT)
+        write_maps(new(), forms, maps, ABOUT)
         told.append(description(channel, maps, forms))
         yield stop
     return told
+
+
+def writable(options: MapOptions) -> MapOptions:
+    """The options with the formats that this Blender's Python can write.
+
+    Raises
+    ------
+    ImageError : it can write none of them
+    """
+    if image_io.has_openimageio() or "EXR" not in options.formats:
+        return options
+    others = tuple(form for form in options.formats if form != "EXR")
+    if not others:
+        raise ImageError(
+            "This Blender's Python has no OpenImageIO, which writes .exr: choose other formats, or"
+            " {remedy}.",
+            remedy=image_io.REMEDY,
+        )
+    return replace(options, formats=others)
+
+
+def left_out(options: MapOptions) -> list[Message]:
+    """A sentence on the format that `writable` leaves out, if it is wanted."""
+    if image_io.has_openimageio() or "EXR" not in options.formats:
+        return []
+    return [Message("This Blender's Python has no OpenImageIO, which writes .exr.")]
 
 
 def files_in(about: dict[str, Any]) -> list[str]:
@@ -206,6 +233,12 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
             layout.prop(self, name)
         layout.prop(context.scene.kiriko, "export_overwrite")
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        use_bundled_modules()
+        if not (self.properties.is_property_set("formats") or image_io.has_openimageio()):
+            self.formats = {"PNG"}
+        return super().invoke(context, event)
+
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:
             raise ImageError("The maps have no folder: choose one.")
@@ -223,9 +256,10 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
                 context, target, options, overwrite, Message("set Overwrite")
             )
 
-        return Message(
+        text = Message(
             "Wrote {files} and {sidecar} to '{folder}'.",
             files=", ".join(files_in(about)),
             sidecar=SIDECAR,
             folder=target,
         )
+        return joined([text, *left_out(options)])

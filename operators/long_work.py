@@ -1,5 +1,6 @@
 """Long work of operators: stepped with Esc in the interface, drained elsewhere."""
 
+import sys
 from collections.abc import Generator
 from time import perf_counter
 from typing import TypeVar
@@ -15,17 +16,35 @@ from .telling import in_words, report, told
 Result = TypeVar("Result")
 
 TICK = 0.02  # s between two turns of work in the interface
+SILENT = 5.0  # s between two lines of progress on the terminal
 TURN = 0.1  # s that a turn may take before the interface is drawn again and Esc is heard
 
 
-def _at_pointer(
-    context: bpy.types.Context, steps: Generator[float, None, Result]
+def _on_terminal(
+    label: str, steps: Generator[float, None, Result]
 ) -> Generator[float, None, Result]:
-    """Hand on the progress of work, and show it at the mouse
-    pointer where there is one: nothing else is drawn.
+    """Hand on the progress of work, and print it every few seconds."""
+    last = perf_counter()
+    while True:
+        try:
+            progress = next(steps)
+        except StopIteration as done:
+            return done.value
+        if perf_counter() >= last + SILENT:
+            sys.stdout.write(f"Kiriko: {label} {100 * progress:.0f} %\n")
+            sys.stdout.flush()
+            last = perf_counter()
+        yield progress
+
+
+def _at_pointer(
+    context: bpy.types.Context, label: str, steps: Generator[float, None, Result]
+) -> Generator[float, None, Result]:
+    """Hand on the progress of work, and show it at the mouse pointer, since nothing else is drawn,
+    or on the terminal if there is no window.
     """
     if bpy.app.background or context.window is None:
-        return (yield from steps)
+        return (yield from _on_terminal(label, steps))
 
     manager = context.window_manager
     manager.progress_begin(0, 100)
@@ -65,7 +84,7 @@ class LongWork:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with told(self):
-            text = finish(_at_pointer(context, self.steps(context)))
+            text = finish(_at_pointer(context, self.bl_label, self.steps(context)))
             report(self, self.level, text)
             return {"FINISHED"}
         return {"CANCELLED"}

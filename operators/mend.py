@@ -25,6 +25,7 @@ from ..core.blender.rigs import active_rig, marked_key
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import viewer_of
 from ..core.errors import MeshError, RigError
+from ..core.glass.smoothed import FACTOR
 from ..core.messages import Message, joined, quoted
 from . import needed, telling, work
 from .framing import corners
@@ -367,10 +368,7 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
         return self._done(thing)
 
     def mend_mesh(self, thing: bpy.types.Object, mesh: bpy.types.Mesh) -> Message:
-        is_turned = faults_of(mesh).is_turned
-        if is_turned.any():
-            _turn(mesh, np.flatnonzero(is_turned))
-        if not is_turned.any() or faults_of(mesh).is_inside_out:
+        if not _turn_out(mesh):
             mesh.flip_normals()
             mesh.update()
         return self._done(thing)
@@ -379,15 +377,46 @@ class KIRIKO_OT_turn_out(MendsMesh, bpy.types.Operator):
         return Message("The faces of '{name}' look out now.", name=thing.name)
 
 
-def _turn(mesh: bpy.types.Mesh, chosen: Ints) -> None:
-    """Turn some polygons of a mesh round."""
+def _turn_out(mesh: bpy.types.Mesh) -> bool:
+    """Have all faces look out of the glass, if some look the other way than those beside them; do
+    they? Normals that the mesh was given, which are wrong there, are its own again.
+    """
+    chosen = np.flatnonzero(faults_of(mesh).is_turned)
+    if not len(chosen):
+        return False
+    had_normals = _clear_normals(mesh)
     with _edited(mesh) as shape:
         shape.faces.ensure_lookup_table()
         bmesh.ops.reverse_faces(shape, faces=[shape.faces[k] for k in chosen])
+    if faults_of(mesh).is_inside_out:
+        mesh.flip_normals()
+        mesh.update()
+    if had_normals:
+        _mark_sharp(mesh)
+    return True
+
+
+def _clear_normals(mesh: bpy.types.Mesh) -> bool:
+    """Take custom normals from a mesh, and the sharp edges that come with them; had it any?"""
+    if not mesh.has_custom_normals:
+        return False
+    with bpy.context.temp_override(mesh=mesh):
+        bpy.ops.mesh.customdata_custom_splitnormals_clear()
+    mesh.edges.foreach_set("use_edge_sharp", [False] * len(mesh.edges))
+    mesh.update()
+    return True
+
+
+def _mark_sharp(mesh: bpy.types.Mesh) -> None:
+    """Mark edges at more than 30 degrees as sharp, too."""
+    own = column(mesh.edges, "use_edge_sharp", 1, bool)
+    mesh.set_sharp_from_angle(angle=SHARP)
+    mesh.edges.foreach_set("use_edge_sharp", own | column(mesh.edges, "use_edge_sharp", 1, bool))
+    mesh.update()
 
 
 class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
-    """Shade the faces smooth, with sharp edges between those at more than 30 degrees"""
+    """Merge faces that touch, recalculate normals, and shade smooth below 30 degrees"""
 
     bl_idname = "kiriko.shade_smooth"
     bl_label = "Shade Smooth"
@@ -400,21 +429,23 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
             told = Message("'{name}' is shaded smooth now.", name=thing.name)
             return _and_others(told, thing)
         mesh = _mesh_of(thing)
+        _clear_normals(mesh)
         n_joined = _join(mesh)
+        if faults_of(mesh).n_flat:
+            _merge(mesh)
+        is_turned = _turn_out(mesh)
         turning = [m for m in thing.modifiers if hasattr(m, "use_smooth_shade")]  # such as Screw
         _check_faces(thing, mesh.polygons or turning)
         mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
-        own = column(mesh.edges, "use_edge_sharp", 1, bool)
-        mesh.set_sharp_from_angle(angle=SHARP)
-        mesh.edges.foreach_set(
-            "use_edge_sharp", own | column(mesh.edges, "use_edge_sharp", 1, bool)
-        )
-        mesh.update()
+        _mark_sharp(mesh)
         for modifier in turning:
             modifier.use_smooth_shade = True
         told = Message("'{name}' is shaded smooth now, but for its sharp edges.", name=thing.name)
         if n_joined:
             text = Message("{n} vertices that lay in the same places are one each.", n=n_joined)
+            told = joined([told, text])
+        if is_turned:
+            text = Message("The faces of '{name}' look out now.", name=thing.name)
             told = joined([told, text])
         n_left = _shown_facets(context, thing)
         if n_left:
@@ -425,6 +456,39 @@ class KIRIKO_OT_shade_smooth(MendsPart, bpy.types.Operator):
             )
             told = joined([told, text])
         return _and_others(told, thing)
+
+
+class KIRIKO_OT_smooth_glass(MendsPart, bpy.types.Operator):
+    """Smooth bumps that scatter the picture, by a Smooth modifier, and shade the faces smooth"""
+
+    bl_idname = "kiriko.smooth_glass"
+    bl_label = "Smooth Glass"
+
+    iterations: bpy.props.IntProperty(
+        name="Iterations",
+        description="Of the Smooth modifier: more make the glass smoother and smaller",
+        default=10,
+        min=1,
+        options={"SKIP_SAVE"},
+    )
+
+    def mend(self, context: bpy.types.Context, thing: bpy.types.Object) -> Message:
+        mesh = _mesh_of(thing)
+        _check_faces(thing, mesh.polygons)
+        _clear_normals(mesh)
+        _join(mesh)
+        _turn_out(mesh)
+        mesh.shade_smooth()
+        modifier = thing.modifiers.new("Smooth", "SMOOTH")
+        modifier.factor, modifier.iterations = FACTOR, self.iterations
+        return _and_others(
+            Message(
+                "'{name}' is smoothed now, by the modifier '{modifier}'.",
+                name=thing.name,
+                modifier=modifier.name,
+            ),
+            thing,
+        )
 
 
 def _shown_facets(context: bpy.types.Context, thing: bpy.types.Object) -> int:

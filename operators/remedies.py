@@ -2,11 +2,14 @@
 
 from collections.abc import Generator
 
-from ..core.bench.helps import Helps, what_helps
+from ..core.bench.helps import Help, Helps, smoothing, what_helps
 from ..core.blender.checklist import REMEDIES, WORTH
+from ..core.light.kept import Kept
 from ..core.rig import Rig
 from ..core.settings import Settings
+from ..core.solve.legibility import READABLE, card_legibility
 from ..core.solve.solution import Solution
+from ..core.steps import within
 from . import work
 
 SECONDS = 4.0  # that the search may take: most take one
@@ -22,3 +25,17 @@ def remedies_for(
         return None
     session = work.session()
     return (yield from what_helps(rig, lambda rig: session.plan(rig, settings), SECONDS))
+
+
+def legible(
+    rig: Rig, settings: Settings, is_watched: bool
+) -> Generator[float, None, tuple[float, Help | None]]:
+    """How legible the picture is, 0..1, and, for somebody who reads the checklist, a remedy that
+    was measured, if it is not; yields progress 0..1.
+    """
+    kept = Kept()
+    work.session().lend(kept)
+    found = yield from within(card_legibility(rig, settings, kept), 0.0, 0.2)
+    if found >= READABLE or not is_watched:
+        return found, None
+    return found, (yield from within(smoothing(rig, settings, found), 0.2, 1.0))

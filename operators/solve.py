@@ -7,12 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.blender.conflict import write_conflict
-from ..core.blender.result import write_coarse, write_helps, write_solution, write_viewers
+from ..core.blender.result import (
+    write_coarse,
+    write_helps,
+    write_legibility,
+    write_solution,
+    write_viewers,
+)
 from ..core.messages import Message
 from ..core.solve.coarse import solve_in_sight
 from ..core.steps import within
 from . import live, long_work, look_over, needed, work
-from .remedies import remedies_for
+from .remedies import legible, remedies_for
 from .viewer_reports import reports_of
 from .windows import show_image, show_where_empty
 
@@ -61,12 +67,14 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         reports = yield from within(reports_of(solution, settings), SOLVED, SOLVED)
         helps = None
         if self.is_watched:  # a script reads no checklist
-            helps = yield from within(remedies_for(reading.rig, settings, solution), SOLVED, 1.0)
+            helps = yield from within(remedies_for(reading.rig, settings, solution), SOLVED, 0.99)
+        seen = yield from within(legible(reading.rig, settings, self.is_watched), 0.99, 1.0)
 
         text = write_solution(scene, reading, solution)
         write_viewers(scene, reports.numbers)
         write_conflict(scene, reports.conflict, is_packed=True)
         write_helps(scene, helps)
+        write_legibility(scene, *seen)
         work.note_written(scene)
         show_image(scene.kiriko.result.source, scene.kiriko.result)
         return text

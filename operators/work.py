@@ -60,7 +60,7 @@ def forget_report(scene: bpy.types.Scene) -> None:
     it is old.
     """
     if scene.kiriko.result.source is None:
-        scene.kiriko.result.summary = ""
+        scene.kiriko.result.summary = scene.kiriko.result.details = ""
 
 
 def listen(handlers: Iterable[tuple[str, Callable]]) -> None:

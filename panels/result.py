@@ -6,6 +6,7 @@ from ..core.blender.kept import Numbers, Sentences
 from ..core.blender.result_images import images_of, lacks_numbers
 from ..core.messages import Message, as_message, joined
 from ..core.numbers import number
+from ..core.solve.legibility import READABLE
 from ..core.words import percent, pixels, shares_in_words
 from ..operators import live, needed, watch, work
 from ..operators.telling import in_words
@@ -45,6 +46,7 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             column = layout.column()
             column.active = of_shown
             sentence(column, context, said.message(result.summary))
+        draw_legibility(layout, context)
         if is_changed:
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.source is not None:
@@ -76,6 +78,15 @@ class VIEW3D_MT_kiriko_result_images(bpy.types.Menu):
             self.layout.operator(
                 "kiriko.show_image", text=image.name, translate=False, icon="IMAGE_DATA"
             ).image = image.name
+
+
+def draw_legibility(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """How legible the picture is, by the image that is shown."""
+    result = context.scene.kiriko.result
+    found = Numbers.read(result.details).by_name.get("legibility")
+    if found is not None and not result.is_coarse:  # a result of an animation's frame has none
+        icon = "INFO" if found >= READABLE else "ERROR"
+        sentence(layout, context, Message("Legibility: {share}", share=percent(found)), icon=icon)
 
 
 def icons_across(context: bpy.types.Context) -> float:
@@ -164,7 +175,7 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
             sentence(layout, context, said.message(note), icon="INFO")
         if result.seen is not None and result.seen_summary:
             sentence(layout, context, said.message(result.seen_summary), icon="IMAGE_DATA")
-        if not details:
+        if "materials" not in details:  # Add Rig knows the legibility alone
             return
 
         draw_shares(layout, details)

@@ -13,9 +13,12 @@ from time import perf_counter
 import numpy as np
 
 from ..errors import RigError
+from ..glass.smoothed import smoothed
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message
 from ..rig import Rig
+from ..settings import Settings
+from ..solve.legibility import READABLE, card_legibility
 from ..steps import within
 from ..words import percent
 from .best_place import Limits, best_place
@@ -29,6 +32,8 @@ REACH = 0.5  # of the picture's longer side: so far it may move
 # a part that had to be larger than so many times would have to bring back so much of what misses it
 LARGE, MUCH = 2.0, 0.5
 TOLD = 5e-3  # share of the picture: more that is lost all the same is told
+ITERATIONS = (10, 100)  # of Smooth
+WORTH_SMOOTHING = 0.1  # of legibility
 
 
 @dataclass(frozen=True)
@@ -37,13 +42,15 @@ class Help:
 
     operator : the button that does it
     amount : m, by which plate or display have to be larger, or the
-        width that the picture then has; 0 where there is none
-    after : share of the picture that then arrives
+        width that the picture then has; 0 where there is none; iterations of Smooth
+    after : share of the picture that then arrives; of Smooth, its legibility
+    part : name of the glass that is smoothed
     """
 
     operator: str
     amount: float
     after: float
+    part: str = ""
 
     def told(self, length_text: Callable[[float], str]) -> Message:
         """A clause, as "make the plate 20 mm larger", with the share where some is still lost.
@@ -157,3 +164,20 @@ def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     # its shares are of more rays than the others'
     after = found.after if found.after > found.before + WORTH_IT else 0.0
     return Help("kiriko.best_place", 0.0, after)
+
+
+def smoothing(rig: Rig, settings: Settings, before: float) -> Generator[float, None, Help | None]:
+    """The fewest iterations of Smooth, on the glass of most triangles, by which the first viewer
+    can read the picture, or the most, if they raise its legibility by WORTH_SMOOTHING; else None.
+    Yields progress 0..1.
+    """
+    glass = max(rig.glasses, key=lambda glass: len(glass.mesh.triangles))
+    for k, n in enumerate(ITERATIONS):
+        smooth = replace(glass, mesh=smoothed(glass.mesh, n))
+        others = tuple(smooth if one is glass else one for one in rig.glasses)
+        steps = card_legibility(replace(rig, glasses=others), settings)
+        start, end = k / len(ITERATIONS), (k + 1) / len(ITERATIONS)
+        after = yield from within(steps, start, end)
+        if after >= READABLE or (n == ITERATIONS[-1] and after >= before + WORTH_SMOOTHING):
+            return Help("kiriko.smooth_glass", n, after, glass.name)
+    return None

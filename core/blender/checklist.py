@@ -12,6 +12,7 @@ from ..bench.spread import MOST
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
 from ..numbers import millimetres
+from ..solve.legibility import READABLE, illegible
 from ..words import percent
 from .bodies import on_no_place
 from .checklist_mesh import on_mesh, thicken
@@ -167,6 +168,8 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
             yield _solve(look)
         return
 
+    if look.legibility is not None and look.legibility < READABLE:
+        yield replace(_illegible(look), can_wait=True)
     yield from _once(_losses(look, length_text))
 
 
@@ -183,6 +186,26 @@ def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Ent
             label = Message("Take {width}", width=length_text(look.for_most))
             button = replace(FIT_DISPLAY, label=label, properties=(("share", MOST),))
             yield Entry(text, ADVICE, (button,), can_wait=True)
+
+
+def _illegible(look: Look) -> Entry:
+    """A picture that nobody recognises, with the remedy that was measured."""
+    text = illegible(look.legibility)
+    help = look.smoothing
+    if help is None:
+        return Entry(text, ADVICE)
+    after = Message("Smooth raises it to {share}.", share=percent(help.after))
+    buttons = tuple(
+        Button(
+            "kiriko.smooth_glass",
+            Message("Smooth Glass"),
+            naming(thing.named, iterations=round(help.amount)),
+            "MOD_SMOOTH",
+        )
+        for thing in look.things
+        if thing.named.name == help.part
+    )
+    return Entry(joined([text, after]), ADVICE, buttons)
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:

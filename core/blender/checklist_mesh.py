@@ -47,17 +47,31 @@ def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
     if n_cut:
         yield _on_cuts(thing, faults, own)
 
-    if faults.n_turned and thing.role == "GLASS":
+    if n_facets and not thing.has_facets:
+        yield _on_facets(thing, faults, own)
+    elif faults.n_turned and thing.role == "GLASS":
         yield _on_turned(thing, faults, own)
     elif is_inside_out and thing.role == "GLASS":
         yield _on_inward(thing, n_open)
 
-    if n_facets and not thing.has_facets:
-        text = Message("'{name}' looks curved, but its {n} faces are flat.", name=name, n=n_facets)
-        button = Button(
-            "kiriko.shade_smooth", Message("Shade Smooth"), naming(thing.named), "SPHERECURVE"
-        )
-        yield Entry(text, ADVICE, (button,))
+
+def _on_facets(thing: Thing, faults: Counts, own: Counts) -> Entry:
+    """A curve drawn by flat faces. If some are turned round, or their vertices are not merged, it
+    is a file that lists triangle by triangle, and no look that is wanted.
+    """
+    text = Message(
+        "'{name}' looks curved, but its {n} faces are flat.",
+        name=thing.named.name,
+        n=faults.n_facets,
+    )
+    if faults.n_turned and thing.role == "GLASS":
+        text = joined([text, _on_turned(thing, faults, own).text])
+    is_brought = own.n_turned or own.n_loose
+    label = Message("Shade Smooth")
+    if is_brought:
+        label = Message("Merge, Recalculate Normals and Shade Smooth")
+    button = Button("kiriko.shade_smooth", label, naming(thing.named), "SPHERECURVE")
+    return Entry(text, PROBLEM if is_brought else ADVICE, (button,))
 
 
 def _on_turned(thing: Thing, faults: Counts, own: Counts) -> Entry:

@@ -12,6 +12,7 @@ from ..glass.solids import is_one_sided, turned_beside
 from .mesh import column, has_area, read_local
 
 MOUTH = 1 / 3  # of a mesh's width: a hole that is wider was meant, as the mouth of a vessel is
+BENT = 0.01  # between unit normals; those of files are rounded to 1e-3 or less
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Faults:
     is_vessel : is one of its holes as wide as a mouth?
     is_turned : (p,) which polygons look the other way than most of those that they share vertices
         with, so that normals between them are those of neither
-    is_turned_smooth : is one of these shaded smooth?
+    is_turned_smooth : has one of these normals other than its plane's?
     is_one_sided : has a closed part of it one side only?
     """
 
@@ -43,6 +44,11 @@ class Faults:
     is_turned: Bools
     is_turned_smooth: bool
     is_one_sided: bool = False
+
+    @property
+    def n_loose(self) -> int:
+        """Vertices that another one in the same place stands for."""
+        return int((self.one != np.arange(len(self.one))).sum())
 
     @property
     def n_open(self) -> int:
@@ -83,8 +89,8 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
     triangles, body = triangles[is_whole], body[is_whole]
 
     is_turned = np.zeros(len(mesh.polygons), bool)
-    is_turned[polygons[turned_beside(drawn)]] = True
-    is_smooth = column(mesh.polygons, "use_smooth", 1, bool)
+    polygon = np.repeat(np.arange(len(is_flat)), column(mesh.polygons, "loop_total", 1, np.int32))
+    is_turned[polygon[local.loops[turned_beside(local.triangles), 0]]] = True
 
     is_open = open_edges(one[edges], triangles, body)
     volume = volume_of(local.vertices[triangles])
@@ -100,9 +106,16 @@ def faults_of(mesh: bpy.types.Mesh) -> Faults:
         is_inside_out=volume < 0,
         is_vessel=is_vessel,
         is_turned=is_turned,
-        is_turned_smooth=bool(is_smooth[is_turned].any()),
+        is_turned_smooth=bool((is_turned[polygon] & _is_bent(mesh, polygon)).any()),
         is_one_sided=one_sided,
     )
+
+
+def _is_bent(mesh: bpy.types.Mesh, polygon: Ints) -> Bools:
+    """Which corners (l,) have another normal than the plane of their polygon (l,)?"""
+    plane = column(mesh.polygons, "normal", 3, np.float32)[polygon]
+    apart = column(mesh.corner_normals, "vector", 3, np.float32) - plane
+    return np.linalg.norm(apart, axis=1) > BENT
 
 
 def _widest_hole(vertices: Floats, edges: Ints) -> float:

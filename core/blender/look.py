@@ -83,8 +83,9 @@ def look_at(
     """
     result = scene.kiriko.result
     is_solved = result.source is not None
-    details = Numbers.read(result.details).by_name if is_solved else {}
-    helps = details.get("helps")
+    numbers = Numbers.read(result.details).by_name  # Add Rig knows the legibility alone
+    details = numbers if is_solved else {}
+    helps, smoothing = details.get("helps"), numbers.get("smoothing")
     bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
     things = [
         _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
@@ -104,6 +105,8 @@ def look_at(
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
+        legibility=numbers.get("legibility"),
+        smoothing=None if smoothing is None else Help(**smoothing),
         is_doubled=len(found.get("DISPLAY", ())) > 1 and is_doubled(scene),
         is_coarse=result.is_coarse,
         lacks_numbers=lacks_numbers(result),
@@ -197,13 +200,9 @@ def _shows_opaque(thing: bpy.types.Object, bends: Bends) -> bool:
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
-    """Faults, but for faces of closed glass that look inward, and flat ones that are turned round,
-    where nobody looks at it by Cycles, which alone does not know where the inside is.
-    """
-    is_looking = bool(scene.kiriko.looking)
-    is_inward = faults.is_inside_out and (faults.n_open > 0 or is_looking)
-    n_turned = faults.n_turned if faults.is_turned_smooth or is_looking else 0
-    return faults._replace(is_inside_out=is_inward, n_turned=n_turned)
+    """Faults. Closed glass may look inward, unless Cycles shows it, which does not know inside."""
+    is_told = faults.n_open > 0 or bool(scene.kiriko.looking)
+    return faults._replace(is_inside_out=faults.is_inside_out and is_told)
 
 
 def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
@@ -302,4 +301,5 @@ def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
         n_turned=int(np.count_nonzero(faults.is_turned)),
         is_turned_smooth=faults.is_turned_smooth,
         n_inner=int(np.count_nonzero(faults.is_inner)) if is_glass else 0,
+        n_loose=faults.n_loose,
     )

@@ -30,7 +30,10 @@ from .viewer_render import remove_unused
 OF_THINGS = {"kiriko.role", "display_type", "diffuse_color"}
 OF_SCENE = {
     "kiriko.picture_source",
-    *(f"{RESULT}{name}" for name in ("summary", "seen_summary", "notes", "sentences")),
+    *(
+        f"{RESULT}{name}"
+        for name in ("summary", "seen_summary", "notes", "sentences", "details", "for_most")
+    ),
 }
 OF_VIEWS = {"clip_start", "clip_end"}
 

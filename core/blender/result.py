@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..bench.helps import Helps
+from ..bench.helps import Help, Helps
 from ..errors import one_line
 from ..messages import Message
 from ..solve.solution import Solution
@@ -263,6 +263,16 @@ def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
     if helps is None or not (helps.helps or helps.is_whole):
         return
     _add_numbers(scene, {"helps": [asdict(help) for help in helps.helps]})
+
+
+def write_legibility(scene: bpy.types.Scene, legibility: float, help: Help | None) -> None:
+    """Keep how legible the picture is, 0..1, and the remedy that was found."""
+    _add_numbers(scene, legibility_numbers(legibility, help))
+
+
+def legibility_numbers(legibility: float, help: Help | None) -> dict[str, Any]:
+    """The same as numbers of a result."""
+    return {"legibility": legibility, "smoothing": help and asdict(help)}
 
 
 def write_viewers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:

@@ -20,14 +20,15 @@ class Counts(NamedTuple):
     """How many faults a mesh has, and whether its faces look inwards.
 
     n_cut : polygons that others cut, so that nothing tells the inside
-    n_facets : polygons that are shaded flat where a curve seems meant
+    n_facets : polygons that look flat where a curve seems meant
     is_vessel : is a hole of it as wide as the mouth of a vessel?
     is_cut_curved : are any of the polygons that others cut shaded smooth?
     n_double : polygons that lie on others
     is_one_sided : has a closed part of it one side only?
     n_turned : polygons that look the other way than those beside them
-    is_turned_smooth : is one of these shaded smooth?
+    is_turned_smooth : has one of these normals other than its plane's?
     n_inner : polygons within the body that the others make
+    n_loose : vertices that another one in the same place stands for
     """
 
     n_open: int = 0
@@ -42,6 +43,7 @@ class Counts(NamedTuple):
     n_turned: int = 0
     is_turned_smooth: bool = False
     n_inner: int = 0
+    n_loose: int = 0
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,8 @@ class Look:
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
+    legibility : of the picture, 0..1, by the last result; None if it is not known
+    smoothing : what was found to raise it
     lacks_numbers : is the source image final, without its numbers?
     is_doubled : are there copies of a rig's display and picture beside them?
     for_most : m, the longest side of a new rig's display for most of its light; 0: not known
@@ -164,6 +168,8 @@ class Look:
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
+    legibility: float | None = None
+    smoothing: Help | None = None
     is_doubled: bool = False
     is_coarse: bool = False
     lacks_numbers: bool = False

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from ..solve.channel import Channel
-from ..steps import within
+from ..steps import at, within
 from .mesh import WarpMesh, mesh_error, mesh_grid, mesh_of, quads_of
 from .options import MapOptions
 from .stmap import STMap, of_places, view_stmap, warp_map
 from .tables import ffmpeg_command
-from .view_from_display import view_from_display
+from .view_from_display import paths_shown, view_from_display
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +46,19 @@ def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, Cha
     }
     ends = dict(zip(parts, np.cumsum(list(parts.values())) / sum(parts.values()), strict=True))
 
-    warp = yield from within(warp_map(channel, overscan=options.overscan), 0.0, ends["warp"])
+    strongest = yield from at(0.0, paths_shown(channel.plan, channel.view_map))
+    steps = warp_map(channel, 1, options.overscan, strongest)
+    warp = yield from within(steps, 0.0, ends["warp"])
     view = larger = mesh = None
     if parts["view"]:
         view = yield from within(view_stmap(channel, warp), ends["warp"], ends["view"])
     if parts["larger"]:
         larger = warp
         if options.times > 1:
-            steps = warp_map(channel, options.times, options.overscan)
+            steps = warp_map(channel, options.times, options.overscan, strongest)
             larger = yield from within(steps, ends["view"], ends["larger"])
     if parts["mesh"]:
-        steps = view_from_display(channel.plan, channel.view_map, grid)
+        steps = view_from_display(channel.plan, channel.view_map, grid, strongest)
         places = yield from within(steps, ends["larger"], ends["mesh"])
         pixels = grid.pixels((width, height))
         coverage = channel.coverage.of_display.ravel()[pixels].reshape(grid.rows, grid.columns)

@@ -18,7 +18,7 @@ from ..vectors import cross_2d
 from .grid import Grid
 
 SLACK = 1e-9  # of a triangle, so that no point on an edge falls between two
-POINTS_AT_ONCE = 1 << 18  # of triangles' boxes that are looked at together
+ROWS_AT_ONCE = 1 << 18  # of triangles that are looked at together
 
 
 class Candidates(NamedTuple):
@@ -38,8 +38,14 @@ class Candidates(NamedTuple):
     path: NDArray[np.uint64]
     throughput: Floats
 
+    @classmethod
+    def none(cls) -> "Candidates":
+        """Not a single one."""
+        paths, two = np.empty(0, np.uint64), np.empty((0, 2))
+        return cls(np.empty(0, np.int64), two, np.empty((0, 2, 2)), paths, paths, two[:, 0])
+
     def at(self, which: NDArray) -> "Candidates":
-        """Some of them."""
+        """Some of them, by their numbers."""
         return Candidates(*(taken(values, which) for values in self))
 
 
@@ -61,30 +67,53 @@ def candidates(view_map: ViewMap, grid: Grid) -> Iterator[Candidates]:
 
 
 def _in_triangles(triangles: Piece, grid: Grid) -> Iterator[Candidates]:
-    """The points of a grid that lie in triangles."""
+    """The points of a grid that lie in triangles, row by row: boxes around slivers hold a hundred
+    times as many.
+    """
     steps = grid.steps_to(triangles.display)
     last = np.array([grid.columns, grid.rows]) - 1
     low = np.clip(np.ceil(steps.min(axis=1) - SLACK), 0, last + 1)
     high = np.clip(np.floor(steps.max(axis=1) + SLACK), -1, last)
-    counts = np.maximum(high - low + 1, 0).astype(np.int64)
-    n_points = counts.prod(axis=1)
+    n_rows = np.where(low[:, 0] <= high[:, 0], np.maximum(high[:, 1] - low[:, 1] + 1, 0), 0)
 
-    some = np.flatnonzero(n_points)
-    runs = np.cumsum(n_points[some]) // POINTS_AT_ONCE
+    some = np.flatnonzero(n_rows)
+    n_rows = n_rows[some].astype(np.int64)
+    runs = np.cumsum(n_rows) // ROWS_AT_ONCE
     for number in np.unique(runs):
-        batch = some[runs == number]
-        yield _within(triangles.at(batch), grid, low[batch].astype(np.int64), counts[batch])
+        which = runs == number
+        batch = some[which]
+        owner, k = ragged(n_rows[which])
+        row = low[batch, 1].astype(np.int64)[owner] + k
+        begin, end = _spans(steps[batch], owner, row)
+        begin = np.maximum(np.ceil(begin - SLACK), low[batch, 0][owner]).astype(np.int64)
+        end = np.minimum(np.floor(end + SLACK), high[batch, 0][owner]).astype(np.int64)
+        span, k = ragged(np.maximum(end - begin + 1, 0))
+        point = row[span] * grid.columns + begin[span] + k
+        yield _within(triangles.at(batch), grid, owner[span], point)
 
 
-def _within(triangles: Piece, grid: Grid, low: Ints, counts: Ints) -> Candidates:
-    """The points of a grid in triangles, of those in boxes from `low` (n, 2), `counts` (n, 2)
-    columns and rows large.
+def _spans(corners: Floats, owner: Ints, row: Ints) -> tuple[Floats, Floats]:
+    """Where triangles (t, 3, 2) by their numbers (n,) begin and end in rows (n,), SLACK about them;
+    infinite where an edge runs along its row.
     """
-    # all points in the boxes
-    owner, k = ragged(counts.prod(axis=1))
-    columns = counts[owner, 0]
-    number = (low[owner, 1] + k // columns) * grid.columns + low[owner, 0] + k % columns
+    begin = np.full(len(row), -np.inf)
+    end = np.full(len(row), np.inf)
+    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(corners, 0, 2)
+    twice = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    for (px, py), (qx, qy) in (((ax, ay), (bx, by)), ((bx, by), (cx, cy)), ((cx, cy), (ax, ay))):
+        # inside of an edge is x * slope + rest + row * fall >= -SLACK
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            slope, fall = (py - qy) / twice, (qx - px) / twice
+            rest = -(slope * px + fall * py)
+            border = (-SLACK - rest[owner] - fall[owner] * row) / slope[owner]
+        rises, falls = (slope > 0)[owner], (slope < 0)[owner]
+        begin = np.where(rises, np.fmax(begin, border), begin)
+        end = np.where(falls, np.fmin(end, border), end)
+    return begin, end
 
+
+def _within(triangles: Piece, grid: Grid, owner: Ints, number: Ints) -> Candidates:
+    """The points of a grid, by their numbers (n,), that lie in their triangles, by theirs (n,)."""
     # the map of each triangle, and its inverse
     a = triangles.display[:, 1] - triangles.display[:, 0]
     b = triangles.display[:, 2] - triangles.display[:, 0]

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import RigError
+from ..free_memory import check_free
+from ..messages import Message
 from ..rig import PicturePlace, Rig
 
 # the files of each format
@@ -20,6 +22,7 @@ TIMES = (1, 2, 4)
 MOST_OVERSCAN = 100.0
 # m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709, as of sRGB
 PRIMARIES = (611e-9, 549e-9, 464e-9)
+BYTES = 300  # of a point of a map, at the peak
 NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
 
 
@@ -79,3 +82,19 @@ class MapOptions:
                 times=self.times,
                 most=NOTHING // self.times,
             )
+
+
+def check_memory(rig: Rig, options: MapOptions) -> None:
+    """Raise RigError when the maps of a viewer would take more memory than is free."""
+    display = rig.display
+    parts = options.times**2 if "FFMPEG" in options.formats else 1
+    remedy = Message(
+        "lower the resolution of the display '{display}' ({width} x {height})",
+        display=display.name,
+        width=display.width,
+        height=display.height,
+    )
+    if parts > 1:
+        remedy = Message("set a smaller ffmpeg Size, or other formats")
+    needed = BYTES * display.width * display.height * (1 + (parts if parts > 1 else 0))
+    check_free(needed, Message("Exporting maps"), remedy)

@@ -69,16 +69,20 @@ class STMap:
 
 
 def warp_map(
-    channel: Channel, times: int = 1, overscan: float = 0.0
+    channel: Channel,
+    times: int = 1,
+    overscan: float = 0.0,
+    strongest: NDArray[np.uint64] | None = None,
 ) -> Generator[float, None, STMap]:
     """Display pixels to picture coordinates, each pixel cut into `times` a side; yields
     progress 0..1.
 
     overscan : per cent, by which the picture is larger at each side
+    strongest : as by `paths_shown`, if it is known
     """
     plan, view_map = channel.plan, channel.view_map
     grid = middles(view_map.display_size, times)
-    places = yield from view_from_display(plan, view_map, grid)
+    places = yield from view_from_display(plan, view_map, grid, strongest)
     place = plan.rig.place_of(channel.viewer)
     coverage = channel.coverage.of_display.repeat(times, axis=0).repeat(times, axis=1)
     return of_places(place, channel.viewer, grid, places, coverage, overscan)

@@ -8,7 +8,7 @@ Where the middle of a pixel is seen on no such path, but a part of the pixel is,
 middle of that part's largest share. So no pixel at a border is lost.
 """
 
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,34 +51,58 @@ class ViewPlaces:
     off: Floats
 
 
+def paths_shown(plan: Plan, view_map: ViewMap) -> Pauses[NDArray[np.uint64]]:
+    """The path (H * W,) that counts for each display pixel."""
+    return strongest_paths(_shares(plan, view_map))
+
+
+def _shares(plan: Plan, view_map: ViewMap) -> ShareBatches:
+    return shares_of(view_map, plan.settings.brightness, view_map.pieces, has_path=True)
+
+
 def view_from_display(
-    plan: Plan, view_map: ViewMap, grid: Grid
+    plan: Plan, view_map: ViewMap, grid: Grid, strongest: NDArray[np.uint64] | None = None
 ) -> Generator[float, None, ViewPlaces]:
-    """The places that show the points of a grid; yields progress 0..1."""
-    shares = shares_of(view_map, plan.settings.brightness, view_map.pieces, has_path=True)
-    strongest = yield from at(0.0, strongest_paths(shares))
+    """The places that show the points of a grid; yields progress 0..1.
+
+    Only those on the path that counts are traced; of others the map says that they are there.
+
+    strongest : as by `paths_shown`, if it is known
+    """
+    if strongest is None:
+        strongest = yield from at(0.0, paths_shown(plan, view_map))
     wanted = strongest[grid.pixels(view_map.display_size)]
 
     # the very points, by the pieces of the map that show them
     lots = []
-    done = 0.1
-    for lot in _together(candidates(view_map, grid)):
-        lots.append((yield from at(done, _settled(plan, view_map, grid, lot))))
-        done = min(done + 0.7 * len(lot.point) / len(grid), 0.8)
-        yield done
-
+    for lot in candidates(view_map, grid):
+        lots.append(lot)
+        yield 0.2
+    lot = _joined(lots)
+    is_on_path = lot.path == wanted[lot.point]
     found = ViewPlaces(
         view=np.full((len(grid), 2), np.nan),
         view_by_display=np.zeros((len(grid), 2, 2)),
         path=np.full(len(grid), NO_PATH),
-        multiplicity=np.zeros(len(grid), np.int64),
+        multiplicity=np.bincount(lot.point[~is_on_path], minlength=len(grid)),
         off=np.full(len(grid), np.inf),
     )
-    is_wanted = _choose(found, _joined(lots), wanted, plan.settings.brightness)
+
+    lot = lot.at(np.flatnonzero(is_on_path))
+    settled = [_Settled(Candidates.none(), np.empty(0))]
+    for first in range(0, len(lot.point), SETTLED_AT_ONCE):
+        some = Candidates(*(column[first : first + SETTLED_AT_ONCE] for column in lot))
+        settled.append((yield from at(0.2, _settled(plan, view_map, grid, some))))
+        yield 0.2 + 0.6 * first / len(lot.point)
+    lot = Candidates(*map(np.concatenate, zip(*(some.of for some in settled), strict=True)))
+    off = np.concatenate([some.off for some in settled])
+    once = np.flatnonzero(~_is_repeated(lot))
+    is_wanted = _choose(found, _Settled(lot.at(once), off[once]), plan.settings.brightness)
 
     # other parts of their pixels
     lacks = np.flatnonzero(~is_wanted & (wanted != NO_PATH))
     if len(lacks):
+        shares = _shares(plan, view_map)
         largest = yield from at(0.85, _largest(shares, strongest, view_map.display_size))
         pixels = grid.pixels(view_map.display_size)[lacks]
         yield from at(0.9, _fill(found, plan, view_map, grid.at(lacks), lacks, largest[pixels]))
@@ -116,21 +140,6 @@ class _Settled:
     off: Floats
 
 
-def _together(lots: Iterable[Candidates]) -> Iterator[Candidates]:
-    """Candidates, more of them at a time."""
-    few: list[Candidates] = []
-    n = 0
-    for lot in lots:
-        few.append(lot)
-        n += len(lot.point)
-        if n >= SETTLED_AT_ONCE:
-            yield Candidates(*map(np.concatenate, zip(*few, strict=True)))
-            few = []
-            n = 0
-    if few:
-        yield Candidates(*map(np.concatenate, zip(*few, strict=True)))
-
-
 def _settled(plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates) -> Pauses[_Settled]:
     """Those of some candidates that show their points. Light ends, or jumps, where the map knows
     only as well as its tolerance: there it lands so far off.
@@ -141,20 +150,10 @@ def _settled(plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates) -> Paus
     return _Settled(lot._replace(view=places.view).at(true), places.off[true])
 
 
-def _joined(lots: list[_Settled]) -> _Settled:
-    """All candidates, each place but once."""
-    if not lots:
-        nothing = np.empty(0, np.uint64)
-        two = np.empty((0, 2))
-        none = Candidates(
-            np.empty(0, np.int64), two, np.empty((0, 2, 2)), nothing, nothing, two[:, 0]
-        )
-        return _Settled(none, two[:, 0])
-
-    of = Candidates(*map(np.concatenate, zip(*(lot.of for lot in lots), strict=True)))
-    off = np.concatenate([lot.off for lot in lots])
-    kept = np.flatnonzero(~_is_repeated(of))
-    return _Settled(of.at(kept), off[kept])
+def _joined(lots: list[Candidates]) -> Candidates:
+    """All candidates of several lots, each place but once."""
+    lot = Candidates(*map(np.concatenate, zip(Candidates.none(), *lots, strict=True)))
+    return lot.at(np.flatnonzero(~_is_repeated(lot)))
 
 
 def _is_repeated(lot: Candidates) -> Bools:
@@ -173,29 +172,24 @@ def _is_repeated(lot: Candidates) -> Bools:
     return repeated
 
 
-def _choose(
-    found: ViewPlaces, settled: _Settled, wanted: NDArray[np.uint64], brightness: bool
-) -> Bools:
-    """Keep one place for each point (n,), if it can be on the wanted path (n,); is it?"""
+def _choose(found: ViewPlaces, settled: _Settled, brightness: bool) -> Bools:
+    """Keep one of the places of each point (n,); has it any?"""
     lot = settled.of
     (a, b), (c, d) = np.moveaxis(lot.view_by_display, 0, 2)
     size = np.abs(a * d - b * c)
     if brightness:
         size *= lot.throughput**2
-    is_on_path = lot.path == wanted[lot.point]
 
     # of several of one point the last is kept
-    order = np.lexsort((size, is_on_path))
+    order = np.argsort(size, kind="stable")
     point = lot.point[order]
     found.view[point] = lot.view[order]
     found.view_by_display[point] = lot.view_by_display[order]
     found.path[point] = lot.path[order]
     found.off[point] = settled.off[order]
-    found.multiplicity[:] = np.bincount(lot.point, minlength=len(wanted))
-
-    is_wanted = np.zeros(len(wanted), bool)
-    is_wanted[point] = is_on_path[order]
-    return is_wanted
+    n = np.bincount(point, minlength=len(found.view))
+    found.multiplicity[:] += n
+    return n > 0
 
 
 def _fill(

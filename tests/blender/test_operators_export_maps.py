@@ -2,8 +2,9 @@
 
 import importlib
 import json
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -211,8 +212,60 @@ def test_nothing_to_write_is_one_sentence(
     assert not (tmp_path / "new").exists()
 
 
+def export_maps_told(folder: Path, formats: set[str], capfd: pytest.CaptureFixture) -> str:
+    """What Export Maps prints."""
+    capfd.readouterr()
+    assert bpy.ops.kiriko.export_maps(directory=str(folder), formats=formats) == {"FINISHED"}
+    return capfd.readouterr().out
+
+
+def test_progress_is_printed_and_nothing_is_there_before_the_end(
+    scene: bpy.types.Scene,
+    kiriko: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture,
+) -> None:
+    """Who kills Blender while rays are traced finds no temporary folder; each printed number is
+    larger than the one before.
+    """
+    small_rig()
+    long_work = importlib.import_module(f"{kiriko.__name__}.operators.long_work")
+    module = importlib.import_module(f"{kiriko.__name__}.operators.export_maps")
+    monkeypatch.setattr(long_work, "SILENT", 0.0)
+    there = []
+
+    def seen(maps: Generator) -> Generator:
+        there.append(list(tmp_path.iterdir()))
+        return (yield from maps)
+
+    own = module.maps_of
+    monkeypatch.setattr(module, "maps_of", lambda *given: seen(own(*given)))
+    told = export_maps_told(tmp_path, {"NPZ"}, capfd)
+    assert there == [[]]
+    numbers = [int(n) for n in re.findall(r"^Kiriko: Export Maps (\d+) %$", told, re.MULTILINE)]
+    assert len(numbers) > 5
+    assert numbers == sorted(numbers)
+    assert {path.name for path in tmp_path.iterdir()} == {"warp.npz", "maps.json"}
+
+
+def test_maps_that_memory_does_not_hold_are_refused(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before any work, with a remedy."""
+    small_rig()
+    options = importlib.import_module(f"{kiriko.__name__}.core.warp.options")
+    monkeypatch.setattr(options, "BYTES", 1e15)
+    with pytest.raises(RuntimeError, match=r"Exporting maps would take about .* GB of memory"):
+        bpy.ops.kiriko.export_maps(directory=str(tmp_path), formats={"NPZ"})
+    assert not list(tmp_path.iterdir())
+
+
 def test_without_openimageio_all_but_exr_is_written(
-    scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: bpy.types.Scene,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture,
 ) -> None:
     """The PNG has the same numbers, to the last."""
     small_rig()
@@ -221,7 +274,9 @@ def test_without_openimageio_all_but_exr_is_written(
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
     with pytest.raises(RuntimeError, match=r"has no OpenImageIO.*: choose other formats, or"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path / "without"))
-    bpy.ops.kiriko.export_maps(directory=str(tmp_path / "without"), formats=both)
+    told = export_maps_told(tmp_path / "without", both | {"EXR"}, capfd)
+    assert "This Blender's Python has no OpenImageIO, which writes .exr." in told
+    assert not (tmp_path / "without" / "warp.exr").exists()
     one, other = (numbers_of(tmp_path / name / "warp.png") for name in ("with", "without"))
     assert np.abs(one - other)[..., :3].max() == 0
 

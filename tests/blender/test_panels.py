@@ -422,7 +422,9 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     assert 0 < found["least"] < found["brightness"] < found["most"] < 1
 
     text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
-    assert text == scene.kiriko.result.summary
+    summary, legibility = text.split(" Legibility: ")
+    assert summary == scene.kiriko.result.summary
+    assert legibility.endswith(" %")
     text = " ".join(drawn(*panel).texts)
     assert (
         f"Plate: {percent(found['brightness'])} (+- {percent(found['brightness_error'])}) of the"

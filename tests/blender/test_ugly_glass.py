@@ -569,15 +569,14 @@ def test_faces_that_are_turned_round_beside_others_are_told_and_turned(
 
 
 def test_flat_faces_that_are_turned_round_cost_no_light(look: Callable[[], list]) -> None:
-    """Kiriko knows which way they look; Cycles does not, and who looks by it is told."""
-    ball_turned(lambda face: face.index < 9, is_smooth=False)
+    """Kiriko knows which way they look; Cycles and other programs do not, so it is advice."""
+    glass = ball_turned(lambda face: face.index < 9, is_smooth=False)
+    glass.kiriko.surface = "FACETS"
+    words = "9 faces turned round beside others: Kiriko knows it, Cycles does not"
+    (entry,) = (one for one in look() if words in one.text)
+    assert entry.icon == "INFO"
+    press(look(), words, "Turn Out")
     assert not [one for one in look() if "turned round" in one.text]
-    bpy.ops.kiriko.look_through()
-    press(
-        look(), "9 faces turned round beside others: Kiriko knows it, Cycles does not", "Turn Out"
-    )
-    assert not [one for one in look() if "turned round" in one.text]
-    bpy.ops.kiriko.look_through()
 
 
 def test_faces_turned_round_by_a_modifier_are_told(look: Callable[[], list]) -> None:

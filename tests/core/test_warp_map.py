@@ -7,7 +7,9 @@ import pytest
 
 from kiriko.core.errors import RigError
 from kiriko.core.light.trace import trace
+from kiriko.core.map.pieces import Piece
 from kiriko.core.map.points import in_triangles
+from kiriko.core.warp import covering
 from kiriko.core.warp.channel_maps import maps_of
 from kiriko.core.warp.files import suffixes
 from kiriko.core.warp.grid import middles, nodes
@@ -122,6 +124,38 @@ def counted(solution, along):
             on = (column >= 0) & (row >= 0) & (column < width) & (row < height)
             np.add.at(found, (row[on], column[on]), 1)
     return found
+
+
+def test_points_in_slivers_are_found_by_their_rows(monkeypatch):
+    """They are those of brute force, and about as many are looked at: boxes around the slivers of
+    pixels at borders hold a hundred times as many.
+    """
+    random = np.random.default_rng(5)
+    ends = random.uniform(-20, 220, (200, 2, 2))
+    display = np.stack([ends[:, 0], ends[:, 1], ends[:, 0] + random.normal(size=(200, 2))], axis=1)
+    branch = np.arange(200, dtype=np.uint64)
+    piece = Piece(display / 7, display, np.ones(200), branch)
+    looked = []
+    within = covering._within
+    monkeypatch.setattr(
+        covering, "_within", lambda *given: looked.append(len(given[3])) or within(*given)
+    )
+    grid = middles((200, 150))
+    found = [c for c in covering._in_triangles(piece, grid)]
+    pairs = np.stack(
+        [np.concatenate([c.branch for c in found]), np.concatenate([c.point for c in found])]
+    ).astype(int)
+
+    xy = grid.at(np.arange(len(grid)))
+    inside, n_boxes = set(), 0
+    for k, triangle in enumerate(display):
+        where, _ = in_triangles(triangle[None], triangle[None], xy)
+        inside |= {(k, int(n)) for n in np.flatnonzero(where)}
+        low, high = np.clip(np.stack([triangle.min(axis=0), triangle.max(axis=0)]), 0, (200, 150))
+        n_boxes += np.prod(high - low)
+    assert len(inside) > 2000
+    assert {tuple(pair) for pair in pairs.T.tolist()} == inside
+    assert sum(looked) < 1.1 * len(inside) + 10 < n_boxes / 50
 
 
 @pytest.fixture(scope="module")

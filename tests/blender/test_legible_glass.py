@@ -1,0 +1,96 @@
+"""Glass that shows no picture: it is said before a solve, and the remedy is measured."""
+
+import importlib
+from collections.abc import Callable
+from types import ModuleType
+
+import bpy
+import numpy as np
+import pytest
+
+from panel_layout import Layout, told
+from small_rigs import primitive
+from test_checklist import press
+
+
+def bumpy(scene: bpy.types.Scene, off: float) -> bpy.types.Object:
+    """A smooth ball whose vertices are off by so many radii at random, selected as glass."""
+    mesh = primitive("icosphere", subdivisions=5, radius=0.03)
+    points = np.array([vertex.co for vertex in mesh.vertices])
+    points *= 1 + off * np.random.default_rng(4).normal(size=(len(points), 1))
+    mesh.vertices.foreach_set("co", points.ravel())
+    mesh.shade_smooth()
+    glass = bpy.data.objects.new("bunny", mesh)
+    scene.collection.objects.link(glass)
+    glass.kiriko.use_ior = True
+    glass.select_set(True)
+    bpy.context.view_layer.objects.active = glass
+    bpy.context.view_layer.update()
+    return glass
+
+
+SMALL = {"viewer_resolution": 64, "display_resolution": (128, 128)}
+
+
+def test_blenders_smooth_modifier_makes_the_mesh_that_was_measured(
+    kiriko: ModuleType, scene: bpy.types.Scene
+) -> None:
+    """Places to float32, and normals of the smooth-shaded mesh to a hundredth of a degree."""
+    core = f"{kiriko.__name__}.core"
+    smoothing = importlib.import_module(f"{core}.glass.smoothed")
+    reading = importlib.import_module(f"{core}.blender.mesh")
+    glass = bumpy(scene, 0.01)
+    local = reading.read_local(glass.data, has_normals=True)
+    mesh, _ = reading.in_world(local, np.eye(4))
+    wanted = smoothing.smoothed(mesh, 10)
+
+    assert bpy.ops.kiriko.smooth_glass(part=glass.name, iterations=10) == {"FINISHED"}
+    shown = glass.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    found = np.array([vertex.co for vertex in shown.vertices])
+    assert np.abs(found - wanted.vertices).max() < 1e-7
+    normals = np.array([normal.vector for normal in shown.vertex_normals])
+    there = smoothing.vertex_normals(wanted.vertices, wanted.triangles)
+    assert np.abs(normals - there).max() < 2e-4
+
+
+def test_a_remedy_is_told_before_a_solve_as_it_was_measured(
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    look: Callable[[], list],
+    drawn: Callable[..., Layout],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Add Rig says that nobody recognises the picture; the checklist's button makes it as legible
+    as it says.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.operators.add_rig")
+    whole = module.legible
+    monkeypatch.setattr(module, "legible", lambda *given, is_watched: whole(*given, True))
+    glass = bumpy(scene, 0.05)
+    bpy.ops.kiriko.add_rig(**SMALL)
+    assert "The picture is hard to recognise: legibility" in scene.kiriko.result.notes
+    entry = next(one for one in look() if "hard to recognise" in one.text)
+    assert entry.can_wait
+    foretold = float(entry.text.split("raises it to ")[1].split(" %")[0]) / 100
+    assert foretold > 0.7
+
+    press(look(), "hard to recognise")
+    assert glass.modifiers[0].type == "SMOOTH"
+    assert not [text for text in told(look()) if "recognise" in text]
+    bpy.ops.kiriko.solve()
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
+    assert legibility == pytest.approx(foretold, abs=0.02)
+    shown = drawn("result", "VIEW3D_PT_kiriko_result").texts
+    assert [text for text in shown if text.startswith("Legibility: ")]
+
+
+def test_clear_glass_needs_no_remedy(
+    kiriko: ModuleType, scene: bpy.types.Scene, look: Callable[[], list]
+) -> None:
+    """A ball shows all of the card."""
+    bumpy(scene, 0.0)
+    bpy.ops.kiriko.add_rig(**SMALL)
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    assert kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"] > 0.99
+    assert not [text for text in told(look()) if "recognise" in text]
