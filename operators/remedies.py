@@ -4,6 +4,7 @@ from collections.abc import Generator
 
 from ..core.bench.helps import Help, Helps, smoothing, what_helps
 from ..core.blender.checklist import REMEDIES, WORTH
+from ..core.fingerprint import fingerprint
 from ..core.light.kept import Kept
 from ..core.rig import Rig
 from ..core.settings import Settings
@@ -13,6 +14,7 @@ from ..core.steps import within
 from . import work
 
 SECONDS = 4.0  # that the search may take: most take one
+_legible: dict[str, tuple[float, Help | None]] = {}  # the last answer, by what was asked
 
 
 def remedies_for(
@@ -33,9 +35,13 @@ def legible(
     """How legible the picture is, 0..1, and, for somebody who reads the checklist, a remedy that
     was measured, if it is not; yields progress 0..1.
     """
-    kept = Kept()
-    work.session().lend(kept)
-    found = yield from within(card_legibility(rig, settings, kept), 0.0, 0.2)
-    if found >= READABLE or not is_watched:
-        return found, None
-    return found, (yield from within(smoothing(rig, settings, found), 0.2, 1.0))
+    key = fingerprint(rig.light_keys, rig.picture_place, settings.of_optics, is_watched)
+    if key not in _legible:  # another picture in the same place is as legible
+        kept, help = Kept(), None
+        work.session().lend(kept)
+        found = yield from within(card_legibility(rig, settings, kept), 0.0, 0.2)
+        if found < READABLE and is_watched:
+            help = yield from within(smoothing(rig, settings, found), 0.2, 1.0)
+        _legible.clear()
+        _legible[key] = found, help
+    return _legible[key]
