@@ -40,10 +40,7 @@ def most_rays(plan: Plan) -> int:
 
 
 class Allowance:
-    """The rays that are left to each viewer pixel, and those of them that are kept for samples.
-
-    n_taken : rays of all pixels so far
-    """
+    """The rays that are left to each viewer pixel, and those of them that are kept for samples."""
 
     def __init__(self, plan: Plan, view: Floats) -> None:
         """After rays at viewer px (n, 2)."""
@@ -55,7 +52,6 @@ class Allowance:
         most = most_rays(plan) - rule.apart
         # places on the lower and the right border are those of pixels beyond
         self.left = np.full((viewer.width + 1) * (viewer.height + 1), most, np.int64)
-        self.n_taken = 0
         self.take(view)
 
     def keep(self, quarterings: int) -> None:
@@ -66,7 +62,6 @@ class Allowance:
         """Rays (n,) at viewer px (n, 2) are traced, or will be."""
         n_rays = np.broadcast_to(n_rays, len(view))
         np.subtract.at(self.left, self._pixel(view), n_rays)
-        self.n_taken += int(n_rays.sum())
 
     def lacks(self, view: Floats, n_rays: Ints | int = 1) -> Bools:
         """Which rays (n,) at viewer px (n, 2) are more than their pixel has left, if each pixel

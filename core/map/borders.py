@@ -27,7 +27,7 @@ from .doubts import (
     missed_by_corners,
     missed_by_pieces,
     n_branches,
-    worth_quartering,
+    worth_rays,
 )
 from .known_borders import Borders
 from .points import Points, trace_points
@@ -244,12 +244,9 @@ class _Cutting:
         simple = again & (found.n_met < CUT.many_branches) & (not is_last)
 
         if depth > 0:
-            simple &= worth_quartering(
-                self.plan,
-                np.where(simple, found.off, 0.0),
-                self.quarterings - depth,
-                self.allowance.n_taken,
-            )
+            least = worth_rays(tolerance, self.plan.settings.effort)
+            most = 4.0 ** (self.quarterings - depth) * least
+            simple &= np.isinf(found.off) | (found.off < most)
 
         # their quarters want rays, too
         self.allowance.keep(min(depth + 1, self.quarterings))

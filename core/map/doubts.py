@@ -16,10 +16,9 @@ class CutRule:
     """When pixels are cut, quartered, sampled (docs/design.md, decision 5).
 
     quarterings : of a pixel, at the most
-    least_error_px : display px; an error that cannot get as small as this is worth no rays, unless
-        the view is cheap
-    cheap : rays for a viewer pixel, of all the view on average, up to which it is
-    of_effort : Effort for which that holds; n times as much makes it n^2 times as many
+    least_error_px : display px; an error that cannot get as small as this is left to more Effort,
+        or to a larger viewer
+    of_effort : Effort for which that holds; n times as much makes it n^2 times as large
     new_share : of the middles of a square's mixed pixels: where more lie
         on new branches its borders are not looked for
     n_doubtful : pixels of a square that are in doubt: as where edges meet, which is no chaos
@@ -33,7 +32,6 @@ class CutRule:
 
     quarterings: int = 2
     least_error_px: float = 0.1
-    cheap: float = 2.0
     of_effort: int = 16
     new_share: float = 0.25
     n_doubtful: int = 1
@@ -44,7 +42,6 @@ class CutRule:
 
 
 CUT = CutRule()
-RAYS_OF_QUARTERS = 8  # of a cell: halfway between its corners, and in the middles of the quarters
 
 
 class Doubts(NamedTuple):
@@ -65,19 +62,13 @@ class Doubts(NamedTuple):
     owner: Ints
 
 
-def worth_quartering(plan: Plan, off: Floats, left: int, n_taken: int) -> Bools:
-    """Which cells (m,) that miss their middles by off (m,), display px, are worth to be quartered
-    again, if `left` quarterings are allowed then?
+def worth_rays(tolerance: float, effort: int) -> float:
+    """Display px: a cell is quartered again if its error can get as small as this.
 
     Where the map is smooth an error falls to a quarter then. Where faces bend light in each pixel
-    it only halves, and a large error stays too large: such cells are quartered while all rays,
-    n_taken and those of their quarters, are few for the view.
+    it only halves, and a large error stays too large: what that is worth is a matter of Effort.
     """
-    least = max(plan.settings.tolerance, CUT.least_error_px)
-    is_far = np.isfinite(off) & (off >= 4.0**left * least)
-    n_rays = n_taken + RAYS_OF_QUARTERS * int(is_far.sum())
-    most = CUT.cheap * (plan.settings.effort / CUT.of_effort) ** 2
-    return ~is_far | (n_rays <= most * plan.viewer.width * plan.viewer.height)
+    return max(tolerance, CUT.least_error_px * max(1.0, effort / CUT.of_effort) ** 2)
 
 
 def is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:

@@ -13,9 +13,8 @@ import pytest
 from kiriko.core import kernel
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.map import doubts, measured_error, sampling
+from kiriko.core.map import measured_error, sampling
 from kiriko.core.map.allowance import ALLOWANCE, Allowance, most_rays
-from kiriko.core.map.doubts import CUT
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -163,22 +162,6 @@ def test_more_effort_takes_no_more_rays_of_a_smooth_ball():
     """But at its edge, by a hundredth."""
     rays = [solve(ball_rig(4, pixels=64), effort=effort).n_rays for effort in (16, 64)]
     assert rays[0] <= rays[1] < 1.01 * rays[0]
-
-
-def test_cheap_glass_is_cut_finer_where_it_bends_light_far(monkeypatch):
-    """Of a torus that takes less than a ray a pixel, less than 0.3 % of the landings are further
-    off than 0.4 px, and less than 0.6 % than 0.1 px, for a fifth more rays at most: 0.45 and 0.8 %
-    without. A view that is not cheap takes the same rays.
-    """
-    ring = rig(torus(0.018, 0.007, 64, 32), pixels=320, display_pixels=320)
-    off, n_rays = errors_of(ring, 16)
-    assert (off > 0.4).mean() < 0.003
-    assert (off > 0.1).mean() < 0.006
-    of_rough_ball = errors_of(rough_ball(), 16)
-
-    monkeypatch.setattr(doubts, "CUT", replace(CUT, cheap=0.0))
-    assert n_rays < 1.2 * errors_of(ring, 16)[1]
-    assert of_rough_ball[1] == errors_of(rough_ball(), 16)[1]
 
 
 @cache
