@@ -6,7 +6,7 @@ import bpy
 
 from ..core.blender import plane
 from ..core.blender.moving import Timing, rate_of
-from ..core.messages import Message
+from ..core.messages import Message, as_message
 from . import needed, telling
 from .needed import the_picture
 
@@ -33,7 +33,7 @@ def other_rate(context: bpy.types.Context) -> Message | None:
         rate=rate,
         own=own,
         times=own / rate,
-        button=Message(KIRIKO_OT_use_film.bl_label),
+        button=as_message(KIRIKO_OT_use_film.bl_label),
     )
 
 
