@@ -8,7 +8,7 @@ import bpy
 
 from ..core.messages import Message, as_message
 from ..core.steps import finish
-from . import needed, work
+from . import live, needed, work
 from .looking import only_looks
 from .telling import in_words, report, told
 
@@ -65,6 +65,7 @@ class LongWork:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with told(self):
+            self._begin(context)
             text = finish(_at_pointer(context, self.steps(context)))
             report(self, self.level, text)
             return {"FINISHED"}
@@ -77,6 +78,7 @@ class LongWork:
             report(self, "WARNING", Message("{reason}.", reason=needed.AT_WORK))
             return {"CANCELLED"}
 
+        self._begin(context)
         self._work = self.steps(context)
         self.window = context.window
         manager = context.window_manager
@@ -87,6 +89,11 @@ class LongWork:
         work._running.append(self)
 
         return {"RUNNING_MODAL"}
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        """Have undo of this work return to what Live has written."""
+        if "UNDO" in self.bl_options:
+            live.push_undo(context.scene)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
