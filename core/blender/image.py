@@ -10,11 +10,12 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..encoding import quantised
+from ..encoding import encode, quantised
 from ..errors import ImageError
 from ..png import encoded
 from .reports import said_by
 
+THUMBNAIL = 256  # px, at most: as large as Blender makes them
 UNPACKED = ""  # its packed file is of older pixels, if there is one
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
 _read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
@@ -71,8 +72,32 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
         rgba[..., channel] = pixels[::-1, :, channel]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
+    _set_thumbnail(image, pixels)
     _read.pop(image.session_uid, None)
     image[PACKED_MARK] = UNPACKED  # an undo step has this mark, but not the pixels
+
+
+def _set_thumbnail(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give an image the means of its pixels as its thumbnail: Blender's own takes every nth."""
+    height, width = pixels.shape[:2]
+    step = -(-max(height, width) // THUMBNAIL)
+    means = _means(_means(pixels[..., :3], step).swapaxes(0, 1), step).swapaxes(0, 1)
+    rgba = np.ones((*means.shape[:2], 4), np.float32)
+    rgba[..., :3] = encode(means)
+    thumbnail = image.preview_ensure()
+    thumbnail.image_size = means.shape[1::-1]
+    thumbnail.image_pixels_float.foreach_set(rgba[::-1].ravel())
+
+
+def _means(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """Means of each `step` rows, and of those that are left: 5 times as fast as `reduceat`."""
+    means = values[::step].copy()
+    for first in range(1, step):
+        more = values[first::step]
+        means[: len(more)] += more
+    means[:-1] /= step
+    means[-1] /= len(values) - step * (len(means) - 1)
+    return means
 
 
 def pixels_from_image(image: bpy.types.Image) -> np.ndarray:
