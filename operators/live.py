@@ -10,6 +10,7 @@ from bpy.app.handlers import persistent
 
 from ..core.blender.conflict import pack_conflict
 from ..core.blender.result import pack_source
+from ..core.blender.result_images import lacks_numbers
 from ..core.messages import Message
 from . import live_follower, needed, telling, work
 from .windows import redraw
@@ -114,6 +115,19 @@ def pack_if_needed(live: live_follower.Live) -> None:
         pack_source(scene)
         pack_conflict(scene)
         live.is_unpacked = False
+
+
+def push_undo(scene: bpy.types.Scene) -> None:
+    """Make an undo step of a whole result that Live has written since the last one, to which undo
+    of the next change returns: the step before has the result of an older scene.
+    """
+    result = scene.kiriko.result
+    if not follows(scene) or result.is_coarse or lacks_numbers(result) or is_ahead(scene):
+        return
+    if _lives[0].n_pushed < _lives[0].n_pictures:
+        _lives[0].n_pushed = _lives[0].n_pictures
+        pack_if_needed(_lives[0])
+        bpy.ops.ed.undo_push(message="Live")
 
 
 def settle(scene: bpy.types.Scene) -> None:
@@ -231,7 +245,7 @@ class KIRIKO_OT_live(bpy.types.Operator):
 
     bl_idname = "kiriko.live"
     bl_label = "Live"
-    bl_options = {"REGISTER"}  # no undo step: whether it is on is no part of the file
+    bl_options = {"REGISTER"}  # whether it is on is no part of the file, its result is
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -242,6 +256,7 @@ class KIRIKO_OT_live(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if follows(context.scene):
+            push_undo(context.scene)
             stop()
         else:
             start(context.scene)

@@ -75,6 +75,7 @@ class Live:
         self.uid, self._rig = scene.session_uid, scene.kiriko.rig
         self.problem = ""
         self.n_pictures = 0
+        self.n_pushed = 0  # of them, when the last undo step of them was made
         self.is_unpacked = False
         self.otherwise: list[Message] = []  # why Cycles shows the glass otherwise, as last read
         # from a change to the first and to the last picture of it

@@ -9,7 +9,7 @@ import bpy
 
 from ..core.messages import Message, as_message
 from ..core.steps import finish
-from . import needed, work
+from . import live, needed, work
 from .looking import only_looks
 from .telling import in_words, report, told
 
@@ -84,6 +84,7 @@ class LongWork:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with told(self):
+            self._begin(context)
             text = finish(_at_pointer(context, self.bl_label, self.steps(context)))
             report(self, self.level, text)
             return {"FINISHED"}
@@ -96,6 +97,7 @@ class LongWork:
             report(self, "WARNING", Message("{reason}.", reason=needed.AT_WORK))
             return {"CANCELLED"}
 
+        self._begin(context)
         self._work = self.steps(context)
         self.window = context.window
         manager = context.window_manager
@@ -106,6 +108,11 @@ class LongWork:
         work._running.append(self)
 
         return {"RUNNING_MODAL"}
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        """Have undo of this work return to what Live has written."""
+        if "UNDO" in self.bl_options:
+            live.push_undo(context.scene)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":

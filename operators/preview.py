@@ -95,21 +95,33 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
             return self.execute(context)
 
         self._preview = None
-        with telling.told(self):
-            self._preview = self._prepare(context)
-        if self._preview is None:
-            return {"CANCELLED"}
+        self._timer = context.window_manager.event_timer_add(long_work.TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        text = Message("Kiriko: preparing the preview ...")  # drawn before the next event
+        context.workspace.status_text_set(telling.in_words(text))
+        return {"RUNNING_MODAL"}
 
+    def _start(self, context: bpy.types.Context) -> None:
+        """Begin to render."""
+        try:
+            self._preview = self._prepare(context)
+        finally:
+            context.workspace.status_text_set(None)
         # Blender renders in a job of its own and puts no setting back
         # after Esc; a temporary scene needs none put back
         self._preview.scene.render.use_lock_interface = True
-        self._timer = context.window_manager.event_timer_add(long_work.TICK, window=context.window)
-        context.window_manager.modal_handler_add(self)
         bpy.ops.render.render("INVOKE_DEFAULT", scene=self._preview.scene.name, write_still=True)
 
-        return {"RUNNING_MODAL"}
-
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self._preview is None:
+            if event.type == "TIMER":
+                with telling.told(self):
+                    self._start(context)
+                    return {"RUNNING_MODAL"}
+                self.cancel(context)
+                return {"CANCELLED"}
+            return {"RUNNING_MODAL"}  # a second click begins no second preview
+
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
         try:
@@ -127,7 +139,8 @@ class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
         it closes or loads another file meanwhile.
         """
         context.window_manager.event_timer_remove(self._timer)
-        self._preview.close()
+        if self._preview is not None:
+            self._preview.close()
 
     def _prepare(self, context: bpy.types.Context) -> Preview:
         scene = context.scene

@@ -122,6 +122,7 @@ class VIEW3D_MT_kiriko_export(bpy.types.Menu):
         layout.operator("kiriko.export_atlas", icon="VIEW_PAN")
         layout.operator("kiriko.export_job", icon="NETWORK_DRIVE")
         layout.separator()
+        layout.operator("kiriko.use_film", icon="FILE_MOVIE")
         layout.operator("kiriko.solve_animation", icon="RENDER_ANIMATION")
         layout.operator("kiriko.export_movie", icon="FILE_MOVIE")
         layout.operator("kiriko.show_window", icon="WINDOW")

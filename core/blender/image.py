@@ -10,10 +10,11 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..encoding import quantised
+from ..encoding import encode, quantised
 from ..png import encoded
 from .colour import from_rec709, rec709_from_working, to_rec709
 
+THUMBNAIL = 256  # px, at most: as large as Blender makes them
 UNPACKED = ""  # its packed file is of older pixels, if there is one
 PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
 WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the space it was made in
@@ -62,15 +63,39 @@ def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
     """Give a float image of the same size other pixels (h, w, 3 or 4), linear Rec.709, row 0 at the
     top. It stays unsaved.
     """
-    pixels = from_rec709(pixels)
-    height, width, channels = pixels.shape
+    numbers = from_rec709(pixels)
+    height, width, channels = numbers.shape
     rgba = np.ones((height, width, 4), np.float32)
     for channel in range(channels):  # numpy is slow where rows are a few numbers long
-        rgba[..., channel] = pixels[::-1, :, channel]
+        rgba[..., channel] = numbers[::-1, :, channel]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
+    _set_thumbnail(image, pixels)
     _read.pop(image.session_uid, None)
     image[PACKED_MARK] = UNPACKED  # an undo step has this mark, but not the pixels
+
+
+def _set_thumbnail(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give an image the means of its pixels as its thumbnail: Blender's own takes every nth."""
+    height, width = pixels.shape[:2]
+    step = -(-max(height, width) // THUMBNAIL)
+    means = _means(_means(pixels[..., :3], step).swapaxes(0, 1), step).swapaxes(0, 1)
+    rgba = np.ones((*means.shape[:2], 4), np.float32)
+    rgba[..., :3] = encode(means)
+    thumbnail = image.preview_ensure()
+    thumbnail.image_size = means.shape[1::-1]
+    thumbnail.image_pixels_float.foreach_set(rgba[::-1].ravel())
+
+
+def _means(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """Means of each `step` rows, and of those that are left: 5 times as fast as `reduceat`."""
+    means = values[::step].copy()
+    for first in range(1, step):
+        more = values[first::step]
+        means[: len(more)] += more
+    means[:-1] /= step
+    means[-1] /= len(values) - step * (len(means) - 1)
+    return means
 
 
 def stored_numbers(image: bpy.types.Image) -> NDArray[np.float32]:

@@ -29,12 +29,12 @@ def turn(
     screen, place = place_of(area)
     kept = Changed.read(screen.get(TURNED_MARK, ""))
     if place not in {one[0] for one in kept.changes}:
-        is_local = scene.camera != camera
+        is_local = space.use_local_camera or scene.camera != camera
         before = _shown(space)
         _set(space.region_3d, FRAMING, framing)
         after = [is_local, camera.name, _values(space.region_3d, FRAMING)]
         screen[TURNED_MARK] = Changed("", [*kept.changes, [place, before, after]]).text()
-    if scene.camera != camera:
+    if space.use_local_camera or scene.camera != camera:
         space.use_local_camera, space.camera = True, camera
     space.region_3d.view_perspective = "CAMERA"
 

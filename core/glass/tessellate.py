@@ -21,7 +21,7 @@ def count_parts(faces: CurvedFaces, angle: float, most: int) -> int:
     return int(np.clip(np.ceil(np.quantile(turns, USUAL) / angle), 1, most))
 
 
-def tessellate(mesh: Mesh, angle: float = np.radians(0.5), most: int = 1_000_000) -> Mesh:
+def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) -> Mesh:
     """The surface that is traced, in triangles so fine that it
     turns by less than an angle (radians) over each.
 

@@ -38,6 +38,8 @@ def blender() -> Iterator[ModuleType]:
 @pytest.fixture
 def scene(blender: ModuleType) -> bpy.types.Scene:
     """An empty scene in a new file with factory settings."""
+    # A file opened without its interface makes Blender keep the windows for all files after it.
+    blender.context.preferences.filepaths.use_load_ui = True
     blender.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return blender.context.scene
 

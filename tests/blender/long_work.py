@@ -196,7 +196,7 @@ class Asked:
 
     def __init__(self, name: str) -> None:
         self.real = getattr(part(f"operators.{name}"), f"KIRIKO_OT_{name}")
-        self.bl_label = self.real.bl_label
+        self.bl_label, self.bl_options = self.real.bl_label, self.real.bl_options
         self.said = []
         for option, declared in self.real.__annotations__.items():
             setattr(self, option, declared.keywords.get("default", 0.0))

@@ -302,3 +302,32 @@ def test_add_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
     bpy.ops.kiriko.add_rig()
     assert not bpy.context.window_manager.kiriko.show_comparison
     assert view() == before
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_each_test_begins_with_views_of_the_factory(
+    scene: bpy.types.Scene, tmp_path: Path, n: int
+) -> None:
+    """Even after a test that opened a file without its interface and changed a view."""
+    assert not space().use_local_camera
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+    space().use_local_camera = True
+
+
+def test_a_view_with_a_camera_of_its_own_shows_the_viewer_of_the_scene(
+    scene: bpy.types.Scene, compared: ModuleType
+) -> None:
+    """The view shows the viewer even if that is the scene's camera, and then its own again."""
+    small_rig()
+    assert scene.camera == scene.kiriko.viewer
+    mine = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
+    scene.collection.objects.link(mine)
+    space().use_local_camera, space().camera = True, mine
+    before = view()
+    bpy.ops.kiriko.before_after()
+    assert (space().camera if space().use_local_camera else scene.camera) == scene.camera
+    assert scene.camera == scene.kiriko.viewer
+    compared.leave()
+    assert view() == before

@@ -190,6 +190,42 @@ def test_undo_after_live_shows_the_image_of_before(live: ModuleType) -> None:
     assert not np.array_equal(shown(), before)
 
 
+@pytest.mark.parametrize("is_live", [False, True])
+def test_undo_of_a_fit_after_live_shows_the_result_of_the_scene(
+    live: ModuleType, tmp_path: Path, is_live: bool
+) -> None:
+    """The display has its size of before and the result is the one that Live made for it, not that
+    of an older scene, whether Live is on or off by then, and a file was saved meanwhile.
+    """
+    watch = importlib.import_module(f"{EXTENSION}.operators.watch")
+    rig = small_rig()
+    bpy.ops.kiriko.solve()
+    first = shown()
+    bpy.ops.ed.undo_push(message="solved")
+    assert bpy.ops.kiriko.live() == {"FINISHED"}
+    turn(rig["GLASS"], 0.3)
+    bpy.ops.ed.undo_push(message="turned")
+    settle(live)
+    after = shown()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"), copy=True)
+    if not is_live:
+        bpy.ops.kiriko.live()
+    width = rig["DISPLAY"].dimensions.x
+    assert bpy.ops.kiriko.fit_display() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="Fit Display")
+    assert rig["DISPLAY"].dimensions.x != pytest.approx(width, rel=1e-3)
+    live.stop()
+
+    bpy.ops.ed.undo()
+    assert bpy.data.objects["Kiriko Display"].dimensions.x == pytest.approx(width)
+    assert np.array_equal(shown(), after)
+    assert not watch.has_changed(bpy.context)
+    bpy.ops.ed.undo()
+    assert np.array_equal(shown(), first)
+    bpy.ops.ed.redo()
+    assert np.array_equal(shown(), after)
+
+
 def test_undo_after_live_takes_no_older_image_for_that_of_its_numbers(live: ModuleType) -> None:
     """A step made while Live had not packed its image has newer numbers than image: the result is
     not taken for that of the scene, and redo brings back one that is.

@@ -1,5 +1,6 @@
+import importlib
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import bmesh
 import bpy
@@ -9,6 +10,7 @@ from mathutils import Matrix, Quaternion
 
 from known import closed_forms
 from small_rigs import cube, inventory, linear_lattice, new_object, pixels, primitive, small_rig
+from test_ends_with_its_rig import Dialogue, in_window
 
 # Cycles traces in float32 over 1.2 m of path: 2^-24 of that, over
 # a display of 0.05 m, times the lever of the bending
@@ -398,6 +400,55 @@ def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
     bpy.ops.kiriko.preview(samples=1, border=(0, 0.5, 0.5, 1))
     assert inventory() == held
     assert tuple(bpy.data.images["Kiriko Preview"].size) == (32, 32)
+
+
+@pytest.mark.parametrize("is_spoilt", [False, True])
+def test_a_click_is_answered_before_the_scene_is_made(
+    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, is_spoilt: bool
+) -> None:
+    """The status bar tells of the preparation, which begins with the timer's first turn; a second
+    click meanwhile begins nothing. The text goes, where there can be no preview, too.
+    """
+    small_rig()
+    bpy.ops.kiriko.solve()
+    module = importlib.import_module(f"{kiriko.__name__}.operators.preview")
+    own = {"context": bpy.context, "data": bpy.data, "ops": bpy.ops}
+    app = SimpleNamespace(background=False, is_job_running=bpy.app.is_job_running)
+    monkeypatch.setattr(module, "bpy", SimpleNamespace(app=app, **own))
+    values = {
+        "samples": 1, "percentage": 100, "border": (1, 0, 0, 1) if is_spoilt else (0, 1, 0, 1),
+        "reflections": False, "surroundings": False, "filepath": "", "overwrite": False,
+    }  # fmt: skip
+    dialogue = Dialogue(kiriko, "preview", "KIRIKO_OT_preview", **values)
+    texts: list[str | None] = []
+    timers = ["timer"]
+    manager = SimpleNamespace(
+        event_timer_add=lambda *_, **__: "timer",
+        event_timer_remove=timers.remove,
+        modal_handler_add=lambda _: None,
+    )
+    workspace = SimpleNamespace(status_text_set=texts.append)
+    window = in_window(window_manager=manager, workspace=workspace)
+
+    def scenes() -> list[str]:
+        return [one.name for one in bpy.data.scenes]
+
+    before = scenes()
+    assert dialogue.it.invoke(window, None) == {"RUNNING_MODAL"}
+    assert texts == ["Kiriko: preparing the preview ..."]
+    assert dialogue.it.modal(window, SimpleNamespace(type="LEFTMOUSE")) == {"RUNNING_MODAL"}
+    assert scenes() == before
+    timer = SimpleNamespace(type="TIMER")
+    if is_spoilt:
+        assert dialogue.it.modal(window, timer) == {"CANCELLED"}
+        assert "border is empty" in dialogue.reports[0]
+    else:
+        assert dialogue.it.modal(window, timer) == {"RUNNING_MODAL"}
+        assert dialogue.it.modal(window, timer) == {"FINISHED"}
+        assert scene.kiriko.result.preview.size[0] == 64
+    assert texts[1:] == [None]
+    assert timers == []
+    assert scenes() == before
 
 
 def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_path) -> None:

@@ -25,6 +25,46 @@ def test_image_keeps_every_number(result: ModuleType) -> None:
     assert image.colorspace_settings.name.startswith("Linear")
 
 
+@pytest.mark.parametrize("shape", [(517, 1021), (3000, 2), (1, 1), (40, 30)])
+def test_a_thumbnail_has_the_mean_light_of_its_pixels(
+    result: ModuleType, shape: tuple[int, int]
+) -> None:
+    """Stripes one pixel wide are as grey as sRGB writes half of their light, to a step of 8 bits,
+    and row 0 is at the top. A newer image has its own, and so has one that undo brings back.
+    """
+    numbers = np.zeros((*shape, 3), np.float32)
+    numbers[:, ::2] = 1
+    numbers[: shape[0] // 2, :, 2] = 0
+
+    def off(expected: np.ndarray) -> float:
+        image = bpy.data.images["stripes"]
+        width, height = image.preview.image_size
+        found = np.empty(4 * width * height, np.float32)
+        image.preview.image_pixels_float.foreach_get(found)
+        step = -(-max(shape) // 256)
+        assert (width, height) == (-(-shape[1] // step), -(-shape[0] // step))
+        parts = [
+            [
+                block.mean(axis=(0, 1))
+                for block in np.split(row, range(step, shape[1], step), axis=1)
+            ]
+            for row in np.split(expected, range(step, shape[0], step))
+        ]
+        linear = np.array(parts, float)
+        srgb = np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear)
+        return np.abs(found.reshape(height, width, 4)[::-1, :, :3] - srgb).max()
+
+    bpy.context.scene.kiriko.picture_image = result.replace_image(None, "stripes", numbers)
+    bpy.ops.ed.undo_push(message="first")
+    assert off(numbers) < 1 / 255
+    image = bpy.data.images["stripes"]
+    bpy.context.scene.kiriko.picture_image = result.replace_image(image, "stripes", numbers / 4)
+    bpy.ops.ed.undo_push(message="second")
+    assert off(numbers / 4) < 1 / 255
+    bpy.ops.ed.undo()
+    assert off(numbers) < 1 / 255
+
+
 def test_new_image_takes_the_place_of_the_old(result: ModuleType) -> None:
     """Whoever used the old image uses the new one, under the same name."""
     old = result.replace_image(None, "picture", np.zeros((2, 2, 3)))

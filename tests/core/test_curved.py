@@ -583,6 +583,17 @@ def test_the_volume_of_fine_triangles_is_the_analytic_one(name, volume):
     assert off[0] / off[1] > 2.5
 
 
+def test_triangles_are_no_finer_than_the_light_needs():
+    """Triangles with edges that turn by 1 degree lie a^2 / 6 of the radius within a ball, where
+    the middles of equilateral ones do, and there are not many more than of those.
+    """
+    fine = tessellate(meshes("ball 1280"))
+    middles = fine.corners.mean(axis=1) - fine.bounds.mean(axis=0)
+    off = np.abs(np.linalg.norm(middles, axis=1) / RADIUS - 1)
+    assert off.max() < np.radians(1) ** 2 / 6
+    assert len(fine.triangles) < 1.5 * 4 * np.pi / (np.sqrt(3) / 4 * np.radians(1) ** 2)
+
+
 def counted(steps):
     """How often work pauses, and its result."""
     n = 0
@@ -1313,7 +1324,9 @@ def test_a_point_that_was_found_on_a_curved_face_is_on_it():
     faces = np.arange(80)
     is_smooth = faces % 3 > 0
     surface = make_surface(replace(ball, is_smooth=is_smooth))
-    hits = Hits(np.ones(80), faces, np.full(80, -1e-3), np.full(80, 0.5), np.ones(80, bool))
+    hits = Hits(
+        np.ones(80), faces, np.full(80, -1e-3), np.full(80, 0.5), np.ones(80, bool), np.ones(80)
+    )
     layer = Layer(surface.corners, surface.curved)
     is_curved = surface.curved.row >= 0
     assert 0 < is_curved.sum() < 80
