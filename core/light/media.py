@@ -8,18 +8,36 @@ by rising priority where their indices differ. The others share bits: no ray is 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
 from ..errors import RigError
+from ..fingerprint import fingerprint
 from ..glass.meshes import components
-
-if TYPE_CHECKING:
-    from .rig_parts import Solid
+from ..glass.motion import Motion
+from ..glass.surfaces import Surface
+from ..rig import Glass
 
 N_BITS = 52  # of a mask, which has to be exact as a float64
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A solid of a glass of that number, where it is; where it
+    was made, under its key; how it came from there.
+    """
+
+    surface: Surface
+    key: str
+    number: int
+    glass: Glass
+    made: Surface
+    motion: Motion | None
+
+    @property
+    def key_here(self) -> str:
+        return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +62,7 @@ class Media:
         return self.indices[solid, np.frexp(mask.astype(float))[1]]
 
 
-def make_media(solids: "Sequence[Solid]", touch: Bools, wavelength: float) -> Media:
+def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Media:
     """Give each solid its bit, and the indices around it.
 
     touch : (p, p) which parts touch, solids first, each itself, too

@@ -60,7 +60,7 @@ def planning(
     # vertices and places are float32: faces of glass that are closer than their rounding touch
     boxes = np.stack([surface.bounds for surface in parts.surfaces])
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
-    touch = find_touching(parts, touching)
+    touch = find_touching(parts.solids, parts.surfaces, parts.is_closed, touching)
     yield 0
     media = make_media(parts.solids, touch, settings.wavelength)
     layers = yield from _make_layers(parts, media, touch, kept)

@@ -10,31 +10,13 @@ from ..fingerprint import fingerprint
 from ..glass.motion import Motion
 from ..glass.surfaces import Surface
 from ..kinds import Kind
-from ..rig import Glass, Rig
+from ..rig import Rig
 from ..steps import Pauses
 from .checks import check_viewer_outside
 from .kept import Kept
-from .media import Media
+from .media import Media, Solid
 from .plan import Counts, Parts, Triangles
 from .sheets import Sheet, find_sheets
-
-
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """A solid of a glass of that number, where it is; where it
-    was made, under its key; how it came from there.
-    """
-
-    surface: Surface
-    key: str
-    number: int
-    glass: Glass
-    made: Surface
-    motion: Motion | None
-
-    @property
-    def key_here(self) -> str:
-        return self.key if self.motion is None else f"{self.key}@{fingerprint(self.motion)}"
 
 
 @dataclass(frozen=True, eq=False)

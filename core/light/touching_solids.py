@@ -1,15 +1,14 @@
 """Which solids touch, overlap or nest in one another."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..arrays import Bools, Floats
 from ..glass.meshes import boxes_of
+from ..glass.surfaces import Surface
 from ..vectors import normalise
-
-if TYPE_CHECKING:
-    from .rig_parts import RigParts
+from .media import Solid
 
 # of its size: so far a curved surface stays, with room to spare, within the box of its facets
 BULGE = 0.25
@@ -39,14 +38,17 @@ def boxes_touch(boxes: Floats, slack: float, others: Floats | None = None) -> Bo
     return touch
 
 
-def find_touching(parts: "RigParts", slack: float) -> Bools:
+def find_touching(
+    solids: Sequence[Solid], surfaces: Sequence[Surface], is_closed: Bools, slack: float
+) -> Bools:
     """Which parts touch, overlap or nest in one another, or may do so? (p, p).
 
     Closed solids do if their faces, in boxes, come closer than `slack`, m, and may do so if the box
     of one holds the other's. Other parts may do so if their boxes touch.
+
+    surfaces : of all parts (p), those of the solids first; is_closed : (p,)
     """
-    solids = parts.solids
-    boxes = np.stack([surface.bounds for surface in parts.surfaces])
+    boxes = np.stack([surface.bounds for surface in surfaces])
     near = boxes_touch(grown(boxes[: len(solids)]), slack)
     reach = np.zeros(len(boxes))
     for i in np.flatnonzero(near.sum(axis=1) > 1):
@@ -56,7 +58,7 @@ def find_touching(parts: "RigParts", slack: float) -> Bools:
     touch = boxes_touch(boxes, slack)
     for i, j in np.argwhere(np.triu(touch[: len(solids), : len(solids)], 1)):
         may_nest = _holds(boxes[i], boxes[j]) or _holds(boxes[j], boxes[i])
-        if not may_nest and parts.is_closed[i] and parts.is_closed[j]:
+        if not may_nest and is_closed[i] and is_closed[j]:
             corners = (solids[i].surface.corners, solids[j].surface.corners)
             touch[i, j] = touch[j, i] = _faces_touch(*corners, slack + reach[i] + reach[j])
     return touch
