@@ -179,6 +179,8 @@ def cut_by_walls(kind: str) -> bpy.types.Mesh:
         bmesh.ops.translate(shape, verts=shape.verts, vec=(SIDE / 2, 0, 0))
         other = bmesh.ops.mirror(shape, geom=shape.faces[:], axis="X")["geom"]
         assert other
+        mirrored = [face for face in shape.faces if face.calc_center_median().x < 0]
+        bmesh.ops.reverse_faces(shape, faces=mirrored)
         bmesh.ops.remove_doubles(shape, verts=shape.verts, dist=1e-6)
         bmesh.ops.scale(shape, verts=shape.verts, vec=(0.5, 1, 1))
     for y in {"halves": (), "walls": (-0.1, 0.2), "hanging": (0.1,)}[kind]:
