@@ -1,5 +1,6 @@
 """An image file as it is on the disk: is it cut off, and what does it say about its pixels?"""
 
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from .free_memory import check_free
 from .messages import Message
 
 JPEG, TIFF, RIFF = b"\xff\xd8\xff", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), b"RIFF"
+GIF, GIF_END = b"GIF8", b";"
+IN_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]", re.DOTALL)  # a mark that ends a scan
 SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG's marks of a scan and of the end
 OF_PIXEL = 40  # bytes: a photograph as float32, turned, and searched (27 to 35 were measured)
 EXR = b"v/1\x01"
@@ -38,18 +41,44 @@ def is_cut(path: Path) -> bool:
     """Is the end of an image missing? Asked of kinds of files that Blender shows nevertheless, grey
     or black from there on. False where there is no file, or no OpenImageIO, which reads TIFF.
 
-    Source: a JPEG ends with EOI (ITU-T T.81, B.2.1), a WebP is as long as its RIFF header says.
+    Source: a JPEG ends with EOI (ITU-T T.81, B.2.1), a GIF with a semicolon, a WebP is as long as
+    its RIFF header says.
     """
     try:
         data = read_bytes(path)
         if data.startswith(JPEG):
-            return data.rfind(END) <= data.rfind(SCAN)
+            return not _has_jpeg_end(data)
+        if data.startswith(GIF):
+            return not data.rstrip(b"\0").endswith(GIF_END)
         if data.startswith(RIFF):
             return len(data) < 8 + int.from_bytes(data[4:8], "little")
         if data.startswith(TIFF) and image_io.has_openimageio():
             image_io.read(path, is_plain=True)
     except ImageError:
         return path.is_file()
+    return False
+
+
+def _has_jpeg_end(data: bytes) -> bool:
+    """Has a JPEG its end mark? What follows the end, as the film of a motion photograph, is not
+    looked at, and within a scan a byte FF that is no mark has 00 or a restart mark behind it.
+    """
+    at, is_scan = 2, False
+    while at + 4 <= len(data) or data[at : at + 2] == END:
+        if data[at : at + 2] == END:
+            return is_scan
+        if data[at] != 0xFF:
+            return False
+        if data[at + 1] == 0xFF:  # padding
+            at += 1
+            continue
+        is_scan |= data[at : at + 2] == SCAN
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+        if is_scan:
+            mark = IN_SCAN.search(data, at)
+            if mark is None:
+                return False
+            at = mark.start()
     return False
 
 

@@ -24,6 +24,7 @@ from zipfile import ZipFile
 import bpy
 
 REPOSITORY = "kiriko_farm"
+MANIFEST = "blender_manifest.toml"
 LARGEST = 1_000_000  # bytes of a manifest that are read
 PACKAGE = f"bl_ext.{REPOSITORY}.kiriko"
 SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
@@ -49,17 +50,26 @@ class About(NamedTuple):
     platforms: list[str]
 
 
+def numbers(version: str) -> tuple[int, ...]:
+    """A version as numbers, which can be compared."""
+    return tuple(int(part) for part in version.split("."))
+
+
 def about(path: Path) -> About | None:
-    """What the manifest in a zip says; None for another extension's zip."""
+    """What the manifest in a zip says; None for a zip of something else."""
     try:
-        with ZipFile(path) as archive, archive.open("blender_manifest.toml") as file:
-            manifest = tomllib.loads(file.read(LARGEST).decode())
+        with ZipFile(path) as archive:
+            if MANIFEST not in archive.namelist():
+                return None
+            with archive.open(MANIFEST) as file:
+                manifest = tomllib.loads(file.read(LARGEST).decode())
         if manifest.get("id") != "kiriko":
             return None
         generated = manifest.get("build", {}).get("generated", {})
         platforms = generated.get("platforms", manifest.get("platforms", []))
-        oldest = tuple(int(part) for part in manifest["blender_version_min"].split("."))
-        return About(path, str(manifest["version"]), oldest, list(map(str, platforms)))
+        oldest, version = manifest["blender_version_min"], str(manifest["version"])
+        numbers(version)
+        return About(path, version, numbers(oldest), list(map(str, platforms)))
     except Exception as reason:  # a zip can be broken in a dozen ways, each with its own error
         why = " ".join(str(reason).split()).rstrip(".") or type(reason).__name__
         raise FarmError(f"The zip '{path}' cannot be read ({why}): copy it again.") from None
@@ -95,13 +105,13 @@ def fitting_zip(folder: Path, version: str | None) -> Path:
             f" {version}: put the zip of that version beside it, or make the job anew."
         )
 
-    newest = same[-1]
-    if newest.blender > bpy.app.version:
+    usable = [one for one in same if one.blender <= bpy.app.version]
+    if not usable:
         raise FarmError(
-            f"Kiriko needs Blender {'.'.join(map(str, newest.blender))} or newer, and this is"
+            f"Kiriko needs Blender {'.'.join(map(str, same[-1].blender))} or newer, and this is"
             f" {bpy.app.version_string}: have the farm use a newer one."
         )
-    return newest.path
+    return max(usable, key=lambda one: numbers(one.version)).path
 
 
 def enable(path: Path, home: Path) -> None:

@@ -14,7 +14,6 @@ from ..core.steps import within
 from . import work
 
 SECONDS = 4.0  # that the search may take: most take one
-_legible: dict[str, tuple[float, Help | None]] = {}  # the last answer, by what was asked
 
 
 def remedies_for(
@@ -36,12 +35,13 @@ def legible(
     was measured, if it is not; yields progress 0..1.
     """
     key = fingerprint(rig.light_keys, rig.picture_place, settings.of_optics, is_watched)
-    if key not in _legible:  # another picture in the same place is as legible
+    known = work.legible()
+    if key not in known:  # another picture in the same place is as legible
         kept, help = Kept(), None
         work.session().lend(kept)
         found = yield from within(card_legibility(rig, settings, kept), 0.0, 0.2)
         if found < READABLE and is_watched:
             help = yield from within(smoothing(rig, settings, found), 0.2, 1.0)
-        _legible.clear()
-        _legible[key] = found, help
-    return _legible[key]
+        known.clear()
+        known[key] = found, help
+    return known[key]

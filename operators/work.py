@@ -16,6 +16,7 @@ from ..core.solve.session import Session
 from ..core.solve.solved_for import SolvedFor
 
 _sessions: list[Session] = []
+_legible: dict[str, Any] = {}
 _running: list[Any] = []  # operators with long work
 # what whole results were solved for, by session uid of the scene: until undo, which puts back the
 # image apart from its record
@@ -29,12 +30,18 @@ def session() -> Session:
     return _sessions[0]
 
 
+def legible() -> dict[str, Any]:
+    """The last answer on how legible the picture is, by what was asked; kept as the session is."""
+    return _legible
+
+
 def forget() -> None:
     """Stop all that is running, which Blender would drop without a word, and drop the session."""
     for operator in list(_running):
         with bpy.context.temp_override(window=operator.window):
             operator.cancel(bpy.context)
     _sessions.clear()
+    _legible.clear()
 
 
 def note_written(scene: bpy.types.Scene) -> None:

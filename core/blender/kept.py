@@ -47,7 +47,7 @@ def fields_of(text: object) -> dict[str, Any]:
         _reported.add(shown)
         _unreported.append(
             Message(
-                "Kiriko ignores a record in this file that is damaged or comes from a newer"
+                "Kiriko ignores a record in this file that is damaged or comes from another"
                 " version: {start}",
                 start=shown,
             )
@@ -75,7 +75,9 @@ class Offset:
     @classmethod
     def read(cls, text: str) -> "Offset":
         """The record of a text."""
-        return cls(fields_of(text).get("sets", []))
+        sets = fields_of(text).get("sets", [])
+        is_list = isinstance(sets, list) and all(isinstance(one, dict) for one in sets)
+        return cls(sets if is_list else [])
 
     def text(self) -> str:
         """As a scene keeps it."""
@@ -112,7 +114,9 @@ class Changed:
     def read(cls, text: str) -> "Changed":
         """The record of a text."""
         fields = fields_of(text)
-        return cls(fields.get("rig", ""), fields.get("changes", []))
+        changes = fields.get("changes", [])
+        is_list = isinstance(changes, list) and all(isinstance(one, list) for one in changes)
+        return cls(str(fields.get("rig", "")), changes if is_list else [])
 
     def text(self) -> str:
         """As a scene keeps it."""

@@ -251,7 +251,7 @@ def _frame_shown(
 def film_of(thing: bpy.types.Object) -> tuple[bpy.types.Image, Timing] | None:
     """The movie that a plane shows, and when; None if it shows none."""
     image = image_of(thing)
-    if image is None or image.source != "MOVIE":
+    if image is None or image.source != "MOVIE" or image.frame_duration < 2:  # a still GIF
         return None
     texture = texture_showing(thing, image)
     return image, whole(image) if texture is None else texture.timing

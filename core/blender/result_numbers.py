@@ -90,6 +90,7 @@ def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> N
     """
     result = scene.kiriko.result
     result.ladder = Ladder(ladder).text()
-    if details := Numbers.read(result.details).by_name:
+    details = Numbers.read(result.details).by_name
+    if "seconds" in details:  # Add Rig knows the legibility alone
         details["cost"] = costs(scene, details["seconds"], details["tolerance"])
         result.details = Numbers(details).text()

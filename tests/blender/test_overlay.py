@@ -333,7 +333,7 @@ def test_a_rig_that_cannot_be_solved_is_drawn_as_far_as_it_goes(
     assert drawing.sketch.light.ways == ()
     drawn(overlay)
     assert not PAPER.lines_of(overlay.lines.colours.ARRIVES)
-    if spoil not in (nothing, camera_as_glass):
+    if spoil not in (nothing, no_place, camera_as_glass):
         assert PAPER.drawn
 
 
@@ -373,9 +373,11 @@ def test_light_of_the_scene_as_it_was_is_faint(
     assert alpha() == 1.0
     rig["GLASS"].rotation_euler.z += 0.1
     bpy.context.view_layer.update()
-    assert sketcher.look()  # has read it, and begins
-    sketcher.look()
-    assert alpha() < 0.5
+    with monkeypatch.context() as slow:
+        slow.setattr(sketcher, "advance", lambda *_: None)  # as on a slow machine
+        assert sketcher.look()  # has read it, and begins
+        sketcher.look()
+        assert alpha() < 0.5
     looked(sketcher)
     sketcher.look()
     assert alpha() == 1.0

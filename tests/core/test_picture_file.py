@@ -176,3 +176,27 @@ def test_a_profile_that_cannot_be_read_has_no_light(part: int) -> None:
     said = {"ICCProfile": np.frombuffer(whole[:part], np.uint8)}
     assert picture_file.light_said(said, np.eye(3)) is None
     assert picture_file.light_said({}, np.eye(3)) is None
+
+
+def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path: Path) -> None:
+    """A motion photograph is a JPEG with a film behind it; a cut JPEG with bytes behind is cut."""
+    path = tmp_path / "photo.jpg"
+    spec = image_io.openimageio().ImageSpec(64, 48, 3, "uint8")
+    random = np.random.default_rng(3)
+    image_io.put(path, spec, random.integers(0, 255, (48, 64, 3), np.uint8))
+    whole = path.read_bytes()
+    for k in range(40):
+        path.write_bytes(whole + random.bytes(5000) + b"\xff\xda" * (k % 2))
+        assert not picture_file.is_cut(path)
+    for k in range(40):
+        path.write_bytes(whole[: len(whole) * (k + 20) // 60 - 2])
+        assert picture_file.is_cut(path)
+
+
+def test_a_gif_ends_with_a_semicolon(tmp_path: Path) -> None:
+    """GIF89a, 27: the trailer 3B."""
+    path = tmp_path / "still.gif"
+    whole = b"GIF89a\x01\0\x01\0\x80\0\0\0\0\0\xff\xff\xff,\0\0\0\0\x01\0\x01\0\0\x02\x02D\x01\0;"
+    for data, is_cut in ((whole, False), (whole + b"\0", False), (whole[:-6], True)):
+        path.write_bytes(data)
+        assert picture_file.is_cut(path) == is_cut

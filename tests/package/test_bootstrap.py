@@ -214,6 +214,21 @@ def test_an_odd_zip_does_not_block_a_good_one(
     assert bootstrap.fitting_zip(tmp_path, None) == tmp_path / "kiriko-good.zip"
 
 
+def test_the_newest_zip_that_this_blender_takes_is_used(
+    bootstrap: ModuleType, tmp_path: Path
+) -> None:
+    """By its numbers, not its name; a zip for a newer Blender, or of something else, is left."""
+    for name, *change in (
+        ("a.zip", 'version = "0.1.0"', 'version = "0.10.0"'),
+        ("b.zip", 'version = "0.1.0"', 'version = "0.9.0"'),
+        ("c.zip", 'blender_version_min = "4', 'blender_version_min = "94'),
+    ):
+        write_zip(tmp_path / name, *change)
+    with ZipFile(tmp_path / "textures.zip", "w") as archive:
+        archive.writestr("wood.png", b"")
+    assert bootstrap.fitting_zip(tmp_path, None) == tmp_path / "a.zip"
+
+
 STANDSTILL = """
 import runpy, sys, time
 import bpy
