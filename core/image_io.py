@@ -289,6 +289,9 @@ def _words(spec: Any) -> dict[str, Any]:
     words = {one.name: one.value for one in listed}
     if "ICCProfile" in words:
         words[PROFILE_NAME] = spec.getattribute(PROFILE_NAME)
+    # what Blender writes of it as text into a PNG, or 0, turns nothing
+    if words.get("Orientation") not in range(1, 9):
+        words.pop("Orientation", None)
     return words
 
 
@@ -296,9 +299,14 @@ def _opened(path: Path | str) -> Any:
     oiio = openimageio()
     source = oiio.ImageInput.open(str(path))
     if source is None:
-        raise ImageError(
-            "The image '{path}' cannot be read ({why}): choose another file.",
-            path=path,
-            why=" ".join(oiio.geterror().split()),
-        )
+        raise unreadable(path, oiio.geterror())
     return source
+
+
+def unreadable(path: Path | str, why: str) -> ImageError:
+    """The error that an image file cannot be read, for a reason of OpenImageIO's."""
+    return ImageError(
+        "The image '{path}' cannot be read ({why}): choose another file.",
+        path=path,
+        why=" ".join(why.split()),
+    )

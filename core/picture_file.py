@@ -3,6 +3,7 @@
 import re
 import struct
 from pathlib import Path
+from tempfile import gettempdir
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import image_io, png
 from .arrays import Floats
-from .disk import read_bytes
+from .disk import read_bytes, scratch
 from .encoding import linear_from_srgb
 from .errors import ImageError
 from .free_memory import check_free
@@ -23,6 +24,7 @@ SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG's marks of a scan and of the end
 OF_PIXEL = 40  # bytes: a photograph as float32, turned, and searched (27 to 35 were measured)
 EXR = b"v/1\x01"
 CICP = "cICP"
+STRAIGHT = "oiio:UnassociatedAlpha"  # colours that are not multiplied by alpha
 # by the codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
 PRIMARIES = {
     1: image_io.REC709,
@@ -139,6 +141,35 @@ def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
     down = -1 if orientation in {3, 4, 7, 8} else 1
     across = -1 if orientation in {2, 3, 6, 7} else 1
     return pixels[::down, ::across]
+
+
+def upright(path: Path) -> tuple[bytes, str]:
+    """An image file turned as its Exif orientation has it seen, with the suffix of its kind: one
+    that keeps the numbers as they stand, and what is said of their light. ImageError where it
+    cannot be read or written.
+    """
+    oiio = image_io.openimageio()
+    plain = oiio.ImageSpec()
+    plain.attribute(STRAIGHT, 1)
+    stored = oiio.ImageBuf(str(path), 0, 0, plain)
+    about = stored.spec()
+    pixels = stored.get_pixels(about.format, stored.roi_full)
+    if stored.has_error:
+        raise image_io.unreadable(path, stored.geterror())
+
+    pixels = np.ascontiguousarray(turned(pixels, about.get_int_attribute("Orientation", 1)))
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, about.format)
+    spec.channelnames, spec.alpha_channel = about.channelnames, about.alpha_channel
+    for one in about.extra_attribs:
+        if one.name in {STRAIGHT, "ICCProfile", "chromaticities"}:
+            spec.attribute(one.name, one.type, one.value)
+
+    is_float, is_tiff = pixels.dtype.kind == "f", stored.file_format_name == "tiff"
+    suffix = ".tif" if is_tiff else ".exr" if is_float else ".png"
+    with scratch(Path(gettempdir())) as folder:
+        image_io.put(folder / f"upright{suffix}", spec, pixels)
+        return read_bytes(folder / f"upright{suffix}"), suffix
 
 
 def light_said(said: dict[str, Any], numbers: Floats) -> Floats | None:

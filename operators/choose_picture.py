@@ -9,7 +9,7 @@ import bpy
 
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
-from ..core.blender.image_file import check_whole, make_ready, notes_on
+from ..core.blender.image_file import as_seen, check_whole, notes_on
 from ..core.blender.moving import Timing, at_frame, number_at
 from ..core.blender.numbered_files import sequence_of
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
@@ -60,6 +60,7 @@ class ChoosePicture:
         """
         picture = the_picture(context)
         owner = Message("the picture '{picture}'", picture=picture.name)
+        image = as_seen(image, owner)
         with at_frame(image, number_at(image, timing, context.scene.frame_current), owner) as shown:
             check_readable(shown, owner)
             check_whole(shown, owner)
@@ -221,7 +222,8 @@ def _opened(
             image.source = "SEQUENCE"
         else:
             picture = the_picture(context)
-            make_ready(image, Message("the picture '{picture}'", picture=picture.name))
+            owner = Message("the picture '{picture}'", picture=picture.name)
+            as_seen(image, owner, is_new=True)
     return image, timing
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.blender.image_file import make_ready
+from ..core.blender.image_file import as_seen
 from ..core.blender.paths import absolute
 from ..core.blender.picture import check_readable
 from ..core.blender.viewer import camera_at, seats_of
@@ -114,7 +114,6 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
             file=path,
             viewer=viewer,
         ) from None
-    if image not in known:
-        make_ready(image, owner)
+    image = as_seen(image, owner, is_new=image not in known)
     check_readable(image, owner)
     return image

@@ -1,64 +1,89 @@
 """The file that Blender reads an image from: what it says about the image and Blender ignores."""
 
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import gettempdir
+from typing import Any
 
 import bpy
 import numpy as np
 
-from ..disk import is_there
+from ..disk import is_there, scratch
 from ..errors import ImageError
 from ..image_io import PROFILE_NAME
 from ..messages import Message
-from ..picture_file import has_header, is_cut, light_said, said_by, turned
+from ..picture_file import has_header, is_cut, light_said, said_by, upright
 from . import colour
 
 PROBES = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [128, 128, 128]])
 UNLIKE = 0.01  # of linear light, by which colours differ visibly: at mid grey three steps of 8 bits
 
 
-def file_of(image: bpy.types.Image) -> Path | None:
-    """The file that an image's pixels are read from; None for a movie, and where there is none.
+@contextmanager
+def file_of(image: bpy.types.Image) -> Iterator[Path | None]:
+    """The file that an image's pixels are read from; of a packed image a copy of what is packed,
+    for the time being. None for a movie, for pixels that are not saved, and where there is none.
     ImageError where its path is too long.
     """
-    is_read = image.source in {"FILE", "SEQUENCE"} and not (image.is_dirty or image.packed_file)
-    path = Path(bpy.path.abspath(image.filepath, library=image.library)) if is_read else None
-    return path if path is not None and is_there(path) and path.is_file() else None
+    if image.source not in {"FILE", "SEQUENCE"} or image.is_dirty:
+        yield None
+    elif image.packed_file is None:
+        path = Path(_path_of(image))
+        yield path if is_there(path) and path.is_file() else None
+    else:
+        with ExitStack() as stack:
+            path = None
+            with suppress(ImageError, OSError):  # there is no room for it
+                folder = stack.enter_context(scratch(Path(gettempdir())))
+                (folder / "packed").write_bytes(image.packed_file.data)
+                path = folder / "packed"
+            yield path
+
+
+def _path_of(image: bpy.types.Image) -> str:
+    return bpy.path.abspath(image.filepath, library=image.library)
 
 
 def check_header(image: bpy.types.Image, owner: str) -> None:
     """Raise ImageError where Blender 4.2 would never come back from loading an image."""
-    path = None if image.has_data else file_of(image)
-    if path is not None and not has_header(path):
-        raise _cut(image, owner, path)
+    if not image.has_data:
+        with file_of(image) as path:
+            if path is not None and not has_header(path):
+                raise _cut(image, owner)
 
 
 def check_whole(image: bpy.types.Image, owner: str) -> None:
     """Raise ImageError where an image's file is cut off, of which Blender says nothing."""
-    path = file_of(image)
-    if path is not None and is_cut(path):
-        raise _cut(image, owner, path)
+    with file_of(image) as path:
+        if path is not None and is_cut(path):
+            raise _cut(image, owner)
 
 
-def _cut(image: bpy.types.Image, owner: str, path: Path) -> ImageError:
+def _cut(image: bpy.types.Image, owner: str) -> ImageError:
     return ImageError(
         "The image '{image}' of {owner} is cut off: the end of its file {file} is missing. Copy or"
         " save it again.",
         image=image.name,
         owner=owner,
-        file=path,
+        file=_path_of(image),
     )
+
+
+def _said(image: bpy.types.Image) -> dict[str, Any]:
+    with file_of(image) as path:
+        return {} if path is None else said_by(path)
 
 
 def notes_on(image: bpy.types.Image) -> list[str]:
     """Sentences on what an image's file says about its pixels and Blender does not apply."""
-    path = file_of(image)
-    said = {} if path is None else said_by(path)
-    notes = []
+    said, notes = _said(image), []
     if said.get("Orientation", 1) != 1:
         notes.append(
             Message(
                 "The image '{image}' is stored turned or mirrored (Exif orientation), which Blender"
-                " ignores: open its file with Open Picture, which turns it.",
+                " ignores: choose it again with Choose Picture, Open Picture or Open Pictures,"
+                " which turn it, or save it upright.",
                 image=image.name,
             )
         )
@@ -77,29 +102,25 @@ def notes_on(image: bpy.types.Image) -> list[str]:
     return notes
 
 
-def make_ready(image: bpy.types.Image, owner: str) -> None:
-    """Turn an image that was just loaded as its file says that it is seen, and pack it then;
+def as_seen(image: bpy.types.Image, owner: str, is_new: bool = False) -> bpy.types.Image:
+    """An image as its file says that it is seen: itself, or a copy that is turned, and packed.
     ImageError where the file is cut off.
+
+    is_new : it was just loaded, and is turned itself
     """
     check_header(image, owner)
     check_whole(image, owner)
-    path = file_of(image)
-    orientation = 1 if path is None else said_by(path).get("Orientation", 1)
-    if orientation == 1 or min(image.size) < 1:
-        return
+    if image.source != "FILE" or min(image.size) < 1:
+        return image
+    with file_of(image) as path:
+        if path is None or said_by(path).get("Orientation", 1) == 1:
+            return image
+        data, suffix = upright(path)
 
-    width, height = image.size
-    stored = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(stored)
-    upright = turned(stored.reshape(height, width, -1)[::-1], orientation)
-    image.scale(*upright.shape[1::-1])
-    image.pixels.foreach_set(np.ascontiguousarray(upright[::-1]).ravel())
-    image.update()
-    image.pack()
-    # or unpacking it would overwrite the file
-    image.filepath_raw = str(path.with_name(f"{path.stem} upright.png"))
-    if image.is_float and not image.colorspace_settings.is_data:
-        # its packed file has the numbers of the working space
-        new = bpy.data.images.new(image.name, 1, 1, float_buffer=True)
-        image.colorspace_settings.name = new.colorspace_settings.name
-        bpy.data.images.remove(new)
+    seen = image if is_new else image.copy()  # others may show it as it is
+    # the name of its own that a file gets where it is unpacked, not that of the photograph
+    file = Path(_path_of(image) or image.name)
+    seen.filepath_raw = str(file.with_name(f"{file.stem} upright{suffix}"))
+    seen.pack(data=data, data_len=len(data))
+    seen.buffers_free()
+    return seen

@@ -3,6 +3,7 @@ picture are refused.
 """
 
 import importlib
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -106,33 +107,206 @@ def test_viewers_images_are_turned_upright(
     assert tuple(bpy.context.scene.kiriko.picture_image.size) == (16, 24)
 
 
-def test_a_turned_photograph_that_blender_loaded_is_reported(
-    picture: bpy.types.Object, tmp_path: Path
+def shown() -> bpy.types.Object:
+    """The picture, of whichever file is open."""
+    return next(one for one in bpy.context.scene.objects if one.kiriko.role == "PICTURE")
+
+
+def loaded_from(path: Path) -> bpy.types.Image:
+    """By Blender itself, as the picture; which the property alone does not turn."""
+    shown().kiriko.image = image = bpy.data.images.load(str(path))
+    return image
+
+
+def reopen(path: Path) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+
+
+def choose(image: bpy.types.Image) -> None:
+    bpy.context.view_layer.objects.active = shown()
+    library = "" if image.library is None else image.library.filepath
+    bpy.ops.kiriko.choose_picture(image=image.name, library=library)
+
+
+def from_disk(path: Path) -> None:
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+
+
+def loaded_before(path: Path) -> None:
+    loaded_from(path)
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+
+
+def packed_before(path: Path) -> None:
+    image = loaded_from(path)
+    image.pack()
+    path.unlink()
+    choose(image)
+
+
+def packed_without_a_path(path: Path) -> None:
+    """As a script does it, of data that it has."""
+    image, data = bpy.data.images.new("p", 1, 1), path.read_bytes()
+    image.pack(data=data, data_len=len(data))
+    image.source = "FILE"
+    choose(image)
+
+
+def packed_after(path: Path) -> None:
+    choose(loaded_from(path))
+    bpy.ops.file.pack_all()
+
+
+def packed_in_a_saved_file(path: Path) -> None:
+    image = loaded_from(path)
+    image.pack()
+    path.unlink()
+    reopen(path.with_suffix(".blend"))
+    choose(shown().kiriko.image)
+    reopen(path.with_suffix(".blend"))
+
+
+def loaded_anew(path: Path) -> None:
+    bpy.ops.kiriko.open_picture(filepath=str(path))
+    shown().kiriko.image.reload()
+    reopen(path.with_suffix(".blend"))
+    shown().kiriko.image.reload()
+
+
+def linked_in(path: Path) -> None:
+    image = loaded_from(path)
+    library = path.with_suffix(".blend")
+    bpy.data.libraries.write(str(library), {image}, path_remap="RELATIVE_ALL")
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.images = [image.name]
+    choose(wanted.images[0])
+
+
+WAYS = (
+    from_disk,
+    loaded_before,
+    packed_before,
+    packed_without_a_path,
+    packed_after,
+    packed_in_a_saved_file,
+    loaded_anew,
+    linked_in,
+)
+
+
+def source() -> np.ndarray:
+    bpy.ops.kiriko.solve()
+    result = bpy.context.scene.kiriko.result
+    assert "stored turned" not in result.notes
+    found = np.empty(len(result.source.pixels), np.float32)
+    result.source.pixels.foreach_get(found)
+    return found
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    ("name", "kind", "orientation"),
+    [*(("p.png", "uint8", k) for k in (1, 2, 3, 5, 6, 8)), ("p.tif", "uint16", 6)],
+)
+def test_a_photograph_is_solved_as_if_it_were_stored_upright(
+    picture: bpy.types.Object,
+    tmp_path: Path,
+    way: Callable[[Path], None],
+    name: str,
+    kind: str,
+    orientation: int,
 ) -> None:
-    """With the button that turns it; one that is upright is not."""
+    from_disk(write(tmp_path / f"upright_{name}", TALL, kind))
+    wanted = source()
+    way(write(tmp_path / name, STORED[orientation](TALL), kind, Orientation=orientation))
+    assert np.abs(source() - wanted).max() < 1 / 255
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_what_was_turned_and_saved_in_blender_stays(
+    picture: bpy.types.Object, tmp_path: Path, orientation: int
+) -> None:
+    """Blender saves the orientation of a PNG that it loaded as mere text, which turns nothing."""
+    path = write(tmp_path / "p.png", STORED[orientation](TALL), Orientation=orientation)
+    image = bpy.data.images.load(str(path))
+    image.scale(16, 24)
+    image.update()
+    image.save()
+    bpy.data.images.remove(image)
+    image = opened(picture, path)
+    assert tuple(image.size) == (16, 24)
+    assert image.packed_file is None
+    bpy.ops.kiriko.solve()
+    assert "stored turned" not in bpy.context.scene.kiriko.result.notes
+
+
+def test_choosing_turns_a_copy_of_a_photograph(picture: bpy.types.Object, tmp_path: Path) -> None:
+    """The image that a scene may show elsewhere stays as it is, and its file is never written to,
+    also where the copy is unpacked.
+    """
+    path = write(tmp_path / "p.jpg", STORED[6](TALL), Orientation=6)
+    data = path.read_bytes()
+    image = bpy.data.images.load(str(path))
+    choose(image)
+    assert tuple(image.size) == (24, 16)
+    assert image.packed_file is None
+    for turned in (picture.kiriko.image, opened(picture, path)):
+        turned.unpack(method="WRITE_ORIGINAL")
+        assert tuple(turned.size) == (16, 24)
+        assert path.read_bytes() == data
+
+
+@pytest.mark.parametrize(("orientation", "is_reported"), [(0, False), (9, False), (6, True)])
+def test_an_orientation_that_is_none_is_not_reported(
+    picture: bpy.types.Object, tmp_path: Path, orientation: int, is_reported: bool
+) -> None:
+    """Some cameras write 0."""
+    path = write(tmp_path / "p.jpg", TALL)
+    entry = struct.pack("<HHIHHI", 0x112, 3, 1, orientation, 0, 0)
+    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry
+    data = path.read_bytes()
+    path.write_bytes(data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:])
+    loaded_from(path)
+    bpy.ops.kiriko.solve()
+    assert ("stored turned" in bpy.context.scene.kiriko.result.notes) == is_reported
+
+
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_a_turned_photograph_that_blender_loaded_is_reported(
+    picture: bpy.types.Object, tmp_path: Path, is_packed: bool
+) -> None:
+    """With the buttons that turn it; one that is upright is not."""
     for orientation in (1, 6):
-        path = write(
-            tmp_path / f"{orientation}.jpg", STORED[orientation](TALL), Orientation=orientation
-        )
-        picture.kiriko.image = bpy.data.images.load(str(path))
+        stored = STORED[orientation](TALL)
+        path = write(tmp_path / f"{orientation}.jpg", stored, Orientation=orientation)
+        image = loaded_from(path)
+        if is_packed:
+            image.pack()
+            path.unlink()
         bpy.ops.kiriko.solve()
         notes = bpy.context.scene.kiriko.result.notes
         assert ("stored turned or mirrored" in notes) == (orientation == 6)
-        assert ("Open Picture" in notes) == (orientation == 6)
+        assert ("Choose Picture" in notes) == (orientation == 6)
 
 
 @pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.parametrize("name", ["p.jpg", "p.png", "p.tif"])
+@pytest.mark.parametrize("orientation", [1, 6])
 def test_a_profile_that_blender_does_not_apply_is_reported(
     picture: bpy.types.Object,
     tmp_path: Path,
     capfd: pytest.CaptureFixture,
     name: str,
     columns: str,
+    orientation: int,
 ) -> None:
-    """When the picture is opened, and by the result; sRGB's own profile is not."""
+    """When the picture is opened, and by the result, also of one that is turned; sRGB's own profile
+    is not.
+    """
     made = profile(COLUMNS[columns], SRGB)
-    opened(picture, write(tmp_path / name, TALL, ICCProfile=made))
+    stored = STORED[orientation](TALL)
+    opened(picture, write(tmp_path / name, stored, ICCProfile=made, Orientation=orientation))
     word, is_other = "a colour profile (", columns != "sRGB"
     assert (word in capfd.readouterr().out) == is_other
     bpy.ops.kiriko.solve()
@@ -212,6 +386,15 @@ def test_a_picture_that_is_cut_off_is_refused(
     path.write_bytes(whole)
     picture.kiriko.image.reload()
     bpy.ops.kiriko.solve()
+
+
+def test_a_packed_picture_that_was_cut_off_is_refused(
+    picture: bpy.types.Object, tmp_path: Path
+) -> None:
+    image = loaded_from(cut(write(tmp_path / "p.jpg", TALL), 0.9))
+    image.pack()
+    with pytest.raises(RuntimeError, match="is cut off"):
+        bpy.ops.kiriko.solve()
 
 
 def test_a_packed_picture_needs_no_file(picture: bpy.types.Object, tmp_path: Path) -> None:

@@ -10,11 +10,12 @@ import pytest
 from kiriko.core import image_io, picture_file, png
 from known.profiles import COLUMNS, fixed, profile, with_code_points
 
+AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)  # chromaticities of ACEScg
 NOISE = np.random.default_rng(5).random((48, 64, 3)).astype(np.float32)
 
 
 def write(path: Path, kind: str = "uint8", pixels: np.ndarray = NOISE, **about: object) -> Path:
-    spec = oiio.ImageSpec(*pixels.shape[1::-1], 3, kind)
+    spec = oiio.ImageSpec(*pixels.shape[1::-1], pixels.shape[2], kind)
     for name, value in about.items():
         if isinstance(value, bytes):
             numbers = np.frombuffer(value, np.uint8)
@@ -103,6 +104,49 @@ def test_photographs_are_turned_as_exif_has_it(tmp_path: Path, orientation: int)
     assert np.array_equal(side(seen, column, row), stored[:, 0])
 
 
+@pytest.mark.parametrize("orientation", SIDES)
+@pytest.mark.parametrize(
+    ("name", "kind", "n"),
+    [
+        ("a.jpg", "uint8", 3),
+        ("a.png", "uint8", 4),
+        ("a.png", "uint16", 4),
+        ("a.tif", "uint16", 4),
+        ("a.tif", "float", 3),
+        ("a.exr", "half", 3),
+    ],
+)
+def test_an_upright_file_has_the_same_numbers_and_profile(
+    tmp_path: Path, orientation: int, name: str, kind: str, n: int
+) -> None:
+    """Each number as it stands, also of colours that are clear, and nothing to be turned."""
+    numbers = np.random.default_rng(6).random((5, 7, n)).astype(np.float32)
+    made = profile(COLUMNS["P3"], CURVES["gamma"][0])
+    about = {"chromaticities": AP1} if name == "a.exr" else {"ICCProfile": made}
+    about |= {"Orientation": orientation, "oiio:UnassociatedAlpha": 1}
+    path = write(tmp_path / name, kind, numbers, **about)
+    data, suffix = picture_file.upright(path)
+    new = tmp_path / f"new{suffix}"
+    new.write_bytes(data)
+
+    stored, seen = raw(path), raw(new)
+    assert seen.dtype == stored.dtype
+    assert np.array_equal(seen, picture_file.turned(stored, orientation))
+    said = picture_file.said_by(new)
+    assert said.get("Orientation", 1) == 1
+    light = picture_file.light_said(said, np.eye(3))
+    assert np.array_equal(light, picture_file.light_said(picture_file.said_by(path), np.eye(3)))
+    assert light is not None
+
+
+def raw(path: Path) -> np.ndarray:
+    """Numbers as they stand, not multiplied by alpha."""
+    plain = oiio.ImageSpec()
+    plain.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), plain)
+    return source.read_image(source.spec().format)
+
+
 # to linear Rec.709, as CSS Color Module Level 4 has them
 REC709_FROM = {
     "sRGB": np.eye(3),
@@ -148,8 +192,7 @@ def test_light_by_a_profile_is_that_of_closed_forms(
 
 def test_light_by_chromaticities_is_that_of_a_closed_form(tmp_path: Path) -> None:
     """ACEScg to Rec.709 by Bradford's adaptation, as published with ACES."""
-    xy = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
-    path = write(tmp_path / "a.exr", "float", chromaticities=xy)
+    path = write(tmp_path / "a.exr", "float", chromaticities=AP1)
     found = picture_file.light_said(picture_file.said_by(path), np.eye(3))
     wanted = [
         [1.70505, -0.62179, -0.08326],
