@@ -1,6 +1,7 @@
 """Export maps: files by which other programs warp any picture, or film, for the display."""
 
 import json
+import sys
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -16,6 +17,7 @@ from ..core.errors import ImageError
 from ..core.farm import extension
 from ..core.fingerprint import fingerprint
 from ..core.messages import Message, joined
+from ..core.numbers import number
 from ..core.rig import Rig
 from ..core.settings import Settings
 from ..core.steps import within
@@ -29,10 +31,18 @@ from ..core.warp.files import (
     suffixes,
     write_maps,
 )
-from ..core.warp.options import MOST_OVERSCAN, TIMES, MapOptions, check_memory, wavelengths_for
-from . import folder, work
+from ..core.warp.options import (
+    MOST_OVERSCAN,
+    TIMES,
+    MapOptions,
+    check_memory,
+    memory_needed,
+    wavelengths_for,
+)
+from . import folder, needed, work
 from .export import use_bundled_modules
 from .into_folder import IntoFolder
+from .wrapping import sentence
 
 ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"
 SOLVED, MAPPED = 0.4, 0.95  # progress, about
@@ -71,6 +81,9 @@ def exported(
     rig.check()
     options.check_for(rig.picture_place)
     check_memory(rig, options)
+    if bpy.app.background:
+        size = memory_needed((rig.display.width, rig.display.height), options)
+        sys.stdout.write(f"Kiriko: {_memory(size)}\n")
     settings = work.settings_of(scene)
     wavelengths = wavelengths_for(rig, settings.wavelength)
     seen_by = [(viewer.name, wavelength) for wavelength in wavelengths for viewer in rig.viewers]
@@ -147,6 +160,10 @@ def left_out(options: MapOptions) -> list[Message]:
     if image_io.has_openimageio() or "EXR" not in options.formats:
         return []
     return [Message("This Blender's Python has no OpenImageIO, which writes .exr.")]
+
+
+def _memory(size: float) -> Message:
+    return Message("Takes about {gb} GB of memory.", gb=number(size / 1e9))
 
 
 def files_in(about: dict[str, Any]) -> list[str]:
@@ -232,6 +249,9 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
         for name in ("overscan", "times", "mesh_step"):
             layout.prop(self, name)
         layout.prop(context.scene.kiriko, "export_overwrite")
+        for display in needed.parts(context.scene).get("DISPLAY", ()):
+            size = memory_needed(display.kiriko.resolution, self._options())
+            sentence(layout, context, _memory(size))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         use_bundled_modules()
@@ -239,18 +259,21 @@ class KIRIKO_OT_export_maps(IntoFolder, bpy.types.Operator):
             self.formats = {"PNG"}
         return super().invoke(context, event)
 
+    def _options(self) -> MapOptions:
+        return MapOptions(
+            formats=tuple(name for name, *_ in FORMAT_ITEMS if name in self.formats),
+            overscan=self.overscan,
+            times=int(self.times),
+            mesh_step=self.mesh_step,
+        )
+
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         if not self.directory:
             raise ImageError("The maps have no folder: choose one.")
 
         target = absolute(self.directory)
         overwrite = self.overwrite or context.scene.kiriko.export_overwrite
-        options = MapOptions(
-            formats=tuple(name for name, *_ in FORMAT_ITEMS if name in self.formats),
-            overscan=self.overscan,
-            times=int(self.times),
-            mesh_step=self.mesh_step,
-        )
+        options = self._options()
         with folder.made(target):
             about = yield from exported(
                 context, target, options, overwrite, Message("set Overwrite")

@@ -49,8 +49,8 @@ class Candidates(NamedTuple):
         return Candidates(*(taken(values, which) for values in self))
 
 
-def candidates(view_map: ViewMap, grid: Grid) -> Iterator[Candidates]:
-    """Where the pieces of a map show the points of a grid, some at a time.
+def candidates(view_map: ViewMap, grid: Grid, rows: range) -> Iterator[Candidates]:
+    """Where the pieces of a map show the points in some rows of a grid, some at a time.
 
     Samples of chaotic light are left out: between them there is no map.
     """
@@ -63,17 +63,18 @@ def candidates(view_map: ViewMap, grid: Grid) -> Iterator[Candidates]:
                 piece.throughput,
                 piece.branch,
             )
-            yield from _in_triangles(triangles, grid)
+            yield from _in_triangles(triangles, grid, rows)
 
 
-def _in_triangles(triangles: Piece, grid: Grid) -> Iterator[Candidates]:
-    """The points of a grid that lie in triangles, row by row: boxes around slivers hold a hundred
-    times as many.
+def _in_triangles(triangles: Piece, grid: Grid, rows: range) -> Iterator[Candidates]:
+    """The points in some rows of a grid that lie in triangles, row by row: boxes around slivers
+    hold a hundred times as many.
     """
     steps = grid.steps_to(triangles.display)
-    last = np.array([grid.columns, grid.rows]) - 1
-    low = np.clip(np.ceil(steps.min(axis=1) - SLACK), 0, last + 1)
-    high = np.clip(np.floor(steps.max(axis=1) + SLACK), -1, last)
+    first = np.array([0, rows.start])
+    last = np.array([grid.columns, rows.stop]) - 1
+    low = np.clip(np.ceil(steps.min(axis=1) - SLACK), first, last + 1)
+    high = np.clip(np.floor(steps.max(axis=1) + SLACK), first - 1, last)
     n_rows = np.where(low[:, 0] <= high[:, 0], np.maximum(high[:, 1] - low[:, 1] + 1, 0), 0)
 
     some = np.flatnonzero(n_rows)

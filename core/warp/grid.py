@@ -1,5 +1,6 @@
 """Points of the display in rows and columns, at which a warp map is wanted."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,12 @@ class Grid:
         """Points (n, 2), display px, by their numbers (n,)."""
         place = np.stack([number % self.columns, number // self.columns], axis=1)
         return np.array(self.first) + place * np.array(self.step)
+
+    def bands(self, n_points: int) -> Iterator[range]:
+        """The rows in runs of about `n_points` points each."""
+        n_rows = max(1, n_points // self.columns)
+        for row in range(0, self.rows, n_rows):
+            yield range(row, min(row + n_rows, self.rows))
 
     def steps_to(self, xy: Floats) -> Floats:
         """Columns and rows (..., 2), with their fractions, of display px (..., 2)."""

@@ -22,7 +22,7 @@ TIMES = (1, 2, 4)
 MOST_OVERSCAN = 100.0
 # m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709, as of sRGB
 PRIMARIES = (611e-9, 549e-9, 464e-9)
-BYTES = 300  # of a point of a map, at the peak
+BYTES = 600  # of a point of a map, at the peak: measured where each is seen ten times
 NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
 
 
@@ -84,17 +84,23 @@ class MapOptions:
             )
 
 
+def memory_needed(display_size: tuple[int, int], options: MapOptions) -> float:
+    """Bytes that the maps of a viewer take at their peak, about."""
+    width, height = display_size
+    larger = options.times**2 if "FFMPEG" in options.formats and options.times > 1 else 0
+    return BYTES * width * height * (1 + larger)
+
+
 def check_memory(rig: Rig, options: MapOptions) -> None:
     """Raise RigError when the maps of a viewer would take more memory than is free."""
     display = rig.display
-    parts = options.times**2 if "FFMPEG" in options.formats else 1
     remedy = Message(
         "lower the resolution of the display '{display}' ({width} x {height})",
         display=display.name,
         width=display.width,
         height=display.height,
     )
-    if parts > 1:
+    if "FFMPEG" in options.formats and options.times > 1:
         remedy = Message("set a smaller ffmpeg Size, or other formats")
-    needed = BYTES * display.width * display.height * (1 + (parts if parts > 1 else 0))
+    needed = memory_needed((display.width, display.height), options)
     check_free(needed, Message("Exporting maps"), remedy)

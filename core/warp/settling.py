@@ -22,13 +22,13 @@ from ..steps import Pauses
 class Settling:
     """When a place is good enough; seen on the ball, where the median takes two rays.
 
-    settled_px : display px between the landing and the point; the step that is left then brings it
-        to rounding, and landings on curved glass are right to 1e-7
+    settled : share of the tolerance between the landing and the point; the step that is left then
+        makes it a square of that
     most_rays : for one place
     nearby : viewer px, over which the derivative is taken where no piece tells it
     """
 
-    settled_px: float = 1e-6
+    settled: float = 0.01
     most_rays: int = 10
     nearby: float = 1e-3
 
@@ -65,6 +65,7 @@ def settle(
     branch : (n,) that light has to take
     """
     n = len(points)
+    settled_px = SETTLING.settled * plan.settings.tolerance
     found = Places(view.copy(), np.full(n, np.inf))
     inverse = view_by_display.copy()
     step = np.zeros((n, 2))
@@ -96,9 +97,9 @@ def settle(
         # a first ray beside its branch has nowhere to go
         others = left[~is_nearer]
         step[others] *= 0.5
-        left = left[np.isfinite(found.off[left]) & (found.off[left] > SETTLING.settled_px)]
+        left = left[np.isfinite(found.off[left]) & (found.off[left] > settled_px)]
 
-    last = np.flatnonzero(found.off <= SETTLING.settled_px)
+    last = np.flatnonzero(found.off <= settled_px)
     found.view[last] += step[last]
     return found
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..arrays import Floats, Ints, taken
 from ..image.ghosts import NO_PATH, strongest_paths
 from ..light.plan import Plan
 from ..map.points import is_in_image, trace_points, tracer
@@ -26,8 +26,7 @@ from .covering import Candidates, candidates
 from .grid import Grid
 from .settling import derivative, inverse_of, settle
 
-SAME_PX = 1e-3  # viewer px: places on one path that are nearer to each other are one
-SETTLED_AT_ONCE = 1 << 17  # candidates
+POINTS_AT_ONCE = 1 << 18  # of the grid: where light is chaotic a point has tens of candidates
 HALF_PIXEL = 0.5**0.5  # display px, from its middle to its corner
 
 
@@ -73,34 +72,27 @@ def view_from_display(
         strongest = yield from at(0.0, paths_shown(plan, view_map))
     wanted = strongest[grid.pixels(view_map.display_size)]
 
-    # the very points, by the pieces of the map that show them
-    lots = []
-    for lot in candidates(view_map, grid):
-        lots.append(lot)
-        yield 0.2
-    lot = _joined(lots)
-    is_on_path = lot.path == wanted[lot.point]
     found = ViewPlaces(
         view=np.full((len(grid), 2), np.nan),
         view_by_display=np.zeros((len(grid), 2, 2)),
         path=np.full(len(grid), NO_PATH),
-        multiplicity=np.bincount(lot.point[~is_on_path], minlength=len(grid)),
+        multiplicity=np.zeros(len(grid), np.int64),
         off=np.full(len(grid), np.inf),
     )
-
-    lot = lot.at(np.flatnonzero(is_on_path))
-    settled = [_Settled(Candidates.none(), np.empty(0))]
-    for first in range(0, len(lot.point), SETTLED_AT_ONCE):
-        some = Candidates(*(column[first : first + SETTLED_AT_ONCE] for column in lot))
-        settled.append((yield from at(0.2, _settled(plan, view_map, grid, some))))
-        yield 0.2 + 0.6 * first / len(lot.point)
-    lot = Candidates(*map(np.concatenate, zip(*(some.of for some in settled), strict=True)))
-    off = np.concatenate([some.off for some in settled])
-    once = np.flatnonzero(~_is_repeated(lot))
-    is_wanted = _choose(found, _Settled(lot.at(once), off[once]), plan.settings.brightness)
+    # the very points, by the pieces of the map that show them; a fold may show one a hundred times
+    for rows in grid.bands(POINTS_AT_ONCE):
+        done = 0.8 * rows.start / grid.rows
+        lots = [Candidates.none()]
+        for some in candidates(view_map, grid, rows):
+            lots.append(some)
+            yield done
+        lot = _each_once(Candidates(*map(np.concatenate, zip(*lots, strict=True))), view_map)
+        found.multiplicity[:] += np.bincount(lot.point, minlength=len(grid))
+        lot = lot.at(np.flatnonzero(lot.path == wanted[lot.point]))
+        yield from at(done, _place(found, plan, view_map, grid, lot))
 
     # other parts of their pixels
-    lacks = np.flatnonzero(~is_wanted & (wanted != NO_PATH))
+    lacks = np.flatnonzero(np.isnan(found.view[:, 0]) & (wanted != NO_PATH))
     if len(lacks):
         shares = _shares(plan, view_map)
         largest = yield from at(0.85, _largest(shares, strongest, view_map.display_size))
@@ -132,64 +124,55 @@ def _largest(
     return place
 
 
-@dataclass(frozen=True, eq=False)
-class _Settled:
-    """Candidates that were brought to their points, and how far off (n,) they are, display px."""
+def _each_once(lot: Candidates, view_map: ViewMap) -> Candidates:
+    """Candidates, each place but once.
 
-    of: Candidates
-    off: Floats
-
-
-def _settled(plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates) -> Pauses[_Settled]:
-    """Those of some candidates that show their points. Light ends, or jumps, where the map knows
-    only as well as its tolerance: there it lands so far off.
+    A map knows its landings to its tolerance. Two places on one path, which has the same way round
+    at both, are one where they are no farther apart than that.
     """
-    places = yield from settle(plan, grid.at(lot.point), lot.view, lot.view_by_display, lot.branch)
-    is_true = (places.off <= view_map.tolerance) & is_in_image(places.view, view_map.view_size)
-    true = np.flatnonzero(is_true)
-    return _Settled(lot._replace(view=places.view).at(true), places.off[true])
-
-
-def _joined(lots: list[Candidates]) -> Candidates:
-    """All candidates of several lots, each place but once."""
-    lot = Candidates(*map(np.concatenate, zip(Candidates.none(), *lots, strict=True)))
-    return lot.at(np.flatnonzero(~_is_repeated(lot)))
-
-
-def _is_repeated(lot: Candidates) -> Bools:
-    """Which candidates (n,) are the same place as another one, which is kept?"""
-    order = np.lexsort((lot.path, lot.point))
-    point, path, view = (values[order] for values in (lot.point, lot.path, lot.view))
+    reach = 2 * view_map.tolerance * np.abs(lot.view_by_display).sum(axis=2).max(axis=1)
+    order = np.lexsort((lot.view[:, 0], lot.path, lot.point))
+    point, path, view, reach = (
+        taken(values, order) for values in (lot.point, lot.path, lot.view, reach)
+    )
     repeated = np.zeros(len(order), bool)
-
     for k in range(1, len(order)):
-        is_same_point = (point[k:] == point[:-k]) & (path[k:] == path[:-k])
-        if not is_same_point.any():
+        same = np.flatnonzero((point[k:] == point[:-k]) & (path[k:] == path[:-k]))
+        away = np.abs(view[same + k] - view[same])
+        near = np.minimum(reach[same + k], reach[same])
+        if not (away[:, 0] <= near).any():  # and so of none that is further on
             break
-        is_near = np.abs(view[k:] - view[:-k]).max(axis=1) < SAME_PX
-        repeated[order[k:][is_same_point & is_near]] = True
-
-    return repeated
+        repeated[same[away.max(axis=1) <= near] + k] = True
+    return lot.at(order[~repeated])
 
 
-def _choose(found: ViewPlaces, settled: _Settled, brightness: bool) -> Bools:
-    """Keep one of the places of each point (n,); has it any?"""
-    lot = settled.of
+def _place(
+    found: ViewPlaces, plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates
+) -> Pauses[None]:
+    """Set the places of points: of each the candidate that shows it largest, brought to the point.
+    Light ends, or jumps, where the map knows only as well as its tolerance: where a candidate does
+    not show its point, the next largest does.
+    """
     (a, b), (c, d) = np.moveaxis(lot.view_by_display, 0, 2)
     size = np.abs(a * d - b * c)
-    if brightness:
+    if plan.settings.brightness:
         size *= lot.throughput**2
+    lot = lot.at(np.lexsort((size, lot.point)))
 
-    # of several of one point the last is kept
-    order = np.argsort(size, kind="stable")
-    point = lot.point[order]
-    found.view[point] = lot.view[order]
-    found.view_by_display[point] = lot.view_by_display[order]
-    found.path[point] = lot.path[order]
-    found.off[point] = settled.off[order]
-    n = np.bincount(point, minlength=len(found.view))
-    found.multiplicity[:] += n
-    return n > 0
+    while len(lot.point):
+        is_largest = np.append(lot.point[1:] != lot.point[:-1], True)
+        some, lot = lot.at(np.flatnonzero(is_largest)), lot.at(np.flatnonzero(~is_largest))
+        points = grid.at(some.point)
+        places = yield from settle(plan, points, some.view, some.view_by_display, some.branch)
+        is_true = (places.off <= view_map.tolerance) & is_in_image(places.view, view_map.view_size)
+        true = np.flatnonzero(is_true)
+        number = some.point[true]
+        found.view[number] = places.view[true]
+        found.view_by_display[number] = some.view_by_display[true]
+        found.path[number] = some.path[true]
+        found.off[number] = places.off[true]
+        found.multiplicity[some.point[~is_true]] -= 1
+        lot = lot.at(np.flatnonzero(np.isnan(found.view[lot.point, 0])))
 
 
 def _fill(

@@ -242,6 +242,7 @@ def test_progress_is_printed_and_nothing_is_there_before_the_end(
     own = module.maps_of
     monkeypatch.setattr(module, "maps_of", lambda *given: seen(own(*given)))
     told = export_maps_told(tmp_path, {"NPZ"}, capfd)
+    assert re.search(r"^Kiriko: Takes about [\d.]+ GB of memory\.$", told, re.MULTILINE)
     assert there == [[]]
     numbers = [int(n) for n in re.findall(r"^Kiriko: Export Maps (\d+) %$", told, re.MULTILINE)]
     assert len(numbers) > 5
