@@ -16,8 +16,7 @@ from ..errors import RigError
 from ..messages import quoted
 from .active_rig import settings_of, settings_text
 from .newcomers import part
-from .rig_names import stem
-from .rigs import active_rig, held_by, mark_of, marked_key, rigs_of
+from .rigs import active_rig, held_by, mark_of, marked_key, rigs_of, stem
 
 SAME_PLACE = 1e-4  # of distances and sizes: matrices of Blender have 24 bits
 NEEDED = {"DISPLAY", "PICTURE"}  # roles of copies that make a rig

@@ -13,8 +13,7 @@ from mathutils import Matrix
 from ..arrays import Floats
 from ..viewer import Viewer
 from .own_words import data_name
-from .rig_names import stem
-from .rigs import active_rig, mark, marked_key
+from .rigs import active_rig, mark, marked_key, stem
 from .scene import object_matrix
 from .screens import spaces
 from .viewer import orthonormal_axes

@@ -14,7 +14,7 @@ from .result import SOURCE
 from .result_images import images_of
 from .rig_names import name_for
 from .rig_record import KEPT_MARK
-from .rigs import active_rig, mark_of, rigs_of
+from .rigs import RIG_MARK, active_rig, mark_of, rigs_of
 
 DATA = ("meshes", "cameras", "materials", "images")  # kinds that Add Rig makes beside objects
 RESULT = "kiriko.result."  # path of the panel's numbers in the scene
@@ -74,24 +74,34 @@ def made_data(
             [one for one in getattr(bpy.data, kind) if mark_of(one)[0] == rig.kiriko.key]
         )
     ]
-    shown = [
+    materials = [
         slot.material
         for thing in objects
         for slot in thing.material_slots
-        if slot.material is not None and MATERIAL_MARK in slot.material
+        if slot.material is not None
     ]
+    shown = [material for material in materials if MATERIAL_MARK in material]
+    used = [*(thing.data for thing in objects), *materials, *_images_in(materials)]
+    # the mark is unreadable, but the objects tell the rig
+    marked += [one for one in used if one is not None and RIG_MARK in one and not mark_of(one)[0]]
     meshes = [thing.data for thing in objects if OBJECT_MARK in thing]
     images = images_of(scene.kiriko.result) if has_result(scene, rig) else []
     names = {SOURCE, name_for(scene, SOURCE)}
     if rig == active_rig(scene):  # also one that a newer rig, gone by now, has left on the display
-        images += [
-            node.image
-            for material in shown
-            for node in material.node_tree.nodes
-            if node.type == "TEX_IMAGE" and node.image is not None and node.image.name in names
-        ]
+        images += [image for image in _images_in(shown) if image.name in names]
     found = [*marked, *shown, *meshes, *images]
     return list(dict.fromkeys(block for block in found if block is not None))
+
+
+def _images_in(materials: list[bpy.types.Material]) -> list[bpy.types.Image]:
+    """Images of the texture nodes of materials."""
+    return [
+        node.image
+        for material in materials
+        if material.node_tree is not None
+        for node in material.node_tree.nodes
+        if node.type == "TEX_IMAGE" and node.image is not None
+    ]
 
 
 def unused_elsewhere(
@@ -123,6 +133,6 @@ def has_result(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
     """Is the scene's result the rig's: another than when the rig was added, or was there none?"""
     changes = Changed.read(rig.kiriko.changed).changes
     lines = [one for one in changes if one[0].startswith(RESULT)]
-    was_none = bool(lines) and not any(before for _, before, _ in lines)
+    was_none = not any(before for _, before, _ in lines)  # or the record is unreadable
     is_new = was_none or any(value_of(scene, path) != after for path, _, after in lines)
     return is_new and rig == active_rig(scene)

@@ -18,8 +18,7 @@ from .active_rig import (
     settings_text,
 )
 from .kept import Changed
-from .rig_names import stem
-from .rigs import active_rig, held_by, mark, mark_of, marked_key, rigs, take_in
+from .rigs import active_rig, held_by, mark, mark_of, marked_key, rigs, stem, take_in
 from .viewer_list import bring_back_by_itself, have_viewer
 
 NO_RESULT = [["kiriko.result.summary", "", ""]]  # as a rig notes that the scene had none before

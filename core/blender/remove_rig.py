@@ -166,8 +166,11 @@ def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy
     living = {one.kiriko.key for one in rigs(scene)} - {ours.key}
     for owner in (*scene.objects, *bpy.data.materials):
         kept = Changed.read(owner.kiriko.changed) if owner.kiriko.changed else Changed()
-        if kept.rig != ours.key or _is_of_another_rig(scene, owner):
+        is_lost = _is_unreadable(owner) and keys(owner) == {ours.key}
+        if not (is_lost or kept.rig == ours.key) or _is_of_another_rig(scene, owner):
             continue
+        if is_lost:
+            owner.kiriko.role = "NONE"
         heirs = _keys_of(scene, owner, keys) & living
         if heirs:
             owner.kiriko.changed = Changed(min(heirs), kept.changes).text()
@@ -185,6 +188,13 @@ def _put_back(scene: bpy.types.Scene, rig: bpy.types.Collection, going: list[bpy
             result.property_unset(name)
 
     _put_viewers_back(scene, rig, going)
+
+
+def _is_unreadable(owner: bpy.types.ID) -> bool:
+    """Does a record say what a rig changed of an object, but cannot be read?"""
+    if not isinstance(owner, bpy.types.Object) or not owner.is_editable:
+        return False
+    return bool(owner.kiriko.changed) and not Changed.read(owner.kiriko.changed).rig
 
 
 def _put_viewers_back(

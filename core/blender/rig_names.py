@@ -2,22 +2,14 @@
 name.
 """
 
-import re
-
 import bpy
 
 from ..messages import Message
 from ..rig import Rig
 from .own_words import data_name
-from .rigs import active_rig
+from .rigs import NUMBER, active_rig
 
 RIG = Message("Kiriko Rig")
-NUMBER = re.compile(r"\.\d{3,}$")
-
-
-def stem(name: str) -> str:
-    """A datablock's name without the number that Blender gives to a further one of it."""
-    return NUMBER.sub("", name)
 
 
 def name_for(scene: bpy.types.Scene, name: str) -> str:

@@ -6,6 +6,7 @@ stands there all the light knows. One whose rig lost its collection, as by Delet
 goes on with that rig alone.
 """
 
+import re
 from collections.abc import Callable, Iterator
 
 import bpy
@@ -13,6 +14,7 @@ import bpy
 from .kept import Changed, fields_of, text_of
 
 RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
+NUMBER = re.compile(r"\.\d{3,}$")
 
 
 def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
@@ -54,9 +56,21 @@ def has_roles(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
 
 
 def mark_of(block: bpy.types.ID) -> tuple[str, str]:
-    """Key of the rig that a datablock was made for, and the name it got; '' if there is none."""
+    """Key of the rig that a datablock was made for, and the name it got; '' if there is none.
+
+    An object whose mark is unreadable was made for the rig whose collection holds it.
+    """
     fields = fields_of(block.get(RIG_MARK))
+    if not fields and RIG_MARK in block and isinstance(block, bpy.types.Object):
+        groups = (group for group in bpy.data.collections if group.kiriko.key)
+        holder = next((group for group in groups if block in set(held_by(group))), None)
+        return ("", "") if holder is None else (holder.kiriko.key, stem(block.name))
     return fields.get("key", ""), fields.get("name", "")
+
+
+def stem(name: str) -> str:
+    """A datablock's name without the number that Blender gives to a further one of it."""
+    return NUMBER.sub("", name)
 
 
 def mark(block: bpy.types.ID, key: str) -> None:

@@ -10,7 +10,7 @@ import bpy
 import pytest
 
 from panel_layout import Layout
-from small_rigs import record_text, small_rig
+from small_rigs import inventory, record_text, small_rig
 
 NEWER = json.dumps({"version": 99, "rig": "a", "changes": [["kiriko.role", "NONE", "GLASS"]]})
 PANELS = (
@@ -33,10 +33,18 @@ def draw_all(drawn: Callable[..., Layout], glass: bpy.types.Object) -> None:
 def test_every_verb_works_with_unreadable_records(
     kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout], text: str
 ) -> None:
-    """An unreadable record counts as empty: panels draw, the rig solves, and Remove Rig works."""
+    """An unreadable record counts as empty: panels draw, the rig solves, and Remove Rig leaves the
+    artist's glass alone, without a role.
+    """
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    before = inventory()
     parts = small_rig()
     bpy.ops.kiriko.solve()
     ours, rig = scene.kiriko, bpy.data.collections["Kiriko Rig"]
+    marked = [block for block in bpy.data.user_map() if "kiriko_rig" in block]
+    assert {type(block).__name__ for block in marked} >= {"Object", "Mesh", "Camera", "Material"}
+    for block in marked:
+        block["kiriko_rig"] = text
     for thing in parts.values():
         thing.kiriko.changed = thing.kiriko.given = text
         thing["kiriko_looking"] = text
@@ -49,8 +57,14 @@ def test_every_verb_works_with_unreadable_records(
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     assert ours.result.source is not None
     draw_all(drawn, parts["GLASS"])
+    assert not needed.has_lost_plate(scene)
     assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
-    assert "Kiriko Rig" not in bpy.data.collections
+    assert parts["GLASS"].kiriko.role == "NONE"
+    left = {kind: set(names) - set(before[kind]) for kind, names in inventory().items()}
+    assert {kind: names for kind, names in left.items() if names} == {
+        "objects": {"Cube"},
+        "meshes": {"mesh"},
+    }
 
 
 def test_unreadable_marks_are_reported_once(
