@@ -124,8 +124,9 @@ def _whole(context: bpy.types.Context) -> Looked:
     """A scene with all of its meshes looked at."""
     looked = _looked.setdefault(context.scene.session_uid, Looked())
     context.view_layer.update()
-    while _look_at_mesh(looked, context):
-        pass
+    while things := _unknown(looked, context):
+        for thing in things:
+            _look_at_mesh(looked, context, thing)
     return looked
 
 
@@ -155,18 +156,21 @@ def _seen(looked: Looked, scene: bpy.types.Scene) -> Look:
     return replace(look, is_followed=watch.is_followed(scene))
 
 
-def _look_at_mesh(looked: Looked, context: bpy.types.Context) -> bool:
-    """Look at one mesh that is not known yet; returns whether there was one."""
+def _unknown(looked: Looked, context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The objects whose meshes are still to be looked at."""
     layer = context.view_layer
-    for members in needed.parts(context.scene).values():
-        for thing, by in members.items():
-            if not by and thing.session_uid not in looked.meshes and is_checked(thing, layer):
-                started = perf_counter()
-                depsgraph = context.evaluated_depsgraph_get()
-                looked.meshes[thing.session_uid] = look_at_mesh(thing, depsgraph)
-                looked.lasted = perf_counter() - started
-                return True
-    return False
+    return [
+        thing
+        for members in needed.parts(context.scene).values()
+        for thing, by in members.items()
+        if not by and thing.session_uid not in looked.meshes and is_checked(thing, layer)
+    ]
+
+
+def _look_at_mesh(looked: Looked, context: bpy.types.Context, thing: bpy.types.Object) -> None:
+    started = perf_counter()
+    looked.meshes[thing.session_uid] = look_at_mesh(thing, context.evaluated_depsgraph_get())
+    looked.lasted = perf_counter() - started
 
 
 def tick() -> float:
@@ -195,7 +199,11 @@ def _turn() -> None:
 
         with bpy.context.temp_override(window=window):
             # asked once: else the quiet may begin in between, and no mesh was looked at
-            is_whole = looked.is_quiet and not _look_at_mesh(looked, bpy.context)
+            is_quiet = looked.is_quiet
+            things = _unknown(looked, bpy.context) if is_quiet else []
+            for thing in things[:1]:
+                _look_at_mesh(looked, bpy.context, thing)
+            is_whole = is_quiet and not things
             before = looked.entries, looked.is_whole
             _look(looked, scene, is_whole)
         if (looked.entries, looked.is_whole) != before:

@@ -47,6 +47,18 @@ class Motion:
         return turn(back, at - self.shift), turn(back, directions)
 
 
+def size_of(mesh: Mesh) -> tuple[float, float]:
+    """A length of a mesh that motions keep, m, and a number `loss`: one of two meshes may be the
+    other one moved only if their lengths differ by no more than both losses.
+
+    The length is the distance from the mean of all vertices to the furthest of them. Where each
+    component of each vertex is off by `allowed` of `find_motion`, it is off by 2 sqrt(3) of it.
+    """
+    from_mean = mesh.vertices - mesh.vertices.mean(axis=0)
+    loss = 4 * (PRODUCT_ROUNDING * np.abs(mesh.vertices).max() + 4 * mesh.rounding)
+    return float(np.linalg.norm(from_mean, axis=1).max()), float(loss)
+
+
 def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     """The motion from one mesh to another; None where they
     differ by more than one and the vertices' rounding.

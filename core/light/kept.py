@@ -4,7 +4,10 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from ..glass.motion import Motion, find_motion
+import numpy as np
+
+from ..arrays import Floats
+from ..glass.motion import Motion, find_motion, size_of
 from ..glass.solids import making_solids
 from ..glass.surfaces import Surface
 from ..rig import Mesh
@@ -26,6 +29,7 @@ class Kept:
         self._is_exact = is_exact
         self._old: dict[str, Any] = {}
         self._now: dict[str, Any] = {}
+        self._sizes: tuple[list[str], Floats] | None = None  # of the old meshes, once asked for
         # of meshes themselves, which are not looked at again
         self._places: WeakKeyDictionary[Mesh, tuple[str, Motion | None]] = WeakKeyDictionary()
 
@@ -56,18 +60,29 @@ class Kept:
         """Key of a mesh's solids, and the motion from there; made where there are none."""
         key = mesh.fingerprint
         if key not in self._old and key not in self._now:
-            for other, made in () if self._is_exact else self._old.items():
-                motion = find_motion(made[0], mesh) if isinstance(made, tuple) else None
+            for other in () if self._is_exact else self._alike(mesh):
+                motion = find_motion(self._old[other][0], mesh)
                 if motion is not None:
                     return other, motion
             self._now[key] = mesh, (yield from making_solids(mesh))
 
         return key, None
 
+    def _alike(self, mesh: Mesh) -> list[str]:
+        """Keys of the old meshes of this one's size: to compare it with all of them takes long."""
+        if self._sizes is None:
+            made = {key: one[0] for key, one in self._old.items() if isinstance(one, tuple)}
+            sizes = np.array([size_of(one) for one in made.values()]).reshape(-1, 2)
+            self._sizes = list(made), sizes
+        keys, sizes = self._sizes
+        size, loss = size_of(mesh)
+        is_alike = np.abs(sizes[:, 0] - size) <= sizes[:, 1] + loss
+        return [keys[i] for i in np.flatnonzero(is_alike)]
+
     def borrow(self, other: "Kept") -> None:
         """Take over what another keeps, which stays as it is."""
-        self._old = {**other._old, **other._now, **self._old}
+        self._old, self._sizes = {**other._old, **other._now, **self._old}, None
 
     def forget(self) -> None:
         """Drop results not asked for since the last call."""
-        self._old, self._now = self._now, {}
+        self._old, self._now, self._sizes = self._now, {}, None

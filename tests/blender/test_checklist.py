@@ -876,6 +876,34 @@ def test_a_mesh_is_looked_at_once(
     assert looked_at[before:] == [glass]
 
 
+def test_objects_are_asked_for_once_however_many(
+    look: Callable[[], list],
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A whole look asks for the scene's parts as often at 20 glasses as at 2: each time is as long
+    as there are objects.
+    """
+    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    parts, n_asked = needed.parts, []
+
+    def counted(*args: object, **options: object) -> object:
+        n_asked.append(1)
+        return parts(*args, **options)
+
+    monkeypatch.setattr(needed, "parts", counted)
+    counts = []
+    small_rig()
+    for n in (1, 18):
+        for _ in range(n):
+            new_object(primitive("cube", size=SIDE), "GLASS")
+        n_asked.clear()
+        look()
+        counts.append(len(n_asked))
+    assert counts[0] == counts[1] > 0
+
+
 @pytest.fixture
 def in_window(
     kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
