@@ -26,7 +26,7 @@ from ..core.blender.viewer import Frame, frame_of_render
 from ..core.blender.visibility import Shown
 from ..core.errors import RigError, one_line
 from ..core.light.checks import InsideGlassError
-from ..core.light.landings import REASON_WORDS, Reason
+from ..core.light.landings import BY_GAPS, REASON_WORDS, Reason
 from ..core.messages import Message, joined
 from ..core.numbers import number
 from ..core.rig import ROLES
@@ -236,7 +236,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         _tell(record, scene, text, remarks, for_most, legibility_numbers(*seen))
         if not bpy.app.background:
             _show(context, record, glasses)
-        is_short = sum(spread.lost.values()) > 1 - SEARCH.enough
+        is_short = sum(spread.unseen.values()) > 1 - SEARCH.enough
         self.level = "WARNING" if is_short or remarks else "INFO"
 
         return joined([text, *remarks, *_on_camera(scene)])
@@ -320,20 +320,16 @@ def _on_display(
 
     limit : m, of a display that is as wide as it has to be; 0 where its width was given
     """
-    width = length_text(scene, proposal.display)
+    width, lost = length_text(scene, proposal.display), spread.unseen
     text = Message("The display, {width} wide, takes all the light of the picture.", width=width)
-    if listed(spread.lost):
+    if listed(lost):
         display = Message("The display, {width} wide,", width=width)
-        text = summary(1 - sum(spread.lost.values()), spread.lost, display)
+        text = summary(1 - sum(lost.values()), lost, display)
 
-    if spread.leaked > BESIDE:
-        return Message(
-            "{text} {leaked} of the light goes through gaps in the glass: close them.",
-            text=text,
-            leaked=percent(spread.leaked),
-        ), 0.0
+    if lost.get(BY_GAPS, 0.0) > BESIDE:
+        return Message("{text} Close the gaps in the glass.", text=text), 0.0
 
-    if spread.lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
+    if lost.get(REASON_WORDS[Reason.MISSED_GLASS], 0.0) > BESIDE:
         return Message(
             "{text} The viewer sees most of the picture beside the glass: move it, or turn"
             " the glass.",
@@ -366,7 +362,7 @@ def _on_display(
     if not 0 < smaller < SMALLER * proposal.display:
         smaller = 0.0
     else:
-        share = percent(MOST * (1 - sum(spread.lost.values())))
+        share = percent(MOST * (1 - sum(lost.values())))
         remedies.append(
             Message(
                 "set Display to {width}, which would show {share}",

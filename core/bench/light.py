@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints
 from ..kinds import Kind
-from ..light.landings import REASON_WORDS, Reason, main_landings
+from ..light.landings import BY_GAPS, REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
 from ..steps import at
@@ -50,13 +50,17 @@ class Light:
         return self.is_seen & (self.reason == Reason.ARRIVED)
 
     def lost(self, weight: Floats) -> dict[str, float]:
-        """Shares of the weight (n,) in sight that do not arrive, by reason in words."""
+        """Shares of the weight (n,) in sight that do not arrive, by reason in words; light that
+        went through a gap has no other one.
+        """
         seen = np.where(self.is_seen, weight, 0.0)
         whole = max(float(seen.sum()), np.finfo(float).tiny)
         by_reason = {
-            word: float(seen[self.reason == number].sum()) / whole
+            word: float(seen[~self.has_leaked & (self.reason == number)].sum()) / whole
             for number, word in REASON_WORDS.items()
         }
+        is_in_gap = self.has_leaked & (self.reason != Reason.ARRIVED)
+        by_reason[BY_GAPS] = float(seen[is_in_gap].sum()) / whole
         return {word: share for word, share in by_reason.items() if share > 0}
 
 

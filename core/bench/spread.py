@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Floats, Ints
 from ..glass.meshes import areas_of
-from ..light.landings import Reason
+from ..light.landings import BY_GAPS, Reason
 from ..light.plan import Plan
 from ..messages import Message
 from ..rig import PicturePlace
@@ -67,7 +67,7 @@ class Spread:
     beside_weight : (m,) share of the picture
     lost : shares of the picture that do not arrive, by reason; the
         part out of the viewer's sight does not count
-    leaked : share of the picture whose light goes through gaps in open glass
+    leaked : share of the picture that arrives through gaps in open glass
     """
 
     places: Floats
@@ -77,6 +77,12 @@ class Spread:
     beside_weight: Floats
     lost: dict[str, float]
     leaked: float
+
+    @property
+    def unseen(self) -> dict[str, float]:
+        """As `lost`, with light that arrives through gaps: nobody knows that it is seen."""
+        leaked = self.lost.get(BY_GAPS, 0.0) + self.leaked
+        return {**self.lost, BY_GAPS: leaked} if leaked else self.lost
 
     def width(self, aspect: float, share: float = 1.0) -> float:
         """Width, m, of a display, `aspect` times as wide as high,
@@ -202,5 +208,5 @@ def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> 
         beside=uv[beside],
         beside_weight=weight[beside],
         lost=light.lost(weight),
-        leaked=float(weight[light.has_leaked].sum()),
+        leaked=float(weight[arrived & light.has_leaked].sum()),
     )

@@ -33,6 +33,7 @@ REASON_WORDS = {
     Reason.MISSED_DISPLAY: Message("missed the display"),
     Reason.CUT_OFF: Message("cut off by Max Events"),
 }
+BY_GAPS = Message("passed gaps in the glass")  # in place of the reason: nobody knows such a way
 
 
 @dataclass(frozen=True, eq=False)

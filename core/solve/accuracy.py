@@ -1,7 +1,7 @@
 """How far off is the result, as far as it can tell by itself?"""
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from ..arrays import FLOAT32, Floats, Ints
 from ..glass.meshes import areas_of
 from ..image.picture import of_square, picture_from_view
 from ..light.display import display_pixel
-from ..light.landings import Reason
+from ..light.landings import Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
 from ..steps import Pauses, at, within
@@ -39,7 +39,8 @@ class Accuracy:
         FURTHER times as many surfaces do not set free
     contradicted : for each glass, then each mirror, the share, 0..1, of the picture's light that
         it bends by normals which contradict its faces
-    leaked : share of the picture's light that arrives by way of gaps, where nobody knows its way
+    leaked : shares of the picture's light that goes through gaps, where nobody knows its way, by
+        where it seems to end
     """
 
     tessellation: Tessellation
@@ -47,7 +48,7 @@ class Accuracy:
     leaks: tuple[float, ...]
     caught: float
     contradicted: tuple[float, ...]
-    leaked: float = 0.0
+    leaked: dict[Reason, float] = field(default_factory=dict)
 
 
 def measure(
@@ -131,19 +132,19 @@ def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
     return (yield from _leaking(plan))[0]
 
 
-def _leaking(plan: Plan) -> Pauses[tuple[tuple[float, ...], float]]:
-    """The same, and the share that arrives by way of gaps."""
+def _leaking(plan: Plan) -> Pauses[tuple[tuple[float, ...], dict[Reason, float]]]:
+    """The same, and the shares by where such light seems to end."""
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
-        return (0.0,) * n_glasses, 0.0
+        return (0.0,) * n_glasses, {}
 
     rays, cover = _picture_rays(plan)
-    landings = yield from tracing(plan, *rays)
+    landings = main_landings((yield from tracing(plan, *rays)), len(cover))
     leaked = landings.leak >= 0
-    owner = plan.parts.owner[landings.leak[leaked]]
-    shares = _shares(owner, cover[landings.sample[leaked]], n_glasses, cover.sum())
-    seen = np.unique(landings.sample[leaked & landings.has_arrived])
-    return shares, float(cover[seen].sum() / max(cover.sum(), 1e-300))
+    weight = cover[leaked] / max(cover.sum(), 1e-300)
+    shares = _shares(plan.parts.owner[landings.leak[leaked]], cover[leaked], n_glasses, cover.sum())
+    by_reason = np.bincount(landings.reason[leaked], weight, len(Reason))
+    return shares, {reason: float(by_reason[reason]) for reason in Reason}
 
 
 def contradicted(plan: Plan) -> Pauses[tuple[float, ...]]:

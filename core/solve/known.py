@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fingerprint import fingerprint
+from ..light.landings import BY_GAPS, REASON_WORDS, Reason
 from ..light.plan import Plan
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
@@ -20,7 +21,6 @@ from .disagreement import Settled, is_comparable, is_sharp
 from .measured import measuring
 from .pace import seconds_to_cover
 from .painting import Clock, Placed, place
-from .picture_coverage import BY_GAPS
 from .progress import Bar
 
 
@@ -151,6 +151,19 @@ def channels_of(
     )
 
 
+def _but_leaked(
+    coverage: float, misses: dict[str, float], leaked: dict[Reason, float]
+) -> tuple[float, dict[str, float]]:
+    """Coverage and misses in which light that goes through gaps has no other fate: it may be
+    painted, but nobody knows its way.
+    """
+    lost = {REASON_WORDS[r]: share for r, share in leaked.items() if r != Reason.ARRIVED}
+    gone = {word: min(share, lost.get(word, 0.0)) for word, share in misses.items()}
+    arrived = min(leaked[Reason.ARRIVED], coverage)
+    left = {word: share - gone[word] for word, share in misses.items() if share > gone[word]}
+    return coverage - arrived, {**left, BY_GAPS: arrived + sum(gone.values())}
+
+
 def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
     """A channel, all shares of which are painted.
 
@@ -159,9 +172,8 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
     """
     picture_coverage, misses = placed.covered
     measured = traced.measured
-    leaked = min(measured.accuracy.leaked, picture_coverage)
-    if leaked > LEAST_LOST:  # it is painted, but nobody knows that it is seen
-        picture_coverage, misses = picture_coverage - leaked, {**misses, BY_GAPS: leaked}
+    if sum(measured.accuracy.leaked.values()) > LEAST_LOST:
+        picture_coverage, misses = _but_leaked(picture_coverage, misses, measured.accuracy.leaked)
 
     return Channel(
         plan=plan,

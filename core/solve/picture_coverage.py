@@ -15,7 +15,6 @@ from ..viewer import Viewer
 
 UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = Message("finer than a viewer pixel")
-BY_GAPS = Message("passed gaps in the glass")
 
 LEAST_LIGHT = 1e-12  # of the picture: less is no light
 

@@ -22,7 +22,6 @@ from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp
 from .light_remarks import on_black, on_glare, on_white
-from .picture_coverage import BY_GAPS
 from .remark import Remark, note, warning
 from .remedies import facetted_glass, remedy_for, remedy_for_mesh
 from .tessellation import Tessellation
@@ -68,7 +67,8 @@ def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:
 def _on_blind(channels: Sequence[Channel]) -> Iterator[Remark]:
     """On viewers that see nothing, beside others that do."""
     for channel in channels:
-        if channel.picture_coverage + channel.misses.get(BY_GAPS, 0.0) <= 0:
+        is_painted = channel.accuracy.leaked.get(Reason.ARRIVED, 0.0) > 0
+        if channel.picture_coverage <= 0 and not is_painted:
             yield warning(
                 "The viewer '{viewer}' sees nothing of the picture, whatever is shown: move it, or"
                 " turn it off in the list of viewers.",
