@@ -32,6 +32,13 @@ NEUTRAL: dict[Message, float | None] = {
     Message("Displacement"): None,
     Message("Dispersion"): 0.0,
 }
+# inputs that do nothing while others of their shader have these values
+IDLE: dict[str, dict[str, float]] = {
+    "Emission Strength": {"Emission Color": 0.0},
+    "Sheen Weight": {"Sheen Tint": 0.0},
+    "Coat Weight": {"Coat IOR": 1.0, "Coat Tint": 1.0},
+    "Thin Film Thickness": {"Thin Film IOR": 1.0},
+}
 CONSTANT = {"VALUE", "RGB"}  # nodes that give one value, and all of it
 OF_GLTF = "glTF Material Output"  # group of Blender's importer for what no shader has
 
@@ -167,19 +174,32 @@ def on_thin_walls(materials: Iterable[bpy.types.Material | None]) -> Iterator[Me
             )
 
 
+def is_at(node: bpy.types.Node, name: str, value: float, groups: Groups) -> bool:
+    """Has an input of a node this value, a colour in each of red, green and blue?"""
+    if name not in node.inputs:
+        return False
+    end, _ = feeding(node.inputs[name], groups)
+    if end.is_output and end.node.type not in CONSTANT:
+        return False
+    numbers = end.default_value[:3] if end.type == "RGBA" else [end.default_value]
+    return all(number == value for number in numbers)
+
+
 def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
     """The settings of a node that Kiriko does not follow."""
     for name, neutral in NEUTRAL.items():
-        socket = node.inputs.get(name)
-        if socket is None:
+        idle = IDLE.get(name, {})
+        is_idle = idle and all(is_at(node, *other, groups) for other in idle.items())
+        if name not in node.inputs or is_idle:
             continue
-        end, _ = feeding(socket, groups)
+        end, _ = feeding(node.inputs[name], groups)
         if end.is_output and end.node.type not in CONSTANT:
             yield Message("{setting} from nodes", setting=name)
-        elif neutral is not None and end.type == "RGBA":
-            if any(value != neutral for value in end.default_value[:3]):
-                yield name
-        elif neutral is not None and end.default_value != neutral:
+        elif neutral is None or is_at(node, name, neutral, groups):
+            continue
+        elif end.type == "RGBA":
+            yield name
+        else:
             yield Message("{setting} {value}", setting=name, value=f"{end.default_value:.3g}")
 
 

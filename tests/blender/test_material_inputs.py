@@ -121,6 +121,38 @@ def test_every_input_that_changes_light_in_cycles_is_read_or_told(
     assert told == matters
 
 
+WEIGHTS = {  # inputs, and others without which they change nothing
+    "Emission Strength": {"Emission Color": 0.0},
+    "Sheen Weight": {"Sheen Tint": 0.0},
+    "Coat Weight": {"Coat IOR": 1.0, "Coat Tint": 1.0},
+    "Thin Film Thickness": {"Thin Film IOR": 1.0},
+}
+
+
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_an_input_that_changes_nothing_is_not_told(
+    kiriko: ModuleType, bench: Callable[..., np.ndarray], name: str
+) -> None:
+    """As the strength of black light: Cycles has the same pixels. One of which a node decides
+    it is told.
+    """
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.material")
+    plain, material = bench(clear("Principled")[0]), changed("Principled", name)
+    assert np.abs(bench(material) - plain).max() > ROUNDING
+    assert len(module.read_refraction(material).ignored) == 1
+
+    tree = material.node_tree
+    inputs = tree.nodes["Principled BSDF"].inputs
+    for other, value in WEIGHTS[name].items():
+        is_colour = inputs[other].type == "RGBA"
+        inputs[other].default_value = (*[value] * 3, 1.0) if is_colour else value
+    assert np.abs(bench(material) - plain).max() <= ROUNDING
+    assert module.read_refraction(material).ignored == ()
+
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], inputs[other])
+    assert len(module.read_refraction(material).ignored) == 1
+
+
 @pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Thin Wall came with Blender 5.2")
 def test_a_thin_wall_is_no_glass(
     kiriko: ModuleType,
