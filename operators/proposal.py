@@ -112,6 +112,7 @@ def make(context: bpy.types.Context, proposal: Proposal) -> None:
             raise RigError(
                 "'{name}' keeps its place, for {why}.", name=thing.name, why=why
             ) from None
+    work.forget_report(context.scene)
 
 
 def _depth(thing: bpy.types.Object) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 
-from ..core.bench.helps import Help, Helps, smoothing, what_helps
+from ..core.bench.helps import Help, Helps, legible_by, what_helps
 from ..core.blender.checklist import REMEDIES, WORTH
 from ..core.fingerprint import fingerprint
 from ..core.light.kept import Kept
@@ -30,18 +30,18 @@ def remedies_for(
 
 def legible(
     rig: Rig, settings: Settings, is_watched: bool
-) -> Generator[float, None, tuple[float, Help | None]]:
-    """How legible the picture is, 0..1, and, for somebody who reads the checklist, a remedy that
-    was measured, if it is not; yields progress 0..1.
+) -> Generator[float, None, tuple[float, tuple[Help, ...]]]:
+    """How legible the picture is, 0..1, and, for somebody who reads the checklist, remedies that
+    were measured, if it is not; yields progress 0..1.
     """
     key = fingerprint(rig.light_keys, rig.picture_place, settings.of_optics, is_watched)
     known = work.legible()
     if key not in known:  # another picture in the same place is as legible
-        kept, help = Kept(), None
+        kept, helps = Kept(), ()
         work.session().lend(kept)
         found = yield from within(card_legibility(rig, settings, kept), 0.0, 0.2)
         if found < READABLE and is_watched:
-            help = yield from within(smoothing(rig, settings, found), 0.2, 1.0)
+            helps = yield from within(legible_by(rig, settings, found, kept), 0.2, 1.0)
         known.clear()
-        known[key] = found, help
+        known[key] = found, helps
     return known[key]

@@ -73,7 +73,7 @@ class VIEW3D_MT_kiriko_fit(bpy.types.Menu):
         for fit in ("fit_picture_size", "fit_display", "fit_plate"):
             layout.operator(f"kiriko.{fit}", icon="FULLSCREEN_ENTER")
         layout.separator()
-        for verb in ("best_place", "turn_back", "take_proposal", "drop_proposal"):
+        for verb in ("best_place", "turn_back", "move_to_glass", "take_proposal", "drop_proposal"):
             layout.operator(f"kiriko.{verb}")
 
 

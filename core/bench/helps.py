@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import RigError
 from ..glass.smoothed import smoothed
+from ..light.kept import Kept
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message
 from ..rig import Rig
@@ -22,6 +23,7 @@ from ..solve.legibility import READABLE, card_legibility
 from ..steps import within
 from ..words import percent
 from .best_place import Limits, best_place
+from .nearer import nearer, way_to_glass
 from .picture_light import PlanOf, traced
 from .picture_room import fit_picture, plane_of
 from .room import Fitted, Wanted, fit_display, fit_plate
@@ -32,8 +34,9 @@ REACH = 0.5  # of the picture's longer side: so far it may move
 # a part that had to be larger than so many times would have to bring back so much of what misses it
 LARGE, MUCH = 2.0, 0.5
 TOLD = 5e-3  # share of the picture: more that is lost all the same is told
+SMOOTH_GLASS, MOVE_TO_GLASS = "kiriko.smooth_glass", "kiriko.move_to_glass"
 ITERATIONS = (10, 100)  # of Smooth
-WORTH_SMOOTHING = 0.1  # of legibility
+WORTH_READING = 0.1  # of legibility
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,9 @@ class Help:
     """A remedy.
 
     operator : the button that does it
-    amount : m, by which plate or display have to be larger, or the
-        width that the picture then has; 0 where there is none; iterations of Smooth
-    after : share of the picture that then arrives; of Smooth, its legibility
+    amount : m, by which plate or display have to be larger, or the width that the picture then
+        has, or its way to the glass; 0 where there is none; iterations of Smooth
+    after : share of the picture that then arrives; of remedies by `legible_by`, its legibility
     part : name of the glass that is smoothed
     """
 
@@ -166,18 +169,45 @@ def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
     return Help("kiriko.best_place", 0.0, after)
 
 
-def smoothing(rig: Rig, settings: Settings, before: float) -> Generator[float, None, Help | None]:
-    """The fewest iterations of Smooth, on the glass of most triangles, by which the first viewer
-    can read the picture, or the most, if they raise its legibility by WORTH_SMOOTHING; else None.
-    Yields progress 0..1.
+def legible_by(
+    rig: Rig, settings: Settings, before: float, kept: Kept | None = None
+) -> Generator[float, None, tuple[Help, ...]]:
+    """Remedies that raise the legibility for the first viewer by WORTH_READING, the most helpful
+    first. Each is measured on a changed copy of the rig; yields progress 0..1.
+
+    Of the amounts of one remedy that is the first by which the picture can be read, else the best.
+
+    kept : glass that is made ready
     """
+    tried = _to_read(rig)
+    found: dict[str, Help] = {}
+    for k, help in enumerate(tried):
+        best = found.get(help.operator)
+        if best is not None and best.after >= READABLE:
+            continue
+        steps = card_legibility(with_help(rig, help), settings, kept)
+        after = yield from within(steps, k / len(tried), (k + 1) / len(tried))
+        if after >= max(before + WORTH_READING, best.after if best else 0.0):
+            found[help.operator] = replace(help, after=after)
+    return tuple(sorted(found.values(), key=lambda help: -help.after))
+
+
+def _to_read(rig: Rig) -> list[Help]:
+    """Remedies to be tried for a picture that is hard to recognise."""
     glass = max(rig.glasses, key=lambda glass: len(glass.mesh.triangles))
-    for k, n in enumerate(ITERATIONS):
-        smooth = replace(glass, mesh=smoothed(glass.mesh, n))
-        others = tuple(smooth if one is glass else one for one in rig.glasses)
-        steps = card_legibility(replace(rig, glasses=others), settings)
-        start, end = k / len(ITERATIONS), (k + 1) / len(ITERATIONS)
-        after = yield from within(steps, start, end)
-        if after >= READABLE or (n == ITERATIONS[-1] and after >= before + WORTH_SMOOTHING):
-            return Help("kiriko.smooth_glass", n, after, glass.name)
-    return None
+    tried = [Help(SMOOTH_GLASS, n, 0.0, glass.name) for n in ITERATIONS]
+    way = way_to_glass(rig)
+    return [Help(MOVE_TO_GLASS, way, 0.0), *tried] if way else tried
+
+
+def with_help(rig: Rig, help: Help) -> Rig:
+    """The rig after a remedy of `legible_by`."""
+    if help.operator == MOVE_TO_GLASS:
+        return nearer(rig, help.amount)
+    glasses = tuple(
+        replace(glass, mesh=smoothed(glass.mesh, round(help.amount)))
+        if glass.name == help.part
+        else glass
+        for glass in rig.glasses
+    )
+    return replace(rig, glasses=glasses)

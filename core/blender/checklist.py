@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import floor, log10
 
+from ..bench.helps import MOVE_TO_GLASS, SMOOTH_GLASS
 from ..bench.spread import MOST
 from ..light.landings import REASON_WORDS, Reason
 from ..messages import Message, as_message, joined
@@ -62,6 +63,11 @@ REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
     ),
 }
 BY_OPERATOR = {b.operator: b for b in (FIT_PLATE, FIT_DISPLAY, FIT_PICTURE, BEST_PLACE)}
+# remedies for a picture that is hard to recognise: words and icons of the buttons
+TO_READ = {
+    SMOOTH_GLASS: (Message("Smooth Glass"), "MOD_SMOOTH"),
+    MOVE_TO_GLASS: (Message("Move to Glass"), "SNAP_FACE"),
+}
 # remedies for any loss; those for plate and display mend losses there
 FOR_ALL = (FIT_PICTURE.operator, BEST_PLACE.operator)
 
@@ -189,23 +195,18 @@ def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Ent
 
 
 def _illegible(look: Look) -> Entry:
-    """A picture that nobody recognises, with the remedy that was measured."""
-    text = illegible(look.legibility)
-    help = look.smoothing
-    if help is None:
-        return Entry(text, ADVICE)
-    after = Message("Smooth raises it to {share}.", share=percent(help.after))
-    buttons = tuple(
-        Button(
-            "kiriko.smooth_glass",
-            Message("Smooth Glass"),
-            naming(thing.named, iterations=round(help.amount)),
-            "MOD_SMOOTH",
-        )
-        for thing in look.things
-        if thing.named.name == help.part
-    )
-    return Entry(joined([text, after]), ADVICE, buttons)
+    """A picture that nobody recognises, with the remedies that were measured."""
+    texts, buttons = [illegible(look.legibility)], []
+    for help in look.legible_by:
+        label, icon = TO_READ[help.operator]
+        share = percent(help.after)
+        texts.append(Message("{button} raises it to {share}.", button=label, share=share))
+        each = [(("take", True),)]
+        if help.part:
+            names = (thing.named for thing in look.things if thing.named.name == help.part)
+            each = [naming(named, iterations=round(help.amount)) for named in names]
+        buttons += [Button(help.operator, label, given, icon) for given in each]
+    return Entry(joined(texts), ADVICE, tuple(buttons))
 
 
 def _once(found: Iterable[Entry]) -> Iterator[Entry]:

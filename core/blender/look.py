@@ -85,7 +85,7 @@ def look_at(
     is_solved = result.source is not None
     numbers = Numbers.read(result.details).by_name  # Add Rig knows the legibility alone
     details = numbers if is_solved else {}
-    helps, smoothing = details.get("helps"), numbers.get("smoothing")
+    helps = details.get("helps")
     bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
     things = [
         _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
@@ -106,7 +106,7 @@ def look_at(
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
         legibility=numbers.get("legibility"),
-        smoothing=None if smoothing is None else Help(**smoothing),
+        legible_by=tuple(Help(**help) for help in numbers.get("legible_by", ())),
         is_doubled=len(found.get("DISPLAY", ())) > 1 and is_doubled(scene),
         is_coarse=result.is_coarse,
         lacks_numbers=lacks_numbers(result),

@@ -265,14 +265,14 @@ def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
     _add_numbers(scene, {"helps": [asdict(help) for help in helps.helps]})
 
 
-def write_legibility(scene: bpy.types.Scene, legibility: float, help: Help | None) -> None:
-    """Keep how legible the picture is, 0..1, and the remedy that was found."""
-    _add_numbers(scene, legibility_numbers(legibility, help))
+def write_legibility(scene: bpy.types.Scene, legibility: float, helps: tuple[Help, ...]) -> None:
+    """Keep how legible the picture is, 0..1, and the remedies that were found."""
+    _add_numbers(scene, legibility_numbers(legibility, helps))
 
 
-def legibility_numbers(legibility: float, help: Help | None) -> dict[str, Any]:
+def legibility_numbers(legibility: float, helps: tuple[Help, ...]) -> dict[str, Any]:
     """The same as numbers of a result."""
-    return {"legibility": legibility, "smoothing": help and asdict(help)}
+    return {"legibility": legibility, "legible_by": [asdict(help) for help in helps]}
 
 
 def write_viewers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:

@@ -143,7 +143,7 @@ class Look:
     misses_of_others : the same for each viewer but the one that is shown, by name
     helps : remedies that were found for them, the most helpful first; None where none were sought
     legibility : of the picture, 0..1, by the last result; None if it is not known
-    smoothing : what was found to raise it
+    legible_by : remedies that were found to raise it, the most helpful first
     lacks_numbers : is the source image final, without its numbers?
     is_doubled : are there copies of a rig's display and picture beside them?
     for_most : m, the longest side of a new rig's display for most of its light; 0: not known
@@ -169,7 +169,7 @@ class Look:
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
     helps: tuple[Help, ...] | None = None
     legibility: float | None = None
-    smoothing: Help | None = None
+    legible_by: tuple[Help, ...] = ()
     is_doubled: bool = False
     is_coarse: bool = False
     lacks_numbers: bool = False

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
+from known.reference_rigs import wavy_slab
 from panel_layout import Layout, told
 from small_rigs import primitive
 from test_checklist import press
@@ -20,6 +21,20 @@ def bumpy(scene: bpy.types.Scene, off: float) -> bpy.types.Object:
     points *= 1 + off * np.random.default_rng(4).normal(size=(len(points), 1))
     mesh.vertices.foreach_set("co", points.ravel())
     mesh.shade_smooth()
+    return selected(scene, mesh)
+
+
+def wavy(scene: bpy.types.Scene) -> bpy.types.Object:
+    """A slab whose faces are wavy, selected as glass."""
+    slab = wavy_slab(n=32)
+    mesh = bpy.data.meshes.new("slab")
+    mesh.from_pydata(slab.vertices.tolist(), [], slab.triangles.tolist())
+    mesh.shade_smooth()
+    return selected(scene, mesh)
+
+
+def selected(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
+    """An object of a mesh, selected as glass."""
     glass = bpy.data.objects.new("bunny", mesh)
     scene.collection.objects.link(glass)
     glass.kiriko.use_ior = True
@@ -85,10 +100,60 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(
     assert [text for text in shown if text.startswith("Legibility: ")]
 
 
-def test_clear_glass_needs_no_remedy(
+def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(
     kiriko: ModuleType, scene: bpy.types.Scene, look: Callable[[], list]
 ) -> None:
-    """A ball shows all of the card."""
+    """Waves strew light over a display that is far behind them. The checklist's button moves it to
+    their back, the picture before it, and the legibility becomes what the checklist foretold.
+    """
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    legible = importlib.import_module(f"{kiriko.__name__}.operators.remedies").legible
+    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
+    result = importlib.import_module(f"{kiriko.__name__}.core.blender.result")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    wavy(scene)
+    bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", distance=0.2, picture_size=0.04, **SMALL)
+    bpy.ops.kiriko.solve()
+    rig = work.read(bpy.context).rig
+    result.write_legibility(scene, *steps.finish(legible(rig, work.settings_of(scene), True)))
+    parts = {thing.kiriko.role: thing for thing in scene.objects}
+    before = {role: thing.matrix_world.copy() for role, thing in parts.items()}
+
+    entry = next(one for one in look() if "hard to recognise" in one.text)
+    foretold = float(entry.text.split("Move to Glass raises it to ")[1].split(" %")[0]) / 100
+    (button,) = [one for one in entry.buttons if one.operator == "kiriko.move_to_glass"]
+    assert bpy.ops.kiriko.move_to_glass(**dict(button.properties)) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    shifts = {
+        role: np.array(parts[role].matrix_world - before[role])[:3, 3]
+        for role in ("PICTURE", "DISPLAY", "GLASS", "VIEWER")
+        if role in parts
+    }
+    assert shifts["PICTURE"] == pytest.approx(shifts["DISPLAY"], abs=1e-6)
+    assert not shifts["GLASS"].any()
+    back = max(vertex.co.y for vertex in parts["GLASS"].data.vertices)
+    assert parts["PICTURE"].matrix_world.translation.y == pytest.approx(back, abs=1e-6)
+
+    bpy.ops.kiriko.solve()
+    legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
+    assert legibility == pytest.approx(foretold, abs=0.01)
+    assert not [text for text in told(look()) if "recognise" in text]
+    assert bpy.ops.kiriko.move_to_glass(take=True) == {"FINISHED"}
+    assert parts["PICTURE"].matrix_world.translation.y == pytest.approx(back, abs=1e-6)
+
+
+def test_clear_glass_needs_no_remedy(
+    kiriko: ModuleType,
+    scene: bpy.types.Scene,
+    look: Callable[[], list],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ball shows all of the card: no remedy is tried, even for somebody who reads the list."""
+    module = importlib.import_module(f"{kiriko.__name__}.operators.add_rig")
+    remedies = importlib.import_module(f"{kiriko.__name__}.operators.remedies")
+    whole = module.legible
+    monkeypatch.setattr(module, "legible", lambda *given, is_watched: whole(*given, True))
+    monkeypatch.setattr(remedies, "legible_by", None)
     bumpy(scene, 0.0)
     bpy.ops.kiriko.add_rig(**SMALL)
     kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
