@@ -75,6 +75,17 @@ def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> 
     assert "stands in the best place within these limits" in capfd.readouterr().out
 
 
+def test_what_add_rig_told_is_forgotten_once_parts_move(scene: bpy.types.Scene) -> None:
+    """It was of the light as it went before; a proposal that is not taken changes nothing."""
+    off_rig()
+    result = scene.kiriko.result
+    bpy.ops.kiriko.best_place()
+    assert result.summary
+    bpy.ops.kiriko.best_place(take=True)
+    assert not result.summary
+    assert not result.details
+
+
 def test_a_limit_that_was_reached_is_told(scene: bpy.types.Scene, capfd) -> None:
     """A picture that stands farther off than it may move by itself comes nearer alone: the sentence
     names the setting with which it comes back, and it does.
