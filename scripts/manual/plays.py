@@ -2,11 +2,36 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from dataclasses import dataclass
 
+from environments import ROOT
 from manual.steps import Choose, Do, Key, Open, Press, Shot, Step, Still, Tab, Unfold, Until, does
-from manual.troubleshooting import LANGUAGE, translations
+
+# the name of a language's texts in languages/
+LANGUAGE = {"ja": "ja_JP"}
+
+
+def translations(locale: str) -> dict[str, str]:
+    """The interface's texts in a language, by the English ones; none where it has no file."""
+    path = ROOT / "languages" / f"{locale}.po"
+    if not path.exists():
+        return {}
+    texts: dict[str, str] = {}
+    entry = {"msgid": "", "msgstr": ""}
+    field = ""
+    for line in path.read_text(encoding="utf-8").splitlines():
+        head, quote, rest = line.partition('"')
+        if line.startswith("#") or not quote:
+            continue
+        if head.strip():
+            field = head.strip()
+            entry[field] = ""
+        entry[field] = entry.get(field, "") + ast.literal_eval(quote + rest)
+        if field == "msgstr":
+            texts[entry["msgid"]] = entry["msgstr"]
+    return texts
 
 
 def named(name: str) -> str:

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from environments import ROOT, ToolError, clean_environment, run_in_newest_blender
-from manual import troubleshooting
 from manual.pictures import pack
 from manual.places import lead
 from manual.plays import MANUAL
@@ -49,7 +48,7 @@ def take_pictures(
 
 
 def gather() -> None:
-    """Put all pages into one folder: those of docs/, the glossary, and the made sections."""
+    """Gather the pages of docs/, the glossary, and the buttons and settings from the code."""
     if run_in_newest_blender("manual.reference", TOLD):
         raise ToolError("The manual's page of buttons and settings failed, for the reason above.")
 
@@ -57,13 +56,9 @@ def gather() -> None:
     shutil.copytree(PAGES, GATHERED)
     shutil.copy(ROOT / "docs" / "glossary.md", GATHERED / "en" / "glossary.md")
     for language in LANGUAGES:
-        made = {
-            "troubleshooting": troubleshooting.sections(language),
-            "reference": (TOLD / f"{language}.md").read_text(encoding="utf-8"),
-        }
-        for name, text in made.items():
-            page = GATHERED / language / f"{name}.md"
-            page.write_text(f"{page.read_text(encoding='utf-8')}\n{text}", encoding="utf-8")
+        page = GATHERED / language / "reference.md"
+        made = (TOLD / f"{language}.md").read_text(encoding="utf-8")
+        page.write_text(f"{page.read_text(encoding='utf-8')}\n{made}", encoding="utf-8")
 
 
 def build() -> None:

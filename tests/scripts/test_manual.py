@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from environments import ROOT
-from manual import plays, troubleshooting
-from manual.advice import NOT_MET, SECTIONS
+from manual import plays
 from manual.places import PLACES, REFERENCE, full_name, lead, place_of
 from manual.steps import Do, Shot, Until
 
@@ -56,30 +55,6 @@ def test_pictures_are_small() -> None:
     assert sum(path.stat().st_size for path in MANUAL.rglob("*.webp")) < MOST_BYTES
 
 
-def test_each_sentence_of_troubleshooting_is_one_of_the_program() -> None:
-    """No sentence of the page has been written anew, or left, in the code."""
-    told = troubleshooting.all_told()
-    assert on_the_page() - told == set()
-    assert NOT_MET - told == set()
-
-
-def test_troubleshooting_has_each_sentence_that_artists_meet() -> None:
-    """All errors and remarks of the code are on the page, but those that scripts alone meet."""
-    assert troubleshooting.all_told() - on_the_page() - NOT_MET == set()
-
-
-def on_the_page() -> set[str]:
-    """Sentences of the page, each of which is there once."""
-    every = [
-        template
-        for section in SECTIONS
-        for advice in section.advice
-        for template in advice.templates
-    ]
-    assert len(every) == len(set(every))
-    return set(every)
-
-
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_places_are_headings(language: str) -> None:
     """Each place that F1 leads to is a heading with that anchor, whatever the language."""
@@ -115,14 +90,6 @@ def test_navigation_has_each_page_in_both_languages() -> None:
     assert set(nav.values()) == {path.name for path in PAGES["ja"]}
     for title in nav:
         assert f"            {title}: " in config
-
-
-def test_values_stand_as_dots() -> None:
-    """A sentence on the page has no name of a value in it."""
-    shown = troubleshooting.readable("The glass '{glass}' has {n}{s} of {width:.0f} mm.")
-    assert shown == "The glass '…' has … of … mm."
-    for language in LANGUAGES:
-        assert "{" not in troubleshooting.sections(language)
 
 
 def test_plays_name_functions_that_are_there() -> None:
