@@ -20,7 +20,6 @@ from environments import (
     BENCH,
     FARM,
     MANUAL,
-    MUTANTS,
     ONE_THREAD,
     PYTHONS,
     ROOT,
@@ -210,13 +209,6 @@ def judge(arguments: argparse.Namespace) -> None:
     run_with_tests("bench.judge", arguments.rest)
 
 
-def mutants(arguments: argparse.Namespace) -> None:
-    """Make small mutants of core and list those that no test
-    notices (further options go to scripts/mutants/run.py).
-    """
-    run_with_tests("mutants.run", arguments.rest, MUTANTS)
-
-
 def live(arguments: argparse.Namespace) -> None:
     """Measure updates a second of Live (further options go to scripts/bench/live.py)."""
     run_in_blender("bench.live", arguments.rest)
@@ -374,7 +366,6 @@ def main() -> None:
         extremes,
         hashes,
         judge,
-        mutants,
         live,
         frames,
         lab,

@@ -24,9 +24,8 @@ WINDOWS = os.name == "nt"
 BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
 PYTHONS = {**BLENDERS, "core": "3.11"}
 # Without Blender, for any Python that has one, and set up only when
-# `dev.py compare`, `dev.py mutants` and `dev.py manual` ask for them.
+# `dev.py compare` and `dev.py manual` ask for them.
 BENCH = "bench"
-MUTANTS = "mutants"
 MANUAL = "manual"
 # The readers of warp maps, only for `dev.py farm`.
 FARM = "farm"

@@ -1,1 +1,0 @@
-"""Small mutants of core that a test should notice."""
