@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import kernel
 from .arrays import Floats
+from .native import image_passes, loading
 
 VALUES_AT_ONCE = 1 << 17  # that stay in the processor's nearer memory from step to step
 ONE = 0x3F800000  # bits of the float32 number 1
@@ -56,8 +56,8 @@ def quantised(
     if table is None:
         return np.ascontiguousarray(np.rint(encode(linear, gamma) * top).astype(kind))
 
-    if kernel.library() is not None:
-        return kernel.quantise(linear, *table)
+    if loading.library() is not None:
+        return image_passes.quantise(linear, *table)
 
     numbers = np.empty(linear.shape, np.uint8)
     out = numbers.reshape(-1)

@@ -5,12 +5,12 @@ from typing import Any
 
 import bpy
 
-from ..core import kernel
 from ..core.blender import scene as blender_scene
 from ..core.blender import solved_for as blender_solved_for
 from ..core.blender.newcomers import take_newcomers
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.shapes import Kept
+from ..core.native import loading
 from ..core.settings import Settings
 from ..core.solve.session import Session
 from ..core.solve.solved_for import SolvedFor
@@ -134,7 +134,7 @@ def rig_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:
 
 def settings_of(scene: bpy.types.Scene) -> Settings:
     """How the scene wants to be solved, by as many threads as may render it."""
-    kernel.use_threads(scene.render.threads)
+    loading.use_threads(scene.render.threads)
     ours = scene.kiriko
     return Settings(
         tolerance=ours.tolerance,

@@ -1,4 +1,4 @@
-"""Builds the compiled kernel from core/kernel/*.c: the
+"""Builds the compiled kernel from core/native/*.c: the
 library for this machine, and a wheel for each platform.
 
 One compiler, zig's clang, builds all of them on any machine. `python3 scripts/dev.py build` makes
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from environments import DEV, KERNEL, ROOT, ToolError, find_python, run, set_up
 
-SOURCES = ROOT / "core" / "kernel"
+SOURCES = ROOT / "core" / "native"
 MODULE = "kiriko_kernel"
 HERE = DEV / "link" / MODULE  # imported by tests and scripts
 WHEELS = ROOT / "wheels"

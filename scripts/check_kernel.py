@@ -25,11 +25,12 @@ import numpy as np
 
 from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, ToolError, can_install, clean_environment, install
-from kiriko.core import kernel
-from kiriko.core.kernel.plans import made_of, making_whole
-from kiriko.core.kernel.structures import Made
+from kiriko.core.light.native import ray_states
+from kiriko.core.light.native.plan_structures import made_of, making_whole
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
+from kiriko.core.native import loading
+from kiriko.core.native.structures import Made
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -131,13 +132,13 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
     rays = Rays(*viewer.rays(xy), None, False)
-    made = kernel.state_of(rays)
+    made = ray_states.state_of(rays)
     finish(making_whole(plan))
     of_plan = made_of(plan)
     memory = Memory()
     memory.add(of_plan)
     memory.add(made)
-    names = [name for name in kernel.STATE if name not in ("n_words", "is_astray", "has_ended")]
+    names = [name for name in ray_states.STATE if name not in ("n_words", "is_astray", "has_ended")]
     outputs = [memory.find(getattr(rays, name).ctypes.data)[0] for name in names]
     pointers = memory.pointers()
     numbers = [
@@ -154,7 +155,7 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
             file.write(struct.pack("<4q", *pointer))
         file.write(struct.pack(f"<{len(outputs)}q", *outputs))
 
-    kernel.library().kiriko_follow(
+    loading.library().kiriko_follow(
         ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure), 0, N_RAYS, 2
     )
     assert (rays.reason == 0).mean() > 0.1
@@ -215,7 +216,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     provide()
-    if kernel.library() is None or platform.machine() not in ("x86_64", "AMD64"):
+    if loading.library() is None or platform.machine() not in ("x86_64", "AMD64"):
         print("Not run: this takes a kernel on x64.")
         return
 

@@ -4,10 +4,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kernel
 from ..errors import ImageError
 from ..free_memory import check_free
 from ..messages import Message
+from ..native import image_passes, loading
 from . import colour
 from .image_file import check_header, check_whole
 from .moving import check_there
@@ -130,7 +130,7 @@ def decoded(image: bpy.types.Image, stored: NDArray[np.float32], owner: str) -> 
     if table is None and not image.is_float:
         colour.decode(image, pixels)
     # in place: there may be gigabytes of them
-    decode = kernel.decode if kernel.library() is not None else _decode
+    decode = image_passes.decode if loading.library() is not None else _decode
     is_straight = has_coverage and not image.is_float
     if not decode(pixels, table, has_coverage, is_straight):
         raise ImageError(
@@ -147,7 +147,7 @@ def _decode(
     has_coverage: bool,
     is_straight: bool,
 ) -> bool:
-    """As by `kernel.decode`."""
+    """As by `image_passes.decode`."""
     step = max(1, DECODED_AT_ONCE // pixels.shape[1])
     for first in range(0, len(pixels), step):
         rows = pixels[first : first + step]

@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
+from ..native import loading
 from ..steps import Pauses
 from ..vectors import length_of, normalise
+from . import native_fit
 from .curved import FACES_AT_ONCE
 from .meshes import Edges
 from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
@@ -127,12 +128,13 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
     ----------
     own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices; area (p,)
     """
-    if kernel.library() is not None:
+    if loading.library() is not None:
         found = Agreed(np.empty((len(own), N_NODES, 3)), np.empty((len(own), N_ON_EDGES)))
         weights = NODES[:N_ON_EDGES], INWARD
+        across = beside.row, beside.triangle, beside.edge, beside.is_drawn
         for k in range(0, len(own), FACES_AT_ONCE):
             some = slice(k, k + FACES_AT_ONCE)
-            kernel.agree((own, at_corners, area), beside, weights, LEAST_CHANGE, some, found)
+            native_fit.agree((own, at_corners, area), across, weights, LEAST_CHANGE, some, found)
             yield 0
         return found
 

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
+from ..native import loading
 from ..products import combine
 from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
+from . import native_fit
 from .curved import FACES_AT_ONCE, MOST_OFFSET
 from .known import Known
 from .meshes import Edges
@@ -62,8 +63,8 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
     ones they would differ sideways by the third power of the edge, which costs an order.
     """
     weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
-    if kernel.library() is not None:
-        return kernel.Fit(v, fields).find_offsets(fields.coefficients, NODES, weight, corner)
+    if loading.library() is not None:
+        return fields.fit_of(v).find_offsets(fields.coefficients, NODES, weight, corner)
 
     # numpy's way, corner by corner: the field around each, in its own frame
     offsets = np.zeros((N_NODES, 3, len(corner)))
@@ -154,9 +155,9 @@ def _make_faces(
     """Write down the coefficients of faces, their normals, and which are whole and swollen, by the
     offsets (12, 3, n) of their nodes.
     """
-    if kernel.library() is not None:
+    if loading.library() is not None:
         knobs = np.array([MOST_OFFSET, FACE.least_cosine, FACE.swollen, FACE.untold])
-        kernel.make_faces(offsets, (corners, at_corners, facets), _OF_OFFSETS, knobs, into)
+        native_fit.make_faces(offsets, (corners, at_corners, facets), _OF_OFFSETS, knobs, into)
         return
 
     coefficients, own, is_whole, is_swollen = into

@@ -5,11 +5,12 @@ from math import comb
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
+from ..native import loading
 from ..products import solve_symmetric
 from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
+from . import native_fit
 from .quartics import N_TERMS, POWERS, monomials, slopes, tangents
 from .vertices import Vertices
 
@@ -47,6 +48,10 @@ class Fields:
     size: Floats
     coefficients: Floats
     is_rim: Bools
+
+    def fit_of(self, v: Vertices) -> native_fit.Fit:
+        """The kernel's fit of their vertices."""
+        return native_fit.Fit(v, (self.axis_x, self.axis_y), self.size, self.is_rim)
 
 
 def tangent_planes(v: Vertices) -> Fields:
@@ -130,8 +135,8 @@ def fitting_fields(v: Vertices, wanted: Bools) -> Pauses[Fields]:
     """
     fields = tangent_planes(v)
     yield 0
-    if kernel.library() is not None:
-        fit = kernel.Fit(v, fields)
+    if loading.library() is not None:
+        fit = fields.fit_of(v)
         for first in range(0, len(wanted), VERTICES_AT_ONCE):
             some = np.zeros(len(wanted), bool)
             some[first : first + VERTICES_AT_ONCE] = wanted[first : first + VERTICES_AT_ONCE]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Bools, Floats, taken
+from ..native import loading
 from ..products import solve_symmetric
 from ..steps import Pauses
 from ..vectors import dot, length_of, normalise
@@ -145,8 +145,8 @@ def _settling_normals(
 
     Returns by how much the last sweep changed each (f, 3).
     """
-    if kernel.library() is not None:
-        fit = kernel.Fit(v, fields)
+    if loading.library() is not None:
+        fit = fields.fit_of(v)
         return (
             yield from fit.settling_normals(wanted, ridge, normal, NORMALS.sweeps, NORMALS.settled)
         )

@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Floats, Ints, taken
+from ..map import native_divide
 from ..map.pieces import Piece
+from ..native import loading
 from ..products import turn
 from ..rig import PicturePlace, Viewer
 from .flat_picture import outline_in_view
@@ -74,8 +75,8 @@ def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]
 
 def _across(lines: Floats, view: Floats) -> Ints:
     """Which polygons (n, k, 2) lie on both sides of the outline."""
-    if kernel.library() is not None:
-        return kernel.find_across(lines, view, ON_LINE)
+    if loading.library() is not None:
+        return native_divide.find_across(lines, view, ON_LINE)
 
     x, y = columns = np.ascontiguousarray(view[:, 0].T)
     reach = [

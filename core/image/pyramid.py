@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kernel
 from ..arrays import Floats, is_frozen
 from ..errors import RigError
+from ..native import image_passes, loading
 from .picture import POINTS_AT_ONCE, PicturePoints
 from .reads import READS, Reads, reads_of
 
@@ -186,8 +186,8 @@ def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
     Odd rows or columns are shared by their neighbours.
     """
     h, w, n = image.shape
-    if kernel.library() is not None and not (h % 2 or w % 2):  # the same bits
-        return kernel.halved(image)
+    if loading.library() is not None and not (h % 2 or w % 2):  # the same bits
+        return image_passes.halved(image)
     halved = np.empty(((h + 1) // 2, (w + 1) // 2, n), np.float32)
     # one by one: steps between take a third of the memory
     for channel in range(n):

@@ -9,21 +9,22 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kernel
 from ..arrays import Bools, Floats
 from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.rays import PlateLight
 from ..light.trace import TRACED_AT_ONCE, trace
 from ..map.shares import Shares, add_at
+from ..native import image_passes, loading
 from ..rig import PicturePlace, Viewer
+from . import native_paint
 from .flat_picture import flat_way
 from .picture import picture_from_view
 from .pyramid import Pyramid, Taps, find_taps
 from .pyramids import pyramids_of
 from .reads import READS, Reads
 
-Strokes = Taps | kernel.FlatStrokes
+Strokes = Taps | native_paint.FlatStrokes
 
 # Viewer px^2, times throughput^2: display pixels that are seen by less count as not covered. Taps
 # are float32, which below its least normal number holds no digits. It is no part of the largest
@@ -51,8 +52,8 @@ class Painting:
 
     def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
         """Add shares by their strokes (`find_strokes`)."""
-        if isinstance(strokes, kernel.FlatStrokes):
-            kernel.paint(self._total, pyramid.levels, strokes)
+        if isinstance(strokes, native_paint.FlatStrokes):
+            native_paint.paint(self._total, pyramid.levels, strokes)
             return
         for total, values in zip(self._total, pyramid.read(strokes), strict=True):
             add_at(total, strokes.point, values)
@@ -73,8 +74,8 @@ class Painting:
             weight = weight + beside
             is_free = beside == 0
 
-        if kernel.library() is not None:
-            image = kernel.finish(self._total, weight, covered)
+        if loading.library() is not None:
+            image = image_passes.finish(self._total, weight, covered)
         else:
             image = np.empty((*weight.shape, 3), np.float32)
             for channel, total in enumerate(self._total):
@@ -94,9 +95,9 @@ def find_strokes(
     wholly. For a flat picture the compiled kernel takes the shares as they are, and finds where
     they are read whenever it paints.
     """
-    way = flat_way(place, viewer) if kernel.library() is not None else None
+    way = flat_way(place, viewer) if loading.library() is not None else None
     if way is not None:
-        return kernel.FlatStrokes(shares, way, (place.width, place.height), reads)
+        return native_paint.FlatStrokes(shares, way, (place.width, place.height), reads)
 
     points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)

@@ -5,7 +5,6 @@ from functools import cache, partial
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import FLOAT32, Bools, Floats
 from ..fingerprint import fingerprint
 from ..kinds import Kind
@@ -19,6 +18,7 @@ from .engines import engine_kind
 from .kept import Kept
 from .layers import group_parts, making_layer, triangles_of_boxes
 from .media import Media, make_media
+from .native import plan_structures
 from .packing import Packing
 from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
@@ -192,7 +192,7 @@ def _rules(
     is_plate = parts.kind == Kind.PLATE
     no_plate = None if is_plate.any() else Message("there is no plate")
     is_sent_on = is_clear[is_plate].any(axis=1).all()
-    no_kernel = kernel.left_out(layers, parts.kind)
+    no_kernel = plan_structures.left_out(layers, parts.kind)
     has_engine = any(held.layer.has_engine for held in layers)
     no_engine = None
 

@@ -7,10 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Bools, Floats, Ints, taken
 from ..glass.meshes import Frames, boxes_of
+from ..native import loading
 from ..steps import Pauses
+from .native import touching
 from .packing import Packing
 
 
@@ -104,9 +105,9 @@ class ThinParts:
         return Frames.of(self._corners)
 
     @cached_property
-    def _of_kernel(self) -> kernel.Boxes:
+    def _of_kernel(self) -> touching.Boxes:
         boxes = [np.stack(sides).transpose(2, 0, 1) for sides in self._boxes]
-        return kernel.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
+        return touching.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
 
     def touch(self, places: Floats, met: Ints, rays: Ints) -> Pauses[Bools]:
         """Which bundles (s,) of k rays come near a patch that
@@ -121,7 +122,7 @@ class ThinParts:
         """
         low, high = self.box
         widest = THIN.widest * float(np.linalg.norm(high - low))
-        if kernel.library() is not None and self._of_kernel.knows(rays):
+        if loading.library() is not None and self._of_kernel.knows(rays):
             return (yield from self._of_kernel.touch(places, met, rays, widest))
 
         places, met = taken(places, rays), taken(met, rays)

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Floats, Ints, taken
 from ..kinds import Kind
 from ..steps import Pauses, finish
@@ -15,6 +14,7 @@ from .first_hits import find_first_hits
 from .hits import Hits, Search
 from .landings import Landings, Words, join
 from .laws import ENDS, LAWS
+from .native import following, plan_structures, ray_states
 from .plan import Plan
 from .rays import PlateLight, Rays, ReachedError
 
@@ -113,18 +113,18 @@ def _landings_of(rays: Rays) -> Landings:
 
 def _following(plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
     """Follow rays to their ends: by the compiled kernel where it can, else event by event."""
-    yield from kernel.making(plan)
-    if not kernel.can_follow(plan, rays, steps is not None):
+    yield from plan_structures.making(plan)
+    if not following.can_follow(plan, rays, steps is not None):
         yield from _by_events(plan, rays, steps)
         return
-    ways, reached = yield from kernel.follow(plan, rays, steps is not None)
+    ways, reached = yield from following.follow(plan, rays, steps is not None)
     if reached:
         raise ReachedError(reached)
     if ways is not None:
         steps += _steps_of(plan, rays, ways)
 
 
-def _steps_of(plan: Plan, rays: Rays, ways: kernel.Ways) -> Iterator[Step]:
+def _steps_of(plan: Plan, rays: Rays, ways: ray_states.Ways) -> Iterator[Step]:
     """The rays at each event, from their ways."""
     for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
         some = np.flatnonzero(met)

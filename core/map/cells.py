@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
 
-# The slacks of dividing cells, the same in core/kernel/shares.c.
+# The slacks of dividing cells, the same in core/native/shares.c.
 # px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
 THINNEST = 1e-5
 SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from .. import kernel
 from ..arrays import Floats
-from ..kernel.dividing import Divided
+from . import native_divide
+from .native_divide import Divided
 from .rasterise import parts_by_rows
 from .shares import index_type
 
@@ -31,7 +31,7 @@ def divided(lots: Sequence[OnDisplay], is_numbered: bool) -> Iterator[tuple[int,
 
     The kernel's other threads begin with this call, before the first is asked for.
     """
-    if all(kernel.can_divide(lot.view, lot.display) for lot in lots):
+    if all(native_divide.can_divide(lot.view, lot.display) for lot in lots):
         types = [index_type(lot.display_size) for lot in lots]
-        return kernel.divided(lots, types, SHARES_AT_ONCE, is_numbered)
+        return native_divide.divided(lots, types, SHARES_AT_ONCE, is_numbered)
     return ((n, part) for n, lot in enumerate(lots) for part in parts_by_rows(*lot))

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Bools, Floats, Ints, columns_of, taken
 from ..light.landings import Words, main_landings
+from ..light.native import following
 from ..light.plan import Plan
 from ..light.trace import TRACED_AT_ONCE, Step, recording, tracing
 from ..steps import Pauses, finish
@@ -135,7 +135,7 @@ def trace_points(
 
     at_once = TRACED_AT_ONCE
     if paths is not None or courses is not None:
-        at_once = kernel.recorded_at_once(plan, RAYS_AT_ONCE)
+        at_once = following.recorded_at_once(plan, RAYS_AT_ONCE)
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
         origins, directions = plan.viewer.rays(view[some])

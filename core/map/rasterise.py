@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints
-from ..kernel.dividing import Divided
 from .cells import (
     FARTHEST,
     SMALLEST,
@@ -35,6 +34,7 @@ from .cells import (
     unfolded,
 )
 from .inversion import cell_from_display, on_view, spread_on_view, view_from_cell
+from .native_divide import Divided
 from .outlines import Moments, ragged, slopes_of, sums, walk
 from .shares import index_type
 

@@ -9,9 +9,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Floats
 from ..light.landings import Words
+from ..light.native import bisecting
 from ..light.plan import Plan
 from .allowance import Allowance
 from .points import Points, trace_points
@@ -39,7 +39,7 @@ class Halve(NamedTuple):
     takes : as of `Ask`
     """
 
-    edges: kernel.Halving
+    edges: bisecting.Halving
     takes: bool
 
 
@@ -50,7 +50,7 @@ class Answer(NamedTuple):
     course: Words | None = None
 
 
-Search = Generator[list[Ask | Halve], list[Answer | kernel.Ends], T]
+Search = Generator[list[Ask | Halve], list[Answer | bisecting.Ends], T]
 
 
 def ask(view: Floats, course: Words | None = None, takes: bool = True) -> Search[Answer]:
@@ -108,13 +108,13 @@ def traced(
 
 def _answers(
     plan: Plan, asks: list[Ask | Halve]
-) -> Generator[int, None, list[Answer | kernel.Ends]]:
+) -> Generator[int, None, list[Answer | bisecting.Ends]]:
     """What is found at the places that are asked for, and of the edges."""
     none = Answer(Points.none(), np.empty((0, 1), np.uint64))
-    answers: list[Answer | kernel.Ends] = [none] * len(asks)
+    answers: list[Answer | bisecting.Ends] = [none] * len(asks)
     for k, one in enumerate(asks):
         if isinstance(one, Halve):
-            answers[k] = yield from kernel.bisect(plan, one.edges)
+            answers[k] = yield from bisecting.bisect(plan, one.edges)
 
     places = [(k, one) for k, one in enumerate(asks) if isinstance(one, Ask) and len(one.view)]
     for is_open in (False, True):

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Ints, each_value, taken
-from ..kernel.dividing import Divided
 from . import dividing
 from .dividing import OnDisplay
+from .native_divide import Divided
 from .shares import Shares
 from .thinning import Thinning, in_pixels
 

@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import kernel
 from ..arrays import Floats, taken
+from ..native import loading
+from . import native_divide
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +98,8 @@ class Coverage:
         Shown : those of them that the display shows, where it does not show all.
         """
         shown = shares if shown is None else shown
-        if kernel.library() is not None:
-            kernel.add(
+        if loading.library() is not None:
+            native_divide.add(
                 (self.weight, shown.display_index, shown.weight),
                 (self._display, shares.display_index, shares.display_area),
                 (self._view, shares.view_xy, shares.area),
@@ -124,8 +125,8 @@ class Coverage:
 
 def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
     """Add weights (n,) to the pixels (n,) of an image (h, w): row * width + column."""
-    if kernel.can_add(image, index, weights):
-        kernel.add((image, index, weights))
+    if native_divide.can_add(image, index, weights):
+        native_divide.add((image, index, weights))
     elif len(index):
         # a batch of shares may lie in a few rows of a large image
         first = int(index.min())

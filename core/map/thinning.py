@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats, Ints
-from ..kernel.dividing import Divided
 from .cells import area_within, columns_of, signed_area
 from .dividing import OnDisplay, divided
+from .native_divide import Divided
 from .shares import index_type
 
 

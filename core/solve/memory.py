@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..free_memory import check_free, is_free
-from ..kernel import library
 from ..map.dividing import SHARES_AT_ONCE
 from ..map.points import BYTES_OF_POINT
 from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
 from ..messages import Message
+from ..native.loading import library
 from ..rig import Display, Rig
 from ..settings import Settings
 from ..viewer import Viewer

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import kernel
 from ..light.plan import Plan
 from ..map.share_guess import COUNTED, CellsAndShares
 from ..map.view_map import ViewMap
+from ..native import loading
 from ..settings import Settings
 from .coarse_parts import coarsest
 
@@ -35,7 +35,7 @@ class Seconds(NamedTuple):
     @property
     def by_clock(self) -> float:
         """On this machine, with as many threads as there are."""
-        return times_slower() * (self.alone + self.shared / kernel.n_threads())
+        return times_slower() * (self.alone + self.shared / loading.n_threads())
 
 
 class GlassPace(NamedTuple):
@@ -159,7 +159,7 @@ NUMPY_PACE = Pace(
 
 def pace() -> Pace:
     """The pace of solves with the kernel, or by numpy alone."""
-    return NUMPY_PACE if kernel.library() is None else PACE
+    return NUMPY_PACE if loading.library() is None else PACE
 
 
 def times_slower() -> float:

@@ -6,16 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import kernel
 from ..arrays import Floats
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.partly import PART
 from ..light.landings import Landings, Words, main_landings
+from ..light.native import trees
 from ..light.plan import Plan, PlannedLayer
 from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, recording, tracing
+from ..native import loading
 from ..rig import Glass, Mirror, Rig, Viewer
 from ..steps import Pauses, at, within
 from .coarse_parts import (
@@ -100,8 +101,8 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     bent = layer.bent(Paraboloids.beside(faces, is_bent, normals))
 
     # the kernel's tree is made sooner than Embree's
-    if kernel.library() is not None:
-        bent.asked = replace(layer.asked, given=kernel.HullEngine(layer.asked))
+    if loading.library() is not None:
+        bent.asked = replace(layer.asked, given=trees.HullEngine(layer.asked))
 
     return bent
 

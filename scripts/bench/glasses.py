@@ -39,10 +39,10 @@ from time import perf_counter, process_time, thread_time
 import numpy as np
 
 from environments import as_module
-from kiriko.core import kernel
 from kiriko.core.image.ghosts import Paths
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.choices import measure_choices
+from kiriko.core.native import loading
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve import painting, progress, reach
@@ -93,12 +93,12 @@ def main() -> None:
         "--here", action="store_true", help="measure the first glass here and print its line"
     )
     arguments = parser.parse_args()
-    kernel.use_threads(arguments.threads or int(arguments.processor))
+    loading.use_threads(arguments.threads or int(arguments.processor))
     if arguments.processor:
         for module in (reach, progress, painting, sys.modules[__name__]):
             module.perf_counter = thread_time
 
-    with kernel.off() if arguments.numpy else nullcontext():
+    with loading.off() if arguments.numpy else nullcontext():
         if arguments.here:
             print(line_of(arguments))
         elif arguments.light:

@@ -15,10 +15,10 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from kiriko.core import kernel
 from kiriko.core.fingerprint import fingerprint
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
@@ -44,7 +44,7 @@ def main() -> None:
     print(f"{'rig':<16}{'way':<8}{'landings':<14}{'points':<14}{'weights':<14}source")
     for name, a_rig in rigs(arguments):
         for way in ("kernel",) if arguments.no_numpy else ("kernel", "numpy"):
-            with kernel.off() if way == "numpy" else nullcontext():
+            with loading.off() if way == "numpy" else nullcontext():
                 print(f"{name:<16}{way:<8}{'  '.join(hashes(a_rig))}", flush=True)
 
 

@@ -17,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core import kernel
 from kiriko.core.light.landings import Reason
+from kiriko.core.light.native import plan_structures
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import TRACED_AT_ONCE, _following
+from kiriko.core.native import loading
 from kiriko.core.rig import ConstantIndex, Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -144,10 +145,10 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     d = d[::every]
     is_straight = plan.rig.glasses[0].ior.at(0) == STRAIGHT
     found = Leaks(0, 0, 0, 0, 0)
-    if kernel.library() is not None:
+    if loading.library() is not None:
         # or rays that were lost on the way would begin again in air
-        finish(kernel.making(plan))
-        finish(kernel.making_whole(plan))
+        finish(plan_structures.making(plan))
+        finish(plan_structures.making_whole(plan))
 
     for first in range(0, len(d), TRACED_AT_ONCE):
         some = slice(first, first + TRACED_AT_ONCE)

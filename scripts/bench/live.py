@@ -22,7 +22,7 @@ from . import brought_glass as glasses
 
 registered()
 
-from kiriko.core import kernel  # noqa: E402 - the operators have to be there first
+from kiriko.core.native import loading  # noqa: E402 - the operators have to be there first
 from kiriko.core.solve.session import Session  # noqa: E402
 from kiriko.core.steps import finish  # noqa: E402
 from kiriko.operators import live  # noqa: E402
@@ -142,7 +142,7 @@ def yardstick() -> float:
     bench`, on one thread: by it machines are compared.
     """
     a_rig = ball_rig()
-    kernel.use_threads(1)
+    loading.use_threads(1)
     seconds = []
     for _ in range(YARDSTICK_RUNS):
         started = perf_counter()

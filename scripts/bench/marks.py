@@ -33,8 +33,8 @@ from time import perf_counter, process_time, thread_time
 import numpy as np
 
 from environments import machine, run_in_newest_blender
-from kiriko.core import kernel
 from kiriko.core.glass.meshes import geometric_normals
+from kiriko.core.native import loading
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
@@ -106,7 +106,7 @@ def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespa
     splat.sums(samples)  # compiled by now
     theirs, sums = timed(lambda: splat.sums(samples), arguments.rounds)
 
-    with kernel.off() if arguments.numpy else nullcontext():
+    with loading.off() if arguments.numpy else nullcontext():
         our_rig = finer(a_rig, arguments.finer)
         drawn_seconds, drawn = timed(lambda: solved(our_rig, "facets"), arguments.rounds)
         seconds, _ = timed(lambda: solved(our_rig, "automatic"), arguments.rounds)
@@ -131,7 +131,7 @@ def print_efforts(name: str, mesh: Mesh, index: float, arguments: argparse.Names
     splat = MitsubaSplat(replace(a_rig, glasses=(replace(glass, mesh=smooth_all_over(mesh)),)))
     judge = Judge(splat.rig, arguments.reference, is_sphere=False)
 
-    kernel.use_threads(1)
+    loading.use_threads(1)
     before = None
     for effort in arguments.effort:
         started = thread_time()

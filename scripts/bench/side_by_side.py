@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import machine
-from kiriko.core import kernel
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.landings import Landings
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import Picture, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
@@ -472,7 +472,7 @@ def main() -> None:
         "--plot", type=Path, metavar="FILE", help="error against seconds, as SVG or PNG"
     )
     arguments = parser.parse_args()
-    kernel.use_threads(1)
+    loading.use_threads(1)
     curves = compare(arguments.rounds, arguments.reference, arguments.embreex)
     if arguments.plot:
         draw(arguments.plot, curves)

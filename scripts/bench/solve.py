@@ -18,9 +18,9 @@ from time import perf_counter, process_time
 import numpy as np
 
 from environments import as_module
-from kiriko.core import kernel
 from kiriko.core.light.engines import make_engine
 from kiriko.core.measure.timing import peak_memory
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
@@ -180,7 +180,7 @@ def main() -> None:
     )
     parser.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
     arguments = parser.parse_args()
-    kernel.use_threads(arguments.threads)
+    loading.use_threads(arguments.threads)
     if arguments.engine:
         print(json.dumps(measure_engine(arguments.engine, arguments.level)))
         return

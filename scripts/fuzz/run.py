@@ -32,14 +32,15 @@ import bpy
 import numpy as np
 
 from environments import as_module
-from kiriko.core import kernel
 from kiriko.core.blender import preview as blender_preview
 from kiriko.core.blender import scene as blender_scene
 from kiriko.core.blender.image import pixels_from_image
 from kiriko.core.blender.nested_glass import interfaces
 from kiriko.core.light.landings import Reason
+from kiriko.core.light.native import plan_structures
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import Step, trace_all, tracing
+from kiriko.core.native import loading
 from kiriko.core.rig import Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.contradicted import find_contradicted
@@ -352,7 +353,7 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     """WrongError where the compiled kernel passes by a face that numpy's way meets."""
     size = rig.viewer.width, rig.viewer.height
     plan = make_plan(rig, settings)
-    if kernel.left_out(plan.layers, plan.parts.kind) is None:
+    if plan_structures.left_out(plan.layers, plan.parts.kind) is None:
         found = find_parted(
             plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size)
         )
@@ -773,7 +774,7 @@ def main() -> None:
     if variables is None:
         raise SystemExit(NOT_HERE)
 
-    seconds = options.seconds or SECONDS * (BY_NUMPY if kernel.library() is None else 1)
+    seconds = options.seconds or SECONDS * (BY_NUMPY if loading.library() is None else 1)
     started = perf_counter()
     found = in_processes(options.seed, rigs, options.judge, seconds, variables)
     print_summary(found, perf_counter() - started)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.light.engines import make_engine
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.solve.session import Session
 from kiriko.core.steps import finish
 from known import rules
@@ -62,7 +62,7 @@ PLANS = {
 def _no_embree(monkeypatch):
     monkeypatch.setitem(sys.modules, "embreex", None)
     assert make_engine(ONE_TRIANGLE).name == "Blender's BVH"
-    with kernel.off():
+    with loading.off():
         yield
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from bench import brought_glass as glasses
 from bench import irregular
-from kiriko.core import kernel
 from kiriko.core.kinds import Kind
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.mesh import Mesh
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.solve.remarks import _on_doubted
 from known.both_ways import find_parted
@@ -100,7 +100,7 @@ def test_a_gem_has_its_facets():
     assert all(polygon.center.dot(polygon.normal) > 0 for polygon in gem.polygons)
 
 
-@pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
+@pytest.mark.skipif(loading.library() is None, reason="the kernel is switched off")
 @pytest.mark.parametrize("surface", ["automatic", "smooth"])
 @pytest.mark.parametrize("name", glasses.GLASSES)
 def test_the_kernel_leads_light_as_numpys_way_does(name, surface):

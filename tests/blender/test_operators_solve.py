@@ -61,7 +61,7 @@ def test_the_kernel_has_as_many_threads_as_a_render(
     for number in (1, 3):
         scene.render.threads_mode, scene.render.threads = "FIXED", number
         bpy.ops.kiriko.solve()
-        assert kiriko.core.kernel.loading.n_threads() == number
+        assert kiriko.core.native.loading.n_threads() == number
         sources.append(pixels(scene.kiriko.result.source))
         scene.kiriko.tolerance += 1e-9  # another solve
     assert np.array_equal(*sources)

@@ -317,12 +317,12 @@ def test_the_kernel_decodes_as_numpy_does(
 ) -> None:
     """Bit for bit; a number that is none is refused by both."""
     picture = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
-    kernel = importlib.import_module(f"{kiriko.__name__}.core.kernel")
+    loading = importlib.import_module(f"{kiriko.__name__}.core.native.loading")
     image = bpy.data.images.new("p", *SIZE, alpha=True, float_buffer=is_float)
     image.colorspace_settings.name = space
     image.alpha_mode = alpha
     image.pixels.foreach_set(np.random.default_rng(3).random(4 * SIZE[0] * SIZE[1], np.float32))
-    with kernel.off():
+    with loading.off():
         expected = picture.read_pixels(image, "the picture")
     assert np.array_equal(picture.read_pixels(image, "the picture"), expected)
 
@@ -331,7 +331,7 @@ def test_the_kernel_decodes_as_numpy_does(
         broken = stored.copy()
         broken[3, 5, 1] = wild
         for off in (False, True):
-            with kernel.off() if off else nullcontext(), pytest.raises(errors.ImageError):
+            with loading.off() if off else nullcontext(), pytest.raises(errors.ImageError):
                 picture.decoded(image, broken, "the picture")
 
 

@@ -10,12 +10,12 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import measured_error, sampling
 from kiriko.core.map.allowance import ALLOWANCE, Allowance, most_rays
 from kiriko.core.map.view_map import NO_ERROR
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.counted_rays import counted_rays
@@ -110,7 +110,7 @@ def test_numpy_and_the_kernel_take_the_same_rays():
     """In each pixel, where many have none left."""
     settings = Settings(effort=4)
     by_kernel = rays_of_pixels(hard("hollow bottle"), settings)
-    with kernel.off():
+    with loading.off():
         assert np.array_equal(rays_of_pixels(hard("hollow bottle"), settings), by_kernel)
 
 

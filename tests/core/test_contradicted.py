@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import tracing
+from kiriko.core.native import loading
 from kiriko.core.rig import ConstantIndex, Glass
 from kiriko.core.settings import Settings
 from kiriko.core.solve import accuracy
@@ -52,7 +52,7 @@ def test_angles_decide_it(tilt, is_compiled):
     from it, which has to be less than a right angle but for the cosine that Cycles leaves.
     """
     angles = np.linspace(-1.55, 1.55, 2001)
-    with nullcontext() if is_compiled else kernel.off():
+    with nullcontext() if is_compiled else loading.off():
         found = found_in(slab(tilt), *fan(angles)) == 0
 
     least = np.minimum(0.01, 0.9 * np.cos(angles))

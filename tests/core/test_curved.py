@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
-from kiriko.core import kernel
 from kiriko.core.glass import vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.curved_roots import Lines
@@ -26,6 +25,7 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -611,7 +611,7 @@ def test_a_surface_is_the_same_however_often_its_making_pauses(has_kernel, monke
     them.
     """
     mesh = mean_normals(torus(0.04, 0.015, 24, 12))
-    with nullcontext() if has_kernel else kernel.off():
+    with nullcontext() if has_kernel else loading.off():
         whole = finish(making_surface(mesh)).curved
         monkeypatch.setattr(vertex_fields, "VERTICES_AT_ONCE", 7)
         n_pauses, found = counted(making_surface(mesh))
@@ -636,7 +636,7 @@ def test_faces_around_holes_do_not_hang_on_the_last_bits_of_vertices(has_kernel)
         last_bits = np.random.default_rng(seed).integers(-1, 2, mesh.vertices.shape) * 2.0**-52
         return replace(mesh, vertices=mesh.vertices * (1 + last_bits))
 
-    with nullcontext() if has_kernel else kernel.off():
+    with nullcontext() if has_kernel else loading.off():
         found, *others = (make_surface(m).curved for m in (mesh, *map(moved, range(5))))
 
     assert len(found.triangle) > 0.9 * len(mesh.triangles)

@@ -9,7 +9,7 @@ import pytest
 import environments
 from drawing.pipeline import PATH, drawn
 from drawing.solved import DISPLAY_PX, solved
-from kiriko.core import kernel
+from kiriko.core.native import loading
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_shares_are_those_of_the_display_pixel(found):
 def test_the_drawing_in_the_docs_is_this_one(found):
     """Its words are those that the script draws, and each file that it names is there."""
     words = words_of(PATH.read_text(encoding="utf-8"))
-    if kernel.library() is not None:
+    if loading.library() is not None:
         assert words == words_of(drawn(found))
     for word in words:
         if re.fullmatch(r"[\w/]+\.py", word or ""):

@@ -9,7 +9,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from kiriko.core import free_memory, kernel
+from kiriko.core import free_memory
 from kiriko.core.errors import RigError
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
@@ -19,6 +19,7 @@ from kiriko.core.map.faint import further_along, light_on_blocks, numbers_along,
 from kiriko.core.map.points import Points
 from kiriko.core.map.samples import sample_cells
 from kiriko.core.map.sampling import Sampling, sample
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, facetted_rig
@@ -235,7 +236,7 @@ def test_numpy_takes_the_same_samples():
     """Of the same cells; where rounding decides on a ray, a few may take others."""
     pytest.importorskip("kiriko_kernel")
     found = solve(facetted_rig(32)).first.view_map
-    with kernel.off():
+    with loading.off():
         other = solve(facetted_rig(32)).first.view_map
     assert len(found.samples) > 1.5 * 16 * found.sample_area.sum()
     assert np.array_equal(found.points.view[found.samples], other.points.view[other.samples])

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from bench.irregular import CHOICES, coarse, errors, sheared
-from kiriko.core import kernel
 from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import tangent_planes
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import Mesh
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -260,7 +260,7 @@ def test_the_kernel_and_the_order_of_a_mesh_do_not_count(by):
     """The same faces are curved."""
     mesh = noisy(torus(0.018, 0.007, 16, 8), by)
     surface = make_surface(replace(mesh, surface="automatic"))
-    with kernel.off():
+    with loading.off():
         plainly = make_surface(replace(mesh, surface="automatic"))
 
     random = np.random.default_rng(2)

@@ -15,39 +15,41 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import build_kernel
-from kiriko.core import kernel
 from kiriko.core.arrays import frozen
 from kiriko.core.encoding import quantised
-from kiriko.core.glass import curved, curved_roots, fitted_faces, quartics, vertex_fields
+from kiriko.core.glass import (
+    curved,
+    curved_roots,
+    fitted_faces,
+    native_fit,
+    quartics,
+    vertex_fields,
+)
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.glass.vertex_fields import RIDGE, Fields
+from kiriko.core.glass.vertex_fields import RIDGE
 from kiriko.core.glass.vertices import Vertices
-from kiriko.core.image import outline, picture, reads, source_image
+from kiriko.core.image import native_paint, outline, picture, reads, source_image
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
-from kiriko.core.kernel import (
-    dividing,
-    fitting,
-    loading,
-    painting,
-    plans,
-    structures,
-    touching,
-    trees,
-)
-from kiriko.core.kernel.structures import STRUCTURES
 from kiriko.core.light import asked, media, plate, ray_engine, rescue, thin_parts, trace
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
+from kiriko.core.light.native import (
+    following,
+    plan_structures,
+    ray_states,
+    touching,
+    trees,
+)
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays, ReachedError
 from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import Step, recording, trace_all, tracing
-from kiriko.core.map import bisection, share_batches
+from kiriko.core.map import bisection, native_divide, share_batches
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import dividing as map_dividing
 from kiriko.core.map import shares as share_module
@@ -55,6 +57,8 @@ from kiriko.core.map.points import Paths, trace_points
 from kiriko.core.map.searches import ask, traced
 from kiriko.core.map.share_batches import Lot
 from kiriko.core.map.shares import Shares
+from kiriko.core.native import loading, structures
+from kiriko.core.native.structures import STRUCTURES
 from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -78,7 +82,7 @@ from known.reference_rigs import (
     wavy_slab,
 )
 
-pytestmark = pytest.mark.skipif(kernel.library() is None, reason="the kernel is switched off")
+pytestmark = pytest.mark.skipif(loading.library() is None, reason="the kernel is switched off")
 
 N_RAYS = 6000
 DEFAULT = Settings()
@@ -96,7 +100,7 @@ def both_ways(a_rig, some=DEFAULT, n=N_RAYS, light="imaged"):
     """Landings by numpy and by the kernel, of the same rays through the same curved faces."""
     rays = rays_of(a_rig, n)
     plan = make_plan(a_rig, some)
-    with kernel.off():
+    with loading.off():
         expected = trace_all(plan, *rays, light)
     assert "compiled kernel" in plan.used
     return expected, trace_all(plan, *rays, light)
@@ -214,7 +218,7 @@ def test_same_landings_on_faces_that_each_fitted(name):
     """
     a_rig = RIGS[name]()
     rays = rays_of(a_rig)
-    with kernel.off():
+    with loading.off():
         expected = trace_all(make_plan(a_rig, Settings()), *rays)
     assert_same(
         expected, trace_all(make_plan(a_rig, Settings()), *rays), 1e-8 * a_rig.display.width
@@ -251,7 +255,7 @@ def test_a_glass_that_was_only_moved():
     plan = turned_ball()
     rays = rays_of(plan.rig)
     found = trace_all(plan, *rays)
-    with kernel.off():
+    with loading.off():
         assert_same(trace_all(plan, *rays), found)
 
 
@@ -264,7 +268,7 @@ def test_same_ways_and_courses():
     ways = []
     words = []
     led = []
-    for way in (kernel.off(), nullcontext()):
+    for way in (loading.off(), nullcontext()):
         steps = []
         with way:
             finish(tracing(plan, *rays, steps=steps))
@@ -289,7 +293,7 @@ def test_same_ways_and_courses():
         )
 
     other = np.roll(words[0], 1, axis=0)  # each ray on the course of another
-    with kernel.off():
+    with loading.off():
         led.append(finish(tracing(plan, *rays, course=other)))
     led.append(finish(tracing(plan, *rays, course=other)))
 
@@ -339,7 +343,7 @@ def test_the_tree_is_a_ray_engine(make):
     origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
     directions = unit(dice.normal(size=(8000, 3)) - origins).astype(np.float32)
     expected = Embree(layer.asked.corners).shoot(origins, directions)
-    found = kernel.HullEngine(layer.asked).shoot(origins, directions)
+    found = trees.HullEngine(layer.asked).shoot(origins, directions)
     is_same = found.triangle == expected.triangle
 
     assert is_same.mean() > 0.999  # where edges and rays meet rounding decides
@@ -353,7 +357,7 @@ def test_the_tree_is_a_ray_engine(make):
             getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3
         )
 
-    nowhere = kernel.HullEngine(layer.asked).shoot(
+    nowhere = trees.HullEngine(layer.asked).shoot(
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
     assert (nowhere.triangle == -1).all()
@@ -368,10 +372,10 @@ def test_any_number_of_threads_gives_the_same():
 
     try:
         for number in (1, 2, 7, 1000):
-            kernel.use_threads(number)
+            loading.use_threads(number)
             by_threads.append(trace_all(plan, *rays))
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
 
     for other in by_threads[1:]:
         for f in fields(Landings):
@@ -582,7 +586,7 @@ def test_what_it_does_not_know_is_left_to_numpy():
     of_layer = {f.name: getattr(layer.curved, f.name) for f in fields(CurvedFaces)}
     layers[number] = replace(layers[number], layer=layer.bent(Other(**of_layer)))
 
-    assert kernel.left_out(layers, plan.parts.kind) == "faces of another kind"
+    assert plan_structures.left_out(layers, plan.parts.kind) == "faces of another kind"
     rays = rays_of(plan.rig, 50)
     found = trace_all(replace(plan, layers=tuple(layers)), *rays)
     assert_same(trace_all(plan, *rays), found)
@@ -596,8 +600,8 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
     plan = make_plan(a_rig, Settings())
     rays = rays_of(a_rig, 100)
     expected = finish(recording(plan, *rays))[1]
-    monkeypatch.setattr(kernel, "MOST_RECORDED", 1000)
-    assert not kernel.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
+    monkeypatch.setattr(following, "MOST_RECORDED", 1000)
+    assert not following.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
     assert np.array_equal(finish(recording(plan, *rays))[1], expected)
 
 
@@ -607,7 +611,7 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     that the kernel does not know.
     """
     if not is_known:
-        monkeypatch.setattr(plans, "LAST_KIND", 0)
+        monkeypatch.setattr(plan_structures, "LAST_KIND", 0)
     by_numpy = []
     by_events = trace._by_events
     monkeypatch.setattr(
@@ -621,7 +625,7 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     assert ("compiled kernel" in plan.used) == is_known
     assert ("compiled kernel (faces of another kind)" in plan.left_out) != is_known
     assert bool(by_numpy) != is_known
-    with kernel.off():
+    with loading.off():
         expected = finish(trace_points(make_plan(a_rig, Settings()), view))
     np.testing.assert_allclose(found.xy, expected.xy, atol=1e-6)
 
@@ -633,19 +637,19 @@ def test_a_library_of_another_version_is_not_used(monkeypatch):
     monkeypatch.setattr(loading, "MOST_LAYERS", 7)
     loading.loaded.cache_clear()
     try:
-        assert kernel.library() is None
+        assert loading.library() is None
         monkeypatch.undo()
         for path in (None, Path(__file__)):
             monkeypatch.setattr(loading, "find_library", lambda path=path: path)
             loading.loaded.cache_clear()
-            assert kernel.library() is None
+            assert loading.library() is None
             plan = make_plan(ball_rig(1), Settings())
             assert "compiled kernel (it is not there)" in plan.left_out
     finally:
         monkeypatch.undo()
         loading.loaded.cache_clear()
 
-    assert kernel.library() is not None
+    assert loading.library() is not None
 
 
 def test_a_library_that_is_not_ours_is_not_used(monkeypatch):
@@ -655,11 +659,11 @@ def test_a_library_that_is_not_ours_is_not_used(monkeypatch):
     monkeypatch.setattr(loading, "find_library", lambda: Path(_ctypes.__file__))
     loading.loaded.cache_clear()
     try:
-        assert kernel.library() is None
+        assert loading.library() is None
     finally:
         monkeypatch.undo()
         loading.loaded.cache_clear()
-    assert [kernel.library().kiriko_layout(i) for i in (-1, 0, 1000)] == [-1, loading.VERSION, -1]
+    assert [loading.library().kiriko_layout(i) for i in (-1, 0, 1000)] == [-1, loading.VERSION, -1]
 
 
 def test_work_that_was_begun_is_ended_by_the_kernel():
@@ -670,7 +674,7 @@ def test_work_that_was_begun_is_ended_by_the_kernel():
     expected = trace_all(plan, *rays)
     work = tracing(plan, *rays)
     next(work)
-    with kernel.off():
+    with loading.off():
         assert np.array_equal(finish(work).xy, expected.xy, equal_nan=True)
 
 
@@ -682,8 +686,8 @@ def test_arrays_of_another_kind_are_not_written_to():
     rays = Rays(*rays_of(plan.rig, 10), None, False)
     rays.leak = rays.leak.astype(np.int32)
     with pytest.raises(TypeError, match="leak is no array of int64"):
-        kernel.state_of(rays)
-    for name, dtype in kernel.STATE.items():
+        ray_states.state_of(rays)
+    for name, dtype in ray_states.STATE.items():
         assert getattr(Rays(*rays_of(plan.rig, 10), None, False), name).dtype == dtype
 
 
@@ -739,7 +743,7 @@ def test_same_ends_of_branches(name):
     """
     plan = make_plan(ENDING[name](), DEFAULT)
     points, edges = some_edges(plan)
-    with kernel.off():
+    with loading.off():
         end, last, n_tried = ends_of(plan, points, edges)
     assert 0 < np.mean(n_tried == 1) < 0.5
     assert ((end > 0) & (end < 1)).mean() > 0.5
@@ -747,10 +751,10 @@ def test_same_ends_of_branches(name):
     by_threads = []
     try:
         for number in (1, 3, 1000):
-            kernel.use_threads(number)
+            loading.use_threads(number)
             by_threads.append(ends_of(plan, points, edges))
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
 
     found_end, found, found_tried = by_threads[0]
     same = found_end == end
@@ -877,7 +881,7 @@ def assert_same_shares(size, view, polygons):
     """
     n = len(polygons)
     number = np.arange(float(n))
-    with kernel.off(), np.errstate(invalid="ignore", over="ignore"):
+    with loading.off(), np.errstate(invalid="ignore", over="ignore"):
         parts = [
             rasterise(size, (2, 2), *(a[i : i + 1] for a in (view, polygons, number)))
             for i in range(n)
@@ -933,7 +937,7 @@ def test_same_coverage():
         return coverage.of_view
 
     by_kernel = found()
-    with kernel.off():
+    with loading.off():
         np.testing.assert_allclose(by_kernel, found(), rtol=1e-14)
     assert by_kernel.sum() == pytest.approx(shares.area.sum(), rel=1e-12)
 
@@ -949,7 +953,7 @@ def test_same_polygons_across_an_outline(k):
     on_grid = dice.integers(0, 8, (400, 1, 2)) + VIEW[None, :k]
     view = np.concatenate([somewhere, on_grid, on_grid + 1e-7])
     found = outline._across(lines, view)
-    with kernel.off():
+    with loading.off():
         np.testing.assert_array_equal(found, outline._across(lines, view))
     assert 100 < len(found) < 700
 
@@ -998,7 +1002,7 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     whole = rasterise(size, (2, 2), view, quads, throughput)
 
     assert len(whole) > 0.8 * width * height
-    monkeypatch.setattr(dividing, "LEAST_ROOM", 0)
+    monkeypatch.setattr(native_divide, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
         monkeypatch.setattr(map_dividing, "SHARES_AT_ONCE", at_once)
         parts = [
@@ -1026,20 +1030,20 @@ def test_lots_are_divided_alike_by_any_number_of_threads_or_left():
     lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
 
     def found():
-        return list(kernel.divided(lots, len(lots) * [np.int32], 1 << 18, False))
+        return list(native_divide.divided(lots, len(lots) * [np.int32], 1 << 18, False))
 
     by_threads = []
     try:
         for number in (1, 2, 7):
-            kernel.use_threads(number)
+            loading.use_threads(number)
             by_threads.append(found())
-            parts = kernel.divided(lots, len(lots) * [np.int32], 1 << 18, False)
+            parts = native_divide.divided(lots, len(lots) * [np.int32], 1 << 18, False)
             left = parts.gi_frame.f_locals["begun"]._left
             assert left.alive
             del parts
             assert not left.alive
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
 
     assert [n for n, _ in by_threads[0]] == list(range(len(lots)))
     for others in by_threads[1:]:
@@ -1060,13 +1064,13 @@ def test_several_images_are_added_to_side_by_side():
         np.add.at(image.reshape(-1), index, some)
     try:
         for number in (1, 2, 7):
-            kernel.use_threads(number)
+            loading.use_threads(number)
             images = np.ones((3, 5, 8))
             where = index.astype(np.int32), index.astype(np.int64), places
-            kernel.add(*zip(images, where, weights, strict=True))
+            native_divide.add(*zip(images, where, weights, strict=True))
             assert np.array_equal(images, expected)
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
 
 
 @pytest.mark.parametrize("size", [(0, 1), (1, 0), (0, 0)])
@@ -1075,7 +1079,7 @@ def test_nothing_is_added_to_an_image_without_pixels(size):
     around = np.ones(9)
     image = around[4:4].reshape(size)
     for where in (np.zeros((3, 2)), np.zeros(3, np.int32), np.zeros(3, np.int64)):
-        kernel.add((image, where, np.ones(3)))
+        native_divide.add((image, where, np.ones(3)))
     assert (around == 1).all()
 
 
@@ -1092,11 +1096,11 @@ def test_cells_that_it_does_not_know_are_left_to_numpy():
     other image: nothing is read that is not there.
     """
     quads = VIEW[None].repeat(3, axis=0)
-    assert kernel.can_divide(quads, quads)
+    assert native_divide.can_divide(quads, quads)
     for cells in ((quads, quads[:2]), (quads[:, :3], quads), 2 * [quads[:, [0, 1, 2, 3, 3]]]):
-        assert not kernel.can_divide(*cells)
-    with kernel.off():
-        assert not kernel.can_divide(quads, quads)
+        assert not native_divide.can_divide(*cells)
+    with loading.off():
+        assert not native_divide.can_divide(quads, quads)
 
 
 # --- near misses of rays ---
@@ -1137,15 +1141,15 @@ def test_same_bundles_pass_by(n_triangles, k):
     dice = np.random.default_rng(n_triangles + k)
     parts = some_parts(dice, n_triangles)
     bundles = some_bundles(dice, 1500, k, 4, len(parts._unit_of_patch))
-    with kernel.off(), np.errstate(invalid="ignore"):
+    with loading.off(), np.errstate(invalid="ignore"):
         expected = finish(parts.touch(*bundles))
     assert 0.004 < expected.mean() < 0.98
     try:
         for number in (1, 3):
-            kernel.use_threads(number)
+            loading.use_threads(number)
             assert np.array_equal(finish(parts.touch(*bundles)), expected)
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
 
 
 def test_bundles_that_it_does_not_know_are_left_to_numpy():
@@ -1219,7 +1223,7 @@ def painted(a_picture, viewer, shares, tolerance=0.1):
     painting = Painting(shares.display_size)
     strokes = find_strokes(a_picture.place, viewer, shares, reads.reads_at(tolerance))
     painting.add(Pyramid(a_picture.image), strokes)
-    return painting._total
+    return native_paint._total
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -1235,7 +1239,7 @@ def test_same_painting(shape, place, projection):
     for index_type, tolerance in ((np.int32, 0.1), (np.int64, 1.0)):
         shares = shares_of(dice, 3000, index_type=index_type)
         for some in (shares, replace(shares, throughput=None)):
-            with kernel.off():
+            with loading.off():
                 expected = painted(a_picture, viewer, some, tolerance)
             found = painted(a_picture, viewer, some, tolerance)
             np.testing.assert_allclose(
@@ -1258,10 +1262,10 @@ def test_painting_by_any_number_of_threads_gives_the_same():
     by_threads = []
     try:
         for number in (1, 2, 3, 15, 16, 1000):
-            kernel.use_threads(number)
+            loading.use_threads(number)
             by_threads.append(painted(a_picture, viewer_of("perspective"), shares))
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
     assert by_threads[0].any()
     assert all(other.tobytes() == by_threads[0].tobytes() for other in by_threads)
 
@@ -1305,7 +1309,7 @@ def test_same_pixels(shape):
         of_gammas = [quantised(values, "uint8", gamma) for gamma in (None, 2.2)]
         return [*halved, sums.finished(np.maximum(weight, 0)), *of_gammas]
 
-    with kernel.off():
+    with loading.off():
         expected = all_of_them()
     for found, of_numpy in zip(all_of_them(), expected, strict=True):
         assert found[..., :3].tobytes() == of_numpy[..., :3].tobytes()
@@ -1355,12 +1359,12 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
 
     assert isinstance(find_strokes(PicturePlace("p", 8, 8, bent), viewer, shares), Taps)
     strokes = find_strokes(PicturePlace("p", 8, 8, PICTURES["turned"]), viewer, shares)
-    assert isinstance(strokes, kernel.FlatStrokes)
+    assert isinstance(strokes, native_paint.FlatStrokes)
     painting = Painting(shares.display_size)
-    with kernel.off():
+    with loading.off():
         painting.add(Pyramid(image), strokes)
 
-    assert painting._total.any()
+    assert native_paint._total.any()
 
 
 def shaken(mesh, by):
@@ -1400,7 +1404,7 @@ def test_same_curved_faces(name):
     Points to 1e-10 of the mesh's size, normals to the rest when sweeps end, 1e-10.
     """
     mesh = MESHES[name]()
-    with kernel.off():
+    with loading.off():
         expected = make_surface(mesh).curved
     found = make_surface(mesh).curved
     assert (found.row == expected.row).all()
@@ -1432,7 +1436,7 @@ def test_same_faces_of_any_offsets(seed, one):
         return into
 
     by_kernel = found()
-    with kernel.off():
+    with loading.off():
         coefficients, normals, *kinds = found()
     for mine, theirs in zip(by_kernel[2:], kinds, strict=True):
         np.testing.assert_array_equal(mine, theirs)
@@ -1449,11 +1453,11 @@ def test_the_fit_by_any_number_of_threads_gives_the_same():
     mesh = shaken(icosphere(0.025, 5), 0.001)
     found = []
     for n in (1, 2, 5):
-        kernel.use_threads(n)
+        loading.use_threads(n)
         try:
             found.append(make_surface(mesh).curved)
         finally:
-            kernel.use_threads(0)
+            loading.use_threads(0)
 
     for faces in found[1:]:
         for f in fields(faces):
@@ -1481,7 +1485,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     v = Vertices(
         places, normals, dice.random(n) < 0.8, np.empty((0, 3), np.int64), start, end, first
     )
-    fit = kernel.Fit(v, Fields(axis_x, axis_y, size, coefficients, dice.random(n) < 0.3))
+    fit = native_fit.Fit(v, (axis_x, axis_y), size, dice.random(n) < 0.3)
     wanted = dice.random(n) < 0.5
     before = coefficients.copy()
     settled = normals.copy()
@@ -1497,7 +1501,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
 
 def test_the_environment_switches_it_off():
     """KIRIKO_KERNEL=off is numpy's way."""
-    code = "from kiriko.core import kernel; print(kernel.library())"
+    code = "from kiriko.core.native import loading; print(loading.library())"
     link = str(build_kernel.HERE.parent)
     told = subprocess.run(
         [sys.executable, "-c", code],
@@ -1509,8 +1513,8 @@ def test_the_environment_switches_it_off():
 
 
 SHARING = (
-    *(asked, curved, curved_roots, fitting, loading, media, picture, plate, ray_engine, reads),
-    *(rescue, quartics, painting, cells_module, structures, fitted_faces, thin_parts, touching),
+    *(asked, curved, curved_roots, native_fit, loading, media, picture, plate, ray_engine, reads),
+    *(rescue, quartics, native_paint, cells_module, structures, fitted_faces, thin_parts, touching),
     *(vertex_fields, source_image),
 )
 # constants that numpy's way has no need of

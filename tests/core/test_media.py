@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.errors import RigError
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.media import Solid, make_media
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.touching_solids import boxes_touch
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.settings import Settings
 from known.reference_rigs import box, icosphere, rig, torus
@@ -41,7 +41,7 @@ def traced(glasses, way="kernel", n=4000, **bench):
     a_rig = rig(glasses, display=0.2, field=0.045, **bench)
     plan = make_plan(a_rig, Settings(max_events=200))
     o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 512, (n, 2)))
-    with kernel.off() if way == "numpy" else nullcontext():
+    with loading.off() if way == "numpy" else nullcontext():
         return plan, trace_all(plan, o, d)
 
 

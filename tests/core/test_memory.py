@@ -13,8 +13,7 @@ import pytest
 from environments import link_package
 from kiriko.core import free_memory, image_io, picture_file
 from kiriko.core.errors import RigError
-from kiriko.core.kernel import library
-from kiriko.core.kernel.loading import SWITCH
+from kiriko.core.native.loading import SWITCH, library
 from kiriko.core.settings import Settings
 from kiriko.core.solve import memory
 from kiriko.core.solve.session import Session

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kiriko.core import kernel
 from kiriko.core.bench.offset import parameters
 from kiriko.core.errors import RigError
 from kiriko.core.fingerprint import fingerprint
@@ -16,6 +15,7 @@ from kiriko.core.image.glare import look_beside
 from kiriko.core.light.landings import REASON_WORDS, Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import (
     ConstantIndex,
     Display,
@@ -40,7 +40,7 @@ THICK = 0.02
 
 
 def by(way):
-    return kernel.off() if way == "numpy" else nullcontext()
+    return loading.off() if way == "numpy" else nullcontext()
 
 
 def looking(at, direction, away, field, pixels):
@@ -277,7 +277,7 @@ def test_both_ways_agree_on_glass_at_a_display(seed, gap):
         "suppress_glare": float(random.random() < 0.5),
     }
     by_kernel = landed(rig, rays, **how)
-    with kernel.off():
+    with loading.off():
         by_numpy = landed(rig, rays, **how)
     # of two glasses that stand side by side on one plane either may be named
     same = by_kernel.reason == by_numpy.reason

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.charts import showing
 from kiriko.core.measure.viewers import viewer_reports
+from kiriko.core.native import loading
 from kiriko.core.parts import OwnImage, Picture
 from kiriko.core.settings import Settings
 from kiriko.core.solve.memory import estimated
@@ -89,7 +89,7 @@ def test_viewers_who_see_other_pixels_each_see_their_image(way):
     """
     a_rig = straight(0.024)
     if way == "numpy":
-        with kernel.off():
+        with loading.off():
             found = solve(a_rig)
     else:
         found = solve(a_rig)

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light.landings import Landings, Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import Blocker, Mesh, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.vectors import dot
@@ -76,7 +76,7 @@ def traced(
     """Landings of rays through viewer px (n, 2), and the rays."""
     origins, directions = a_rig.viewer.rays(xy)
     rays = np.broadcast_to(origins, directions.shape), directions
-    with nullcontext() if is_compiled else kernel.off():
+    with nullcontext() if is_compiled else loading.off():
         return trace_all(make_plan(a_rig, SETTINGS), *rays), *rays
 
 
@@ -121,7 +121,7 @@ def test_no_ray_slips_through_glass_and_what_stands_behind():
     weight = np.random.default_rng(1).random((40, 1, 1, 1))
     aims = (weight * front + (1 - weight) * np.roll(front, 1, axis=1)).reshape(-1, 3)
     plan = make_plan(a_rig, SETTINGS)
-    with kernel.off():
+    with loading.off():
         found = trace_all(plan, np.broadcast_to(eye, aims.shape), unit(aims - eye))
     assert not (found.reason == Reason.MISSED_GLASS).any()
 

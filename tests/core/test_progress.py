@@ -6,7 +6,6 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.image import ghosts
 from kiriko.core.image.source_image import Painting
 from kiriko.core.light.planning import make_plan
@@ -16,6 +15,7 @@ from kiriko.core.map.sampling import Sampling
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.share_guess import CellsAndShares, smooth_ahead
 from kiriko.core.map.squares import Squares
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.solve import (
     known,
@@ -111,7 +111,7 @@ def counting_clock(monkeypatch) -> Iterator[list[float]]:
         yield now
 
 
-@pytest.mark.skipif(kernel.library() is None, reason="numpy takes minutes for it")
+@pytest.mark.skipif(loading.library() is None, reason="numpy takes minutes for it")
 @pytest.mark.parametrize(
     ("name", "choice"), [*((name, "mean") for name in RIGS), ("torus", "strongest")]
 )
@@ -136,12 +136,12 @@ def test_threads_share_what_the_kernel_does():
     """What numpy does takes its time, however many there are."""
     seconds = Seconds(alone=2.0, shared=6.0)
     try:
-        kernel.use_threads(1)
+        loading.use_threads(1)
         of_one = seconds.by_clock / pace.times_slower()
-        kernel.use_threads(3)
+        loading.use_threads(3)
         of_three = seconds.by_clock / pace.times_slower()
     finally:
-        kernel.use_threads(0)
+        loading.use_threads(0)
     assert of_one == pytest.approx(2 + 6)
     assert of_three == pytest.approx(2 + 6 / 3)
 

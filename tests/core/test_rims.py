@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.glass.meshes import find_edges, find_joined, geometric_normals
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertices import find_vertices, seen_across
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.solve.tessellation import tessellation
 from kiriko.core.steps import finish
@@ -111,7 +111,7 @@ def test_normals_at_rims_are_found_as_inner_ones_are(name):
 def test_the_kernel_finds_the_same_normals():
     """As numpy does, to rounding."""
     _, normals, _ = found_normals(asphere())
-    with kernel.off():
+    with loading.off():
         _, others, _ = found_normals(asphere())
     assert np.abs(normals - others).max() < 1e-12
 

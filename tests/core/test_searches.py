@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.light import hits, trace
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
@@ -15,6 +14,7 @@ from kiriko.core.map.bisection import Edges, last_on_branch, n_digits
 from kiriko.core.map.edges import find_borders
 from kiriko.core.map.points import Points, trace_points
 from kiriko.core.map.searches import ask, traced
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, bottle, box, icosphere, rig
@@ -34,7 +34,7 @@ def test_rays_that_begin_where_others_have_ended_go_the_same_way(monkeypatch, ma
     a_rig = replace(a_rig, glasses=a_rig.glasses + ball_rig(2).glasses)
     plan = make_plan(a_rig, Settings(max_events=max_events))
     rays = plan.viewer.rays(16 * np.random.default_rng(0).random((150, 2)))
-    with kernel.off():
+    with loading.off():
         together, course = finish(trace.recording(plan, *rays))
         monkeypatch.setattr(trace, "LIVE_AT_ONCE", 11)
         late, course_of_late = finish(trace.recording(plan, *rays))
@@ -55,7 +55,7 @@ def test_borders_of_many_edges_are_those_of_each_alone():
     angle = 2 * np.pi * np.arange(24) / 24
     around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     view = 16 + np.concatenate([np.zeros((1, 2)), 3 * around, 15 * around])
-    with kernel.off():
+    with loading.off():
         points = finish(trace_points(plan, view))
         far = 1 + np.flatnonzero(points.branch[1:] != points.branch[0])
         near = np.zeros(len(far), np.int64)
@@ -86,7 +86,7 @@ def test_borders_of_many_edges_are_those_of_each_alone():
 @pytest.mark.parametrize("n_borders", [1, 20, 100, 700, 5000])
 def test_a_border_takes_as_many_rays_as_are_told(n_borders, tolerance, is_off):
     """From the middle of a ball to places beyond its rim, however many are looked for."""
-    with kernel.off() if is_off else nullcontext():
+    with loading.off() if is_off else nullcontext():
         plan = make_plan(ball_rig(2, pixels=32), Settings(tolerance=tolerance))
         angle = 2 * np.pi * np.arange(n_borders) / n_borders
         around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -123,7 +123,7 @@ def test_rays_that_wait_for_their_hits_go_the_same_way(monkeypatch, glass):
     for times in (np.inf, hits.TIMES_FEW, 1):
         monkeypatch.setattr(hits, "TIMES_FEW", times)
         n_put_off.append(0)
-        with kernel.off():
+        with loading.off():
             found.append(trace.trace(plan, *rays))
 
     assert n_put_off[0] == 0

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core import rig as rig_module
 from kiriko.core.errors import MeshError, RigError
 from kiriko.core.fingerprint import fingerprint
@@ -20,6 +19,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import dividing, rasterise, share_batches
 from kiriko.core.mesh import FURTHEST
+from kiriko.core.native import loading
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import accuracy, painting, progress, reach
@@ -490,7 +490,7 @@ def test_solutions_say_what_was_left_out():
     Overlapping solids are counted.
     """
     few = rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16)
-    with kernel.off():
+    with loading.off():
         flat = solve(few)
         curved = solve(small())
     assert "ray engine (few flat faces)" in flat.left_out

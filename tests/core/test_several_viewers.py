@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import free_memory, kernel
+from kiriko.core import free_memory
 from kiriko.core.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map import share_batches
 from kiriko.core.measure.viewers import conflict_in_light, displaced, viewer_reports
+from kiriko.core.native import loading
 from kiriko.core.settings import Settings
 from kiriko.core.solve.session import Session
 from known import closed_forms
@@ -168,7 +169,7 @@ def test_sharp_paints_the_place_in_the_middle(way):
     """The colour of a ramp in each display pixel is that of the mean place, in closed form."""
     a_rig = eyes(slab_rig(display=0.025), weights=(1.0, 3.0))
     if way == "numpy":
-        with kernel.off():
+        with loading.off():
             solution = solve(a_rig, **FINE)
     else:
         solution = solve(a_rig, **FINE)

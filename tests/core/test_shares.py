@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kiriko.core import kernel
 from kiriko.core.map import dividing, share_batches
 from kiriko.core.map import rasterise as rasterise_module
 from kiriko.core.map.cells import area_within
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage, add_at
+from kiriko.core.native import loading
 from known.polygons import area_and_centroid, clip, clipped, covariance, pieces_of
 from known.rasterised import rasterise, to_display, to_view
 
@@ -536,7 +536,7 @@ def test_the_making_of_shares_pauses_with_each_lot_of_cells(has_kernel):
         for _ in range(n_lots):
             yield view.copy(), quads.copy(), np.ones(len(view)), None
 
-    with nullcontext() if has_kernel else kernel.off():
+    with nullcontext() if has_kernel else loading.off():
         batches, others = (ShareBatches((18, 18), (12, 12), False, pieces) for _ in range(2))
         paused = list(batches.pausing())
         found = [shares for shares in paused if shares is not None]

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.source_image import MOST_LIGHT, Painting, find_strokes, grow, splat
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.shares import Coverage
+from kiriko.core.native import loading
 from kiriko.core.rig import MirrorArray, PicturePlace
 from kiriko.core.settings import Settings
 from known.exact_source import exact_source
@@ -216,7 +216,7 @@ def test_a_display_pixel_seen_by_less_than_rounding_carries_is_dark(has_kernel):
     with digits there, 2^-126 and more; fainter ones are dark, as those that nobody sees.
     """
     powers = np.arange(160)
-    with nullcontext() if has_kernel else kernel.off():
+    with nullcontext() if has_kernel else loading.off():
         source = painted(np.exp2(-powers.astype(float)).reshape(8, 20), 0.75)
     expected = np.where(powers <= 63, 0.75 * np.exp2(powers.astype(float)), 0.0)
     np.testing.assert_allclose(source.reshape(-1, 3), expected[:, None].repeat(3, 1), rtol=1e-6)
@@ -230,7 +230,7 @@ def test_the_source_image_of_a_picture_of_any_brightness_is_finite(has_kernel):
     throughput = np.zeros((8, 20))
     throughput[2:6, 4:12] = np.exp2(-np.arange(32.0)).reshape(4, 8)
     light = float(np.float32(1e25))
-    with nullcontext() if has_kernel else kernel.off():
+    with nullcontext() if has_kernel else loading.off():
         source = painted(throughput, light, margin=2)
         brightest = painted(throughput, 1e35, margin=2)
     shown = throughput > 0

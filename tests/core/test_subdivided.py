@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.glass import known as known_module
 from kiriko.core.glass.known import looking_for_known
 from kiriko.core.glass.quartics import AT_NODES
 from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.native import loading
 from kiriko.core.rig import Mesh
 from kiriko.core.steps import finish
 from known.catmull_clark import LATHE, Cage, lathe_cage, limit_mesh, ring_cage
@@ -123,7 +123,7 @@ def test_the_kernel_and_the_order_of_faces_do_not_count():
     vertices[mesh.triangles[200, 0]] *= 1.01
     mesh = replace(mean_normals(replace(mesh, vertices=vertices)), surface="automatic")
     surface = make_surface(mesh)
-    with kernel.off():
+    with loading.off():
         plainly = make_surface(mesh)
 
     random = np.random.default_rng(2)

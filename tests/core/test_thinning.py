@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
-from kiriko.core.kernel.dividing import Divided
+from kiriko.core.map.native_divide import Divided
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage
 from kiriko.core.map.thinning import THINNING, Thinning, in_pixels
+from kiriko.core.native import loading
 from known.rasterised import rasterise
 
 SIZE = 240, 136
@@ -134,12 +134,12 @@ def test_strides_keep_enough(far):
             assert THINNING.per_pixel * part * stride**2 <= 1 + 1e-9
 
 
-@pytest.mark.skipif(kernel.library() is None, reason="no compiled kernel")
+@pytest.mark.skipif(loading.library() is None, reason="no compiled kernel")
 def test_numpy_and_the_kernel_choose_the_same_pixels(far):
     """Strides, pixels, and the light of each."""
     some = tuple(corners[:1500] for corners in far)
     found, n_found = light(batches(some, looked_at(some)))
-    with kernel.off():
+    with loading.off():
         expected, n_expected = light(batches(some, looked_at(some)))
     assert n_found == n_expected
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)

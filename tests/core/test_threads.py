@@ -25,7 +25,7 @@ import json, time
 from dataclasses import replace
 import numpy as np
 from known.reference_rigs import ball_rig, bottle, mean_normals, rig, torus
-from kiriko.core import kernel
+from kiriko.core.native import loading
 from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
 from kiriko.core.light.planning import make_plan
@@ -47,7 +47,7 @@ def turned_twice(a_rig):
         glass = moved(a_rig.glasses[0], motion)
         finish(session.solve(replace(a_rig, glasses=(glass,)), Settings()))
 
-kernel.use_threads(1)
+loading.use_threads(1)
 solve = lambda a_rig: finish(Session().solve(a_rig, Settings()))
 np.ones((64, 64)) @ np.ones((64, 64))  # whatever it takes to begin
 time.sleep(0.5)  # threads that were begun look for work for a moment

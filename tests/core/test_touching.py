@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
+from kiriko.core.native import loading
 from kiriko.core.rig import ConstantIndex, Display, Glass
 from kiriko.core.settings import Settings
 from known.reference_rigs import box, icosphere, rectangle, rig
@@ -25,7 +25,7 @@ both_ways = pytest.mark.parametrize("way", ["kernel", "numpy"])
 
 
 def by(way):
-    return kernel.off() if way == "numpy" else nullcontext()
+    return loading.off() if way == "numpy" else nullcontext()
 
 
 def made_of(*meshes, indices=(1.49,), **bench):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bench.irregular import BALLS, CHOICES, errors, hull, hull_of
-from kiriko.core import kernel
 from kiriko.core.glass import surface_fit, vertex_normals
 from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.native import loading
 from known.closed_forms import unit
 
 SEEDS = (0, 1)
@@ -69,7 +69,7 @@ def test_steep_places_are_not_looked_at_again(monkeypatch):
 def test_the_kernel_finds_the_same_normals(monkeypatch):
     """As numpy does, where some are looked for twice: to rounding that sweeps let grow."""
     _, normal, _ = found_normals(monkeypatch, "ellipsoid", 250, 0)
-    with kernel.off():
+    with loading.off():
         _, other, _ = found_normals(monkeypatch, "ellipsoid", 250, 0)
     assert np.abs(normal - other).max() < 1e-9
 

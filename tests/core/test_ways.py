@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.kinds import Kind
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace
 from kiriko.core.light.ways import NOTHING, Tails, following
+from kiriko.core.native import loading
 from kiriko.core.rig import Blocker, Mirror
 from kiriko.core.settings import Settings
 from kiriko.core.steps import finish
@@ -31,7 +31,7 @@ PIXELS = np.array([[256.0, 256.0], [200.5, 301.0], [311.0, 180.0], [222.0, 222.0
 def ways_of(a_rig, xy=PIXELS, aim=1.0, way="kernel", **settings):
     plan = make_plan(a_rig, Settings(**settings))
     o, d = a_rig.viewer.rays(xy)
-    with kernel.off() if way == "numpy" else nullcontext():
+    with loading.off() if way == "numpy" else nullcontext():
         ways = finish(following(plan, o, d, np.full(len(xy), aim), TAILS))
         landings = trace(plan, o, d)
     kinds = [

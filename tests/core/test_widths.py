@@ -10,12 +10,12 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from kiriko.core import kernel
 from kiriko.core.light.landings import Reason
 from kiriko.core.map import widths
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
 from kiriko.core.map.widths import SAMPLES_AT_ONCE, WIDTHS
+from kiriko.core.native import loading
 from kiriko.core.steps import finish
 from known.rasterised import rasterise
 from known.reference_rigs import facetted_rig
@@ -269,7 +269,7 @@ def test_even_light_is_even_up_to_the_border():
 def test_numpy_spreads_them_alike():
     pytest.importorskip("kiriko_kernel")
     found = solve(facetted_rig(32))
-    with kernel.off():
+    with loading.off():
         other = solve(facetted_rig(32))
     for name in ("samples", "sample_area"):
         ours, theirs = (getattr(some.first.view_map, name) for some in (found, other))

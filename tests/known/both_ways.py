@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kiriko.core import kernel
 from kiriko.core.arrays import Bools, Floats, Ints
 from kiriko.core.light.hits import is_within
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.trace import Step, tracing
+from kiriko.core.native import loading
 from kiriko.core.steps import finish
 
 SAME = 1e-12  # of the rig's size: so close are ways that have been the same so far
@@ -37,7 +37,7 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
     """Follow rays (n, 3) both ways, event by event."""
     by_numpy: list[Step] = []
     by_kernel: list[Step] = []
-    with kernel.off():
+    with loading.off():
         finish(tracing(plan, origins, directions, steps=by_numpy))
     finish(tracing(plan, origins, directions, steps=by_kernel))
     n = len(origins)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core import kernel
+from kiriko.core.light.native import bisecting
 from kiriko.core.rig import Viewer
 
 
@@ -20,7 +20,7 @@ def counted_rays(viewer: Viewer) -> Iterator[NDArray[np.int64]]:
     """
     width, height = viewer.width, viewer.height
     counts = np.zeros((height + 1, width + 1), np.int64)
-    rays_of, bisect_of = Viewer.rays, kernel.bisect
+    rays_of, bisect_of = Viewer.rays, bisecting.bisect
 
     def count(xy: NDArray) -> None:
         column, row = np.clip(np.floor(xy), 0, (width, height)).astype(np.int64).T
@@ -30,20 +30,20 @@ def counted_rays(viewer: Viewer) -> Iterator[NDArray[np.int64]]:
         count(xy)
         return rays_of(viewer, xy)
 
-    def bisect(plan: object, edges: kernel.Halving) -> Iterator[int]:
+    def bisect(plan: object, edges: bisecting.Halving) -> Iterator[int]:
         ends = yield from bisect_of(plan, edges)
         for xy in _tried(edges, ends):
             count(xy)
         return ends
 
-    Viewer.rays, kernel.bisect = rays, bisect
+    Viewer.rays, bisecting.bisect = rays, bisect
     try:
         yield counts
     finally:
-        Viewer.rays, kernel.bisect = rays_of, bisect_of
+        Viewer.rays, bisecting.bisect = rays_of, bisect_of
 
 
-def _tried(edges: kernel.Halving, ends: kernel.Ends) -> Iterator[NDArray]:
+def _tried(edges: bisecting.Halving, ends: bisecting.Ends) -> Iterator[NDArray]:
     """The places (k, 2) that were tried one after the other: a place was on its branch where the
     last one is no nearer to the start.
     """

@@ -54,7 +54,7 @@ def test_solve_from_the_zip(rig: Path, installed: str) -> None:
     is not black, traced by the bundled kernel.
     """
     assert "compiled kernel" in solve()
-    loading = sys.modules[f"{installed}.core.kernel.loading"]
+    loading = sys.modules[f"{installed}.core.native.loading"]
     assert loading.find_library().is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
 
 

@@ -1,26 +1,23 @@
 """Layers as the kernel reads them: their triangles, curved faces and trees."""
 
 import ctypes
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays import Ints
-from ..glass.curved import CurvedFaces
-from ..glass.quartics import LOWER, TO_BEZIER
-from ..light.rescue import count_starts
-from ..steps import Pauses, finish
-from .structures import (
+from ...arrays import Ints
+from ...glass.curved import CurvedFaces
+from ...glass.quartics import LOWER, TO_BEZIER
+from ...native.structures import (
     CurvedStructure,
     LayerStructure,
     Made,
 )
+from ...steps import Pauses, finish
+from ..plan import PlannedLayer
+from ..ray_engine import Layer
+from ..rescue import count_starts
 from .trees import frames_of, has_face_tree, kept, making_face_tree, making_hull
-
-if TYPE_CHECKING:
-    from ..light.plan import PlannedLayer
-    from ..light.ray_engine import Layer
 
 _faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
 
@@ -51,7 +48,7 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
-def growing_trees(layer: "Layer") -> Pauses[None]:
+def growing_trees(layer: Layer) -> Pauses[None]:
     """Make the trees that every ray asks for in a layer."""
     if layer.has_engine and has_face_tree(layer):
         yield from making_face_tree(layer)
@@ -61,7 +58,7 @@ def growing_trees(layer: "Layer") -> Pauses[None]:
         yield 0
 
 
-def growing_faces(layer: "Layer", made: Made) -> Pauses[None]:
+def growing_faces(layer: Layer, made: Made) -> Pauses[None]:
     """Let a layer point to the tree over its faces, which is made if need be."""
     tree, facets = yield from making_face_tree(layer)
     made.set(over_faces=tree.structure)
@@ -69,7 +66,7 @@ def growing_faces(layer: "Layer", made: Made) -> Pauses[None]:
     made.keep(tree)
 
 
-def make_layer(held: "PlannedLayer", part: Ints) -> Made:
+def make_layer(held: PlannedLayer, part: Ints) -> Made:
     """A layer with its triangles' numbers in the plan, and the bits of its solids.
 
     part : (t,) of all triangles of the plan

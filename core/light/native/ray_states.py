@@ -1,15 +1,12 @@
 """The state of rays as the kernel reads and writes it."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from .structures import Made, RayStateStructure
-
-if TYPE_CHECKING:
-    from ..light.rays import Rays
+from ...arrays import Floats, Ints
+from ...native.structures import Made, RayStateStructure
+from ..rays import Rays
 
 LIGHTS = "imaged", "folded", "reflected"
 STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
@@ -45,7 +42,7 @@ class Ways:
         self.left_at[some] = -1
 
 
-def state_of(rays: "Rays", ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
+def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
     """State of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():

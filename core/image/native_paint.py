@@ -4,21 +4,18 @@
 
 import ctypes
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..free_memory import available
-from .loading import loaded, n_threads
-from .structures import TAP, LevelStructure, Made, StrokesStructure
-
-if TYPE_CHECKING:
-    from ..image.flat_picture import FlatWay
-    from ..image.reads import Reads
-    from ..map.shares import Shares
-
+from ..map.shares import Shares
+from ..native.image_passes import of_levels
+from ..native.loading import loaded, n_threads
+from ..native.structures import TAP, Made, StrokesStructure
+from .flat_picture import FlatWay
+from .reads import Reads
 
 STRIPE = 1024  # display pixels that a thread paints before it looks for others
 MOST_PIXELS = 1 << 31  # of a display whose taps are kept
@@ -38,9 +35,7 @@ class FlatStrokes:
     reads : how finely shares are read
     """
 
-    def __init__(
-        self, shares: "Shares", way: "FlatWay", size: tuple[int, int], reads: "Reads"
-    ) -> None:
+    def __init__(self, shares: Shares, way: FlatWay, size: tuple[int, int], reads: Reads) -> None:
         self.made = made = Made(StrokesStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
@@ -124,13 +119,3 @@ def _keep_taps(strokes: FlatStrokes, structures: ctypes.Array, n_pixels: int) ->
     np.subtract(ends, n, out=n)  # from here on the place of each pixel's next tap
     find(strokes.taps.ctypes.data)
     strokes.made = Made(StrokesStructure)
-
-
-def of_levels(levels: Sequence[NDArray[np.float32]]) -> ctypes.Array:
-    """The structures of a picture's sizes (h, w, 4) float32, rows in one piece."""
-    made = (LevelStructure * len(levels))()
-    for of_level, pixels in zip(made, levels, strict=True):
-        of_level.pixels = pixels.ctypes.data
-        of_level.height, of_level.width = pixels.shape[:2]
-        of_level.stride = pixels.strides[0] // pixels.itemsize
-    return made

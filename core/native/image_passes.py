@@ -1,13 +1,14 @@
 """Passes over all pixels of an image, to the same bits as numpy's."""
 
 import ctypes
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats
 from .loading import loaded, n_threads
-from .painting import of_levels
+from .structures import LevelStructure
 
 
 def decode(
@@ -60,3 +61,13 @@ def quantise(
     table = shift, number.ctypes.data, more.ctypes.data
     loaded().kiriko_quantise(values.ctypes.data, values.size, *table, out.ctypes.data, n_threads())
     return out
+
+
+def of_levels(levels: Sequence[NDArray[np.float32]]) -> ctypes.Array:
+    """The structures of a picture's sizes (h, w, 4) float32, rows in one piece."""
+    made = (LevelStructure * len(levels))()
+    for of_level, pixels in zip(made, levels, strict=True):
+        of_level.pixels = pixels.ctypes.data
+        of_level.height, of_level.width = pixels.shape[:2]
+        of_level.stride = pixels.strides[0] // pixels.itemsize
+    return made

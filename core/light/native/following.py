@@ -1,70 +1,15 @@
-"""The compiled kernel: follows rays, divides cells, paints
-shares, fits curved faces, one by one, not many at once.
-
-These are the ways of `trace.py`, `rasterise.py`, `source_image.py`
-and `surface_fit.py`, with the same slacks.
-
-It is a small library in C (the sources beside this file), brought as a wheel called `kiriko_kernel`
-and loaded by ctypes, which lets go of Python's lock during each call. numpy's way stays the
-reference, and takes the place of the kernel where there is none, where the environment has
-KIRIKO_KERNEL=off, and for what the kernel does not know.
-"""
+"""Rays that the compiled kernel follows to their ends, one by one."""
 
 import ctypes
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..steps import Pauses
-from .bisecting import Ends, Halving, bisect, can_bisect
-from .dividing import add, can_add, can_divide, divided, find_across
-from .fitting import Fit, agree, make_faces
-from .loading import library, loaded, n_threads, off, use_threads
-from .painting import FlatStrokes, paint
-from .pixels import decode, finish, halved, quantise
-from .plans import is_whole, left_out, made_of, making, making_whole
-from .states import STATE, Ways, state_of
-from .touching import Boxes
-from .trees import HullEngine
-
-if TYPE_CHECKING:
-    from ..light.plan import Plan
-    from ..light.rays import Rays
-
-__all__ = [
-    "STATE",
-    "Boxes",
-    "Ends",
-    "Fit",
-    "FlatStrokes",
-    "Halving",
-    "HullEngine",
-    "Ways",
-    "add",
-    "agree",
-    "bisect",
-    "can_add",
-    "can_bisect",
-    "can_divide",
-    "can_follow",
-    "decode",
-    "divided",
-    "find_across",
-    "finish",
-    "follow",
-    "halved",
-    "left_out",
-    "library",
-    "make_faces",
-    "making",
-    "n_threads",
-    "off",
-    "paint",
-    "quantise",
-    "recorded_at_once",
-    "state_of",
-    "use_threads",
-]
+from ...native.loading import library, loaded, n_threads
+from ...steps import Pauses
+from ..plan import Plan
+from ..rays import Rays
+from .plan_structures import is_whole, left_out, made_of, making_whole
+from .ray_states import Ways, state_of
 
 # events, and rays, between two pauses: less than 0.1 s of work
 EVENTS_AT_ONCE = 1 << 16
@@ -74,7 +19,7 @@ MOST_RECORDED = 1 << 26
 PLACE, WORD = 32, 8  # bytes of an event of a ray, in its way and in its course
 
 
-def can_follow(plan: "Plan", rays: "Rays", has_ways: bool) -> bool:
+def can_follow(plan: Plan, rays: Rays, has_ways: bool) -> bool:
     """Can the kernel follow these rays, and write down their ways if asked to?"""
     if library() is None or made_of(plan) is None:
         return False
@@ -82,7 +27,7 @@ def can_follow(plan: "Plan", rays: "Rays", has_ways: bool) -> bool:
     return len(rays.live) * per_event * (plan.settings.max_events + 1) <= MOST_RECORDED
 
 
-def recorded_at_once(plan: "Plan", most: int) -> int:
+def recorded_at_once(plan: Plan, most: int) -> int:
     """How many rays, at most, the kernel follows at once and writes down the ways or courses of;
     the given number where it follows none.
     """
@@ -91,7 +36,7 @@ def recorded_at_once(plan: "Plan", most: int) -> int:
     return min(most, max(1, MOST_RECORDED // (PLACE * (plan.settings.max_events + 1))))
 
 
-def follow(plan: "Plan", rays: "Rays", has_ways: bool) -> "Pauses[tuple[Ways | None, set[int]]]":
+def follow(plan: Plan, rays: Rays, has_ways: bool) -> Pauses[tuple[Ways | None, set[int]]]:
     """Follow rays to their ends, all of which are under way; yields how many ended since.
 
     Returns their ways, if asked to write them down, and the

@@ -4,40 +4,44 @@
 
 import ctypes
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints
+from ..native.loading import loaded, n_threads
+from ..native.structures import FitStructure, Made
 from ..steps import Pauses
-from .loading import loaded, n_threads
-from .structures import FitStructure, Made
-
-if TYPE_CHECKING:
-    from ..glass.agreement import Beside
-    from ..glass.vertex_fields import Fields
-    from ..glass.vertices import Vertices
+from .vertices import Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c
 SWEPT_AT_ONCE = 1 << 14  # of them, between two pauses
 
 
 class Fit:
-    """Vertices with frames of their own, over which the surface is a height field."""
+    """Vertices with frames of their own, over which the surface is a height field.
 
-    def __init__(self, v: "Vertices", fields: "Fields") -> None:
+    Parameters
+    ----------
+    axes : x and y (f, 3) of each vertex's frame, with its normal
+    size : (f,) m, the unit of each frame
+    is_rim : (f,)
+    """
+
+    def __init__(
+        self, v: Vertices, axes: tuple[Floats, Floats], size: Floats, is_rim: Bools
+    ) -> None:
         self._made = made = Made(FitStructure)
         for name, values in (
             ("at", v.at),
             ("normal", v.normal),
-            ("axis_x", fields.axis_x),
-            ("axis_y", fields.axis_y),
+            ("axis_x", axes[0]),
+            ("axis_y", axes[1]),
         ):
             made.point(name, values, float)
 
-        made.point("size", fields.size, float)
+        made.point("size", size, float)
         made.point("is_known", v.is_known, np.uint8)
-        made.point("is_rim", fields.is_rim, np.uint8)
+        made.point("is_rim", is_rim, np.uint8)
         made.point("first", v.first, np.int64)
         made.point("end", v.end, np.int64)
 
@@ -129,7 +133,7 @@ def make_faces(
 
 def agree(
     faces: Sequence[Floats],
-    beside: "Beside",
+    neighbours: tuple[Ints, Ints, Ints, Bools],
     weights: Sequence[Floats],
     least: float,
     some: slice,
@@ -139,6 +143,7 @@ def agree(
     how far these are off, (p, 9), as `agreement.agreeing`.
 
     faces : their normals (p, 15, 3), those of their vertices (p, 3, 3), and areas (p,)
+    neighbours : row (t,), triangle (p, 3), edge (p, 3) and is_drawn (p, 3) of `agreement.Beside`
     weights : (9, 3) of corners, in normals at nodes on edges; (3, 15) of changes at nodes and
         corners, in those inside
     least : changes inside that are less are none
@@ -146,10 +151,8 @@ def agree(
     first, last, _ = some.indices(len(faces[0]))
     given = [np.ascontiguousarray(a, float) for a in faces]
     given += [
-        np.ascontiguousarray(beside.row, np.int32),
-        np.ascontiguousarray(beside.triangle, np.int32),
-        np.ascontiguousarray(beside.edge, np.int8),
-        np.ascontiguousarray(beside.is_drawn, bool),
+        np.ascontiguousarray(values, dtype)
+        for values, dtype in zip(neighbours, (np.int32, np.int32, np.int8, bool), strict=True)
     ]
     given += [np.ascontiguousarray(a, float) for a in weights]
     addresses = (array.ctypes.data for array in given)

@@ -8,19 +8,19 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, taken
-from ..glass.curved import CurvedFaces
-from ..glass.meshes import Frames, boxes_of
-from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
-from ..light.asked import Asked
-from ..light.engines import Found
-from ..light.ray_engine import Layer
-from ..products import combine
-from ..steps import Pauses, finish
-from ..vectors import length_of
+from ...arrays import Floats, taken
+from ...glass.curved import CurvedFaces
+from ...glass.meshes import Frames, boxes_of
+from ...glass.quartics import LOWER, N_TERMS, TO_BEZIER
+from ...native.loading import loaded, n_threads
+from ...native.structures import HullStructure, Made
+from ...products import combine
+from ...steps import Pauses, finish
+from ...vectors import length_of
+from ..asked import Asked
+from ..engines import Found
+from ..ray_engine import Layer
 from .growing import making_tree
-from .loading import loaded, n_threads
-from .structures import HullStructure, Made
 
 BEZIER_AT_ONCE = 1 << 12  # faces
 BOXES_AT_ONCE = 1 << 16  # of triangles

@@ -2,29 +2,26 @@
 
 import ctypes
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays import Ints
-from ..glass.curved import CurvedFaces
-from ..light.plate import ArrayFrame
-from ..light.ray_engine import Layer
-from ..messages import Message
-from ..steps import Pauses
-from .layers import growing_faces, growing_trees, make_layer
-from .loading import MOST_LAYERS, library
-from .structures import (
+from ...arrays import Ints
+from ...glass.curved import CurvedFaces
+from ...messages import Message
+from ...native.loading import MOST_LAYERS, library
+from ...native.structures import (
     ArrayStructure,
     LayerStructure,
     Made,
     PlanStructure,
 )
+from ...steps import Pauses
+from ..plan import Plan, PlannedLayer
+from ..plate import ArrayFrame
+from ..ray_engine import Layer
+from .layer_structures import growing_faces, growing_trees, make_layer
 from .trees import kept
-
-if TYPE_CHECKING:
-    from ..light.plan import Plan, PlannedLayer
 
 FOR_EVER = 1 << 31  # events
 LAST_KIND = 4  # of those in kiriko.h: numpy follows rays that may meet others
@@ -49,14 +46,14 @@ def _make_array(frame: ArrayFrame) -> Made:
     return made
 
 
-def left_out(layers: Sequence["PlannedLayer"], kind: Ints) -> str | None:
+def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     """Why the kernel does not follow rays in a plan of these layers and parts of kinds (p,); None
     where it does.
     """
     return Message("it is not there") if library() is None else _unknown(layers, kind)
 
 
-def _unknown(layers: Sequence["PlannedLayer"], kind: Ints) -> str | None:
+def _unknown(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     if len(layers) > MOST_LAYERS:
         return Message("more than {n} layers", n=MOST_LAYERS)
     if kind.max() > LAST_KIND or any(
@@ -67,7 +64,7 @@ def _unknown(layers: Sequence["PlannedLayer"], kind: Ints) -> str | None:
     return None
 
 
-def _make_plan(plan: "Plan") -> Made | None:
+def _make_plan(plan: Plan) -> Made | None:
     if _unknown(plan.layers, plan.parts.kind) is not None:
         return None
 
@@ -121,7 +118,7 @@ OF_PARTS = {
 }
 
 
-def _point_to_tables(made: Made, plan: "Plan") -> None:
+def _point_to_tables(made: Made, plan: Plan) -> None:
     """Let a plan point to its tables of triangles and parts, media and boxes."""
     for table, columns in ((plan.triangles, OF_TRIANGLES), (plan.parts, OF_PARTS)):
         for name, dtype in columns.items():
@@ -136,7 +133,7 @@ def _point_to_tables(made: Made, plan: "Plan") -> None:
     made.set(n_open=len(plan.open_parts), n_aside=len(plan.aside.boxes))
 
 
-def _point_to_arrays(made: Made, plan: "Plan") -> None:
+def _point_to_arrays(made: Made, plan: Plan) -> None:
     """Let a plan point to its mirror arrays, and each part to its own."""
     array = np.full(len(plan.parts), -1)
     array[list(plan.arrays)] = np.arange(len(plan.arrays))
@@ -148,7 +145,7 @@ def _point_to_arrays(made: Made, plan: "Plan") -> None:
     made.set(arrays=ctypes.addressof(arrays))
 
 
-def _point_to_layers(made: Made, plan: "Plan") -> None:
+def _point_to_layers(made: Made, plan: Plan) -> None:
     """Let a plan point to its layers, and to the order in which they are asked."""
     layers = [make_layer(held, plan.triangles.part) for held in plan.layers]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
@@ -160,14 +157,14 @@ def _point_to_layers(made: Made, plan: "Plan") -> None:
     made.point("order", order, np.int64)
 
 
-def making(plan: "Plan") -> Pauses[None]:
+def making(plan: Plan) -> Pauses[None]:
     """Make a plan ready as `made_of` does, but with pauses."""
     if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
         for held in plan.layers:
             yield from growing_trees(held.layer)
 
 
-def making_whole(plan: "Plan") -> Pauses[None]:
+def making_whole(plan: Plan) -> Pauses[None]:
     """Make the trees that only lost rays ask for, and let a plan that is made point to them."""
     made = made_of(plan)
     structures = (LayerStructure * len(made.layers)).from_address(made.structure.layers)
@@ -184,6 +181,6 @@ def is_whole(made: Made) -> bool:
     )
 
 
-def made_of(plan: "Plan") -> Made | None:
+def made_of(plan: Plan) -> Made | None:
     """A plan as the kernel reads it, made once; None where it does not know it."""
     return kept(_plans, plan, lambda: _make_plan(plan))

@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..glass.meshes import Frames
-from ..steps import Pauses
-from .loading import loaded, n_threads
-from .structures import Made, PathsStructure, ThinPartsStructure
+from ...arrays import Bools, Floats, Ints
+from ...glass.meshes import Frames
+from ...native.loading import loaded, n_threads
+from ...native.structures import Made, PathsStructure, ThinPartsStructure
+from ...steps import Pauses
 from .trees import stack_frames
 
 MOST_BUNDLED = 32  # rays

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, columns_of
-from .loading import library, loaded, n_threads
-from .structures import DivisionStructure, Made, SumStructure
+from ..native.loading import library, loaded, n_threads
+from ..native.structures import DivisionStructure, Made, SumStructure
 
 LEAST_ROOM = 256  # shares
 GUESSED = 256  # cells at the least by which the shares of a lot are guessed

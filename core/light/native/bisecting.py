@@ -1,22 +1,20 @@
 """Looks for the last places of edges on their branches, as `bisection.py` does, edge by edge."""
 
 import ctypes
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from ..light.landings import Words
-from ..light.rays import Rays, ReachedError
-from ..steps import Pauses
-from ..viewer import Viewer
-from .loading import library, loaded, n_threads
-from .plans import made_of, making, making_whole
-from .states import state_of
-from .structures import HalvingStructure, Made
-
-if TYPE_CHECKING:
-    from ..light.plan import Plan
+from ...arrays import Floats, Ints
+from ...native.loading import library, loaded, n_threads
+from ...native.structures import HalvingStructure, Made
+from ...steps import Pauses
+from ...viewer import Viewer
+from ..landings import Words
+from ..plan import Plan
+from ..rays import Rays, ReachedError
+from .plan_structures import made_of, making, making_whole
+from .ray_states import state_of
 
 # events, and edges, between two pauses: about as much work as between those of rays
 EVENTS_AT_ONCE = 1 << 16
@@ -37,7 +35,7 @@ class Ends(NamedTuple):
     n_tried: Ints
 
 
-def can_bisect(plan: "Plan") -> bool:
+def can_bisect(plan: Plan) -> bool:
     """Can the kernel look for the ends of branches in a plan?"""
     return library() is not None and made_of(plan) is not None
 
@@ -59,7 +57,7 @@ class Halving(NamedTuple):
     least: float
 
 
-def bisect(plan: "Plan", edges: Halving) -> Pauses[Ends]:
+def bisect(plan: Plan, edges: Halving) -> Pauses[Ends]:
     """Bisect edges; yields how many rays were traced since.
 
     Raises
