@@ -1,6 +1,6 @@
 """Faces of glass that cut each other within one shell, or where one of them is open.
 
-A closed shell that cuts itself counts as one body (core/light/passed.py), which Cycles shows
+A closed shell that cuts itself counts as one body (core/light/layer_hits.py), which Cycles shows
 otherwise; nothing tells the inside of an open one that cuts another. Closed shells may overlap:
 each is a solid of its own.
 """

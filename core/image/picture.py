@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..arrays import Bools, Floats, in_blocks
 from ..glass.meshes import interpolate
 from ..light.hits import Hits
+from ..light.layer_hits import first_hits
 from ..light.ray_engine import Layer
 from ..messages import Message
 from ..rig import PicturePlace, Viewer
@@ -248,7 +249,7 @@ def _by_tracing(
     def accept(i: np.ndarray, hits: Hits) -> tuple[Bools, Bools]:
         return hits.distance > 0, np.zeros(len(i), bool)
 
-    hits = layer.first_hits(origins, directions, np.zeros(len(origins), bool), accept)
+    hits = first_hits(layer, origins, directions, np.zeros(len(origins), bool), accept)
     is_seen = hits.triangle >= 0
     seen = np.flatnonzero(is_seen)
     k = hits.triangle[is_seen]

@@ -3,7 +3,9 @@
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
+from ..glass.curved_roots import Lines
 from ..steps import Pauses
+from . import layer_hits
 from .contact import NEAR, in_order
 from .hits import Accept, Hits, Search, slab
 from .plan import Plan
@@ -99,9 +101,9 @@ def find_first_hits(
         # faces in one place are that far apart across, and further along the ray
         with np.errstate(divide="ignore"):
             searches[number].begin(live, nearest + max(tolerance, near) / cosine)
-        hits = yield from layer.find_first_hits(
-            origins,
-            directions,
+        hits = yield from layer_hits.find_first_hits(
+            layer,
+            Lines(origins, directions),
             sides.is_in(held.closed_bits),
             sides.of_layer(held.numbers, tolerance),
             sides.is_in(held.solid_bits) if has_sides else None,

@@ -5,26 +5,21 @@ the unmoved ray. Rays that it loses are looked for again in `rescue`.
 """
 
 from copy import copy
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ..arrays import FLOAT32, Bools, Floats, Ints
-from ..glass.curved import FACES_AT_ONCE, CurvedFaces
+from ..glass.curved import CurvedFaces
 from ..glass.curved_hits import find_roots
 from ..glass.curved_hull import Hull, making_hull
 from ..glass.curved_roots import Lines, Spots
 from ..glass.meshes import Frames, box_of
 from ..glass.motion import Motion
-from ..products import combine
-from ..steps import Pauses, finish
+from ..steps import finish
 from ..vectors import dot, normalise
 from .asked import Asked
 from .engines import Found
-from .hits import Accept, Hits, Question, Search, is_within, slab
-from .passed import Passed, enter_again
-from .rescue import rescue
+from .hits import Hits, is_within
 
 FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
 
@@ -85,68 +80,6 @@ class Layer:
         """Few flat triangles need no ray engine."""
         return self.n_triangles > FEW_TRIANGLES or self.curved is not None
 
-    def first_hits(self, *arguments: Any) -> Hits:
-        """First true hits of rays, found at once; parameters as for `find_first_hits`."""
-        return finish(self.find_first_hits(*arguments))
-
-    def find_first_hits(
-        self,
-        origins: Floats,
-        directions: Floats,
-        is_inside: Bools,
-        accept: Accept,
-        leaves: Bools | None = None,
-        search: Search | None = None,
-    ) -> Pauses[Hits]:
-        """First true hits of rays; pauses as often as work may be stopped.
-
-        Parameters
-        ----------
-        origins, directions : (n, 3) world, float64
-        is_inside : (n,) the ray is inside a closed solid of this layer, so that a miss cannot be
-        accept : which hits are true ones
-        leaves : (n,) the ray is inside a solid, so that only hits from
-            behind can be; None where not all are solids
-        search : how far the layer was searched before; None where all hits are to be found now
-        """
-        lines = Lines(origins, directions)
-        if self.motion is not None:
-            lines = Lines(*self.motion.back(origins, directions))
-        search = search or Search(len(origins))
-        question = Question(lines, accept, is_inside, leaves, search)
-        hits = yield from self._first_hits(question)
-        if self.motion is None:
-            return hits
-
-        turned = {
-            name: None if column is None else self.motion.directions(column)
-            for name, column in (("facing", hits.facing), ("normal", hits.normal))
-        }
-        return replace(hits, **turned)
-
-    def _first_hits(self, question: Question) -> Pauses[Hits]:
-        # rays that may meet the layer's box
-        lines = question.lines
-        hits = Hits.none(len(lines.origins), self.curved)
-        grown = self.bounds + np.array([[-self.tolerance], [self.tolerance]])
-        enter, leave = slab(grown, *lines)
-        may_hit = (enter <= np.minimum(leave, question.search.within)) & (leave >= 0)
-        rays = np.flatnonzero(may_hit | question.is_inside)
-        if not len(rays):
-            return hits
-
-        if not self.has_engine:
-            for first in range(0, len(rays), FACES_AT_ONCE):
-                self._test_all(question, rays[first : first + FACES_AT_ONCE], hits)
-            return hits
-
-        yield from self.asked.making_engine()
-        start = np.maximum(enter[rays], 0.0)
-        lost = yield from self._ask_engine(question, rays, start, hits)
-        if len(lost):
-            yield from self._rescue(question, lost, hits)
-        return hits
-
     def on_facets(self, k: Ints, origins: Floats, directions: Floats) -> Hits:
         """Where rays meet the planes of triangles k; not finite where they are parallel."""
         t = self.frames.distance(k, origins, directions)
@@ -174,44 +107,6 @@ class Layer:
         if self.curved is None:
             return is_flat_hit
         return is_flat_hit | (self.curved.row[hits.triangle] >= 0)
-
-    def _test_all(self, question: Question, rays: Ints, hits: Hits, may_pass: bool = True) -> None:
-        """Put the first true hits of some rays on few flat triangles, each of which is tested."""
-        o, d = question.lines.at(rays)
-        k = self.n_triangles
-        frames = self.frames
-
-        # distances and barycentric coordinates of all triangles at once, by products of matrices
-        axes = np.concatenate([frames.normal, frames.axis_u, frames.axis_v])
-        start = combine(axes, np.ascontiguousarray((o - self.centre).T))
-        start -= dot(np.tile(frames.corner - self.centre, (3, 1)), axes)[:, None]
-        slope = combine(axes, np.ascontiguousarray(d.T))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            t = -start[:k] / slope[:k]
-            u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
-            # a shell that cuts itself would seem to end before it does
-            within = np.where(question.is_inside[rays], np.inf, question.search.within[rays])
-            is_met = is_within(u, v) & (t > -self.tolerance) & (t <= within)
-            t[~is_met] = np.inf
-
-        # the nearest of each ray, then the next one for those where it is no true one
-        passed = Passed(question.is_inside, self.tolerance)
-        todo = np.arange(len(rays))
-        while len(todo):
-            nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
-            meets = np.isfinite(t[nearest, todo])
-            todo, nearest = todo[meets], nearest[meets]
-            found = self.on_facets(nearest, o[todo], d[todo])
-            is_true, is_wrong = question.accept(rays[todo], found)
-            if may_pass:
-                is_true, _ = passed.count(rays[todo], found, is_true, is_wrong)
-            hits.put(rays[todo[is_true]], found.at(is_true))
-            todo = todo[~is_true]
-            t[nearest[~is_true], todo] = np.inf
-
-        # where the numbers of faces do not come out even no shell cuts itself
-        if len(lost := passed.some_of(rays[hits.triangle[rays] < 0])):
-            self._test_all(question, lost, hits, may_pass=False)
 
     def shoot(self, lines: Lines, start: Floats) -> tuple[Found, Floats]:
         """The triangles that the engine finds from `start` on,
@@ -244,55 +139,3 @@ class Layer:
         some, is_met[bent] = self.on_curved(spots.at(bent), lines.at(bent), of_bent)
         hits.put(bent, some)
         return hits, is_met
-
-    def _ask_engine(
-        self, question: Question, rays: Ints, start: Floats, hits: Hits
-    ) -> Pauses[Ints]:
-        """Put the hits that the engine finds; return the rays that must have hit something else."""
-        ended, passed = [], Passed(question.is_inside, self.tolerance)
-        # far rays begin a little before the box, near ones ahead, beyond the face they come from
-        step = np.full(len(rays), 3 * FLOAT32 * self.radius)
-        start = np.where(start > 0, start - 2 * self.tolerance, step)
-        start, step = question.search.resume(rays, start, step)
-        asked_of = rays
-        while len(rays):
-            # the triangles that the engine finds; a ray within a solid has to meet one
-            lines = question.lines.at(rays)
-            found, far = self.shoot(lines, start)
-            hit = found.triangle >= 0
-            ended.append(rays[~hit])
-            again = np.zeros(len(rays), bool)
-            if self.curved is not None and question.leaves is not None:
-                only_leaves = self.asked.are_left(found, lines.directions, far / self.radius)
-                again = hit & ~question.leaves[rays] & only_leaves
-                hit &= ~again
-
-            # where exactly, and is it a true hit?
-            if len(asked := rays[hit]):
-                lines = lines if hit.all() else lines.at(hit)
-                some, is_met = self.refine(found, hit, lines, question.leaves_at(asked))
-                enter_again(self, question, asked, (found, hit, far), (some, is_met), passed)
-                is_true, is_wrong = np.zeros((2, len(asked)), bool)
-                is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
-                is_true, passes = passed.count(asked, some, is_true, is_wrong)
-                if passes is not None:
-                    step[hit] = np.where(passes, 3 * FLOAT32 * self.radius, step[hit])
-                hits.put(asked[is_true], some.at(is_true))
-
-                # the others go on; the true hit may lie a little further than the engine has it
-                again[hit] = ~is_true
-                if self.curved is None:
-                    is_there = np.isfinite(some.distance)
-                    far[hit] = np.where(is_there, np.fmax(some.distance, far[hit]), far[hit])
-
-            # doubling: the loop ends once the ray has left the box
-            start = np.maximum(far + step, start + step)[again]
-            rays = rays[again]
-            step = 2 * step[again]
-            yield 0
-            if not len(passed.some_of(rays)) and question.search.put_off(rays, start, step):
-                break
-        return question.search.lost(asked_of, passed.lost(ended))
-
-    def _rescue(self, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
-        yield from rescue(self, question, rays, hits)

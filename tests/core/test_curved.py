@@ -18,10 +18,11 @@ from kiriko.core.glass.paraboloids import Paraboloids
 from kiriko.core.glass.quartics import POWERS, grid
 from kiriko.core.glass.surfaces import make_surface, making_surface
 from kiriko.core.glass.tessellate import count_parts, tessellate
-from kiriko.core.light import rescue
+from kiriko.core.light import layer_hits
 from kiriko.core.light.asked import LeavingKnobs
 from kiriko.core.light.hits import Hits, Question
 from kiriko.core.light.landings import Reason
+from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
@@ -726,7 +727,8 @@ def test_every_ray_from_inside_meets_the_surface(name):
 
     for origin in ([0, 0, 0], [0.003, 0.001, -0.002]):
         d = unit(np.concatenate([targets - origin, random.normal(size=(20_000, 3))]))
-        hits = layer.first_hits(
+        hits = first_hits(
+            layer,
             np.tile(np.array(origin, float), (len(d), 1)),
             d,
             np.ones(len(d), bool),
@@ -747,10 +749,10 @@ def test_rescued_rays_meet_what_others_meet(name):
     surface = make_surface(mesh)
     layer = Layer(surface.corners, surface.curved)
     o, d = (x[-1000:] for x in aimed(mesh, 1000))
-    found = layer.first_hits(o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
+    found = first_hits(layer, o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
     question = Question(Lines(o, d), entering, leaves=np.zeros(len(o), bool))
 
-    for way in (rescue.rescue, rescue.ask_all_triangles):
+    for way in (layer_hits.rescue, layer_hits.ask_all_triangles):
         other = Hits.none(len(o), surface.curved)
         finish(way(layer, question, np.arange(len(o)), other))
         assert np.array_equal(other.triangle, found.triangle)
@@ -819,8 +821,13 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
         d = d[some]
         reach = reach[some]
 
-    hits = Layer(surface.corners, surface.curved).first_hits(
-        o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
+    hits = first_hits(
+        Layer(surface.corners, surface.curved),
+        o,
+        d,
+        np.zeros(len(o), bool),
+        entering,
+        np.zeros(len(o), bool),
     )
 
     assert (hits.distance > reach).sum() == 0
@@ -838,8 +845,13 @@ def test_rays_beyond_the_outline_meet_nothing(name):
     away = unit(np.cross(d, random.normal(size=d.shape)))
     beyond = 1.2 * error + np.exp(random.uniform(np.log(1e-9), np.log(1e-3), len(d)))
     o = (RADIUS + beyond)[:, None] * away - 0.2 * d
-    hits = Layer(surface.corners, surface.curved).first_hits(
-        o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool)
+    hits = first_hits(
+        Layer(surface.corners, surface.curved),
+        o,
+        d,
+        np.zeros(len(o), bool),
+        entering,
+        np.zeros(len(o), bool),
     )
 
     assert (hits.triangle < 0).all()
@@ -861,7 +873,7 @@ def test_light_runs_along_the_surface_inside(name):
     o = 0.5 * (1 + np.cos(np.linspace(0.03, 0.15, len(d))))[:, None] * (RADIUS - 2 * error) * up
 
     for _ in range(30):
-        hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
+        hits = first_hits(layer, o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
         assert np.isfinite(hits.distance).all()
         o = o + hits.distance[:, None] * d
         assert np.abs(judge(o)[0]).max() < 1.2 * error + 1e-12
@@ -883,7 +895,7 @@ def test_the_outline_of_a_cavity_is_found():
     reach = 0.9 * np.sqrt((0.99 * RADIUS) ** 2 - (inner - depth) ** 2)  # from a place in the glass
     o = (inner - depth)[:, None] * up - reach[:, None] * d
     layer = Layer(surface.corners, surface.curved)
-    hits = layer.first_hits(o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
+    hits = first_hits(layer, o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
 
     assert (hits.distance > reach).sum() == 0
     half_chord = np.sqrt(inner**2 - (inner - depth) ** 2)
@@ -1170,8 +1182,11 @@ def test_flat_rigs_are_untouched():
     a_rig = cube_rig()
     surface = make_surface(a_rig.glasses[0].mesh)
     assert surface.curved is None
-    hits = Layer(surface.corners, surface.curved).first_hits(
-        *a_rig.viewer.rays(np.array([[256.0, 256.0]])), np.zeros(1, bool), entering
+    hits = first_hits(
+        Layer(surface.corners, surface.curved),
+        *a_rig.viewer.rays(np.array([[256.0, 256.0]])),
+        np.zeros(1, bool),
+        entering,
     )
     assert hits.facing is None
     assert hits.triangle[0] >= 0
@@ -1278,7 +1293,7 @@ def test_an_open_sheet_is_met_from_both_sides():
         b = (o * d).sum(axis=1)
         c = (o * o).sum(axis=1) - RADIUS**2
         exact = -b + sign * np.sqrt(b * b - c)
-        hits = layer.first_hits(o, d, np.zeros(len(o), bool), any_ahead)
+        hits = first_hits(layer, o, d, np.zeros(len(o), bool), any_ahead)
         assert (hits.enters == (sign < 0)).all()
         np.testing.assert_allclose(hits.distance, exact, rtol=0, atol=1e-8)
         at = o + exact[:, None] * d

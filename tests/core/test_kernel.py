@@ -34,7 +34,7 @@ from kiriko.core.image import native_paint, outline, picture, reads, source_imag
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
-from kiriko.core.light import asked, media, plate, ray_engine, rescue, thin_parts, trace
+from kiriko.core.light import asked, layer_hits, media, plate, ray_engine, thin_parts, trace
 from kiriko.core.light.engines import Embree
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
@@ -1223,7 +1223,7 @@ def painted(a_picture, viewer, shares, tolerance=0.1):
     painting = Painting(shares.display_size)
     strokes = find_strokes(a_picture.place, viewer, shares, reads.reads_at(tolerance))
     painting.add(Pyramid(a_picture.image), strokes)
-    return native_paint._total
+    return painting._total
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -1364,7 +1364,7 @@ def test_a_picture_that_is_not_flat_is_left_to_numpy():
     with loading.off():
         painting.add(Pyramid(image), strokes)
 
-    assert native_paint._total.any()
+    assert painting._total.any()
 
 
 def shaken(mesh, by):
@@ -1514,8 +1514,8 @@ def test_the_environment_switches_it_off():
 
 SHARING = (
     *(asked, curved, curved_roots, native_fit, loading, media, picture, plate, ray_engine, reads),
-    *(rescue, quartics, native_paint, cells_module, structures, fitted_faces, thin_parts, touching),
-    *(vertex_fields, source_image),
+    *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, thin_parts),
+    *(touching, vertex_fields, source_image),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

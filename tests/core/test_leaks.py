@@ -11,9 +11,9 @@ import pytest
 from bench.judge import SHAPES, START, aims_at, leak_cases, leaks_of
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.solids import contains
+from kiriko.core.light import layer_hits
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
-from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig import Mesh
@@ -44,7 +44,7 @@ def test_no_ray_at_a_vertex_or_edge_escapes(size):
 
 def test_without_its_rescue_the_ray_engine_leaks(monkeypatch):
     """The test can fail: Embree's own answer loses rays at vertices and edges."""
-    monkeypatch.setattr(Layer, "_rescue", lambda *_: ())
+    monkeypatch.setattr(layer_hits, "rescue", lambda *_: ())
     mesh = icosphere(0.025, 4, smooth=False)
     with loading.off():
         found = leaks_of("ball", mesh)

@@ -10,7 +10,7 @@ import pytest
 
 from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light import rescue
+from kiriko.core.light import layer_hits
 from kiriko.core.light.hits import Hits, Question
 from kiriko.core.light.ray_engine import Layer
 from known.reference_rigs import lathed
@@ -37,7 +37,7 @@ def test_lost_rays_are_looked_for_in_pieces():
     question = Question(Lines(origins, away), accept, leaves=np.ones(5000, bool))
     tracemalloc.start()
     try:
-        steps = sum(1 for _ in rescue.ask_all_triangles(layer, question, rays, hits))
+        steps = sum(1 for _ in layer_hits.ask_all_triangles(layer, question, rays, hits))
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -50,7 +50,9 @@ def test_lost_rays_are_looked_for_in_pieces():
 @pytest.mark.parametrize("pairs_at_once", [1, 50, 1 << 13])
 def test_of_faces_in_one_place_the_first_by_number_is_met(monkeypatch, pairs_at_once):
     """However many pairs are tested together, and whichever rays are asked with a ray."""
-    monkeypatch.setattr(rescue, "RESCUE", replace(rescue.RESCUE, near_at_once=pairs_at_once))
+    monkeypatch.setattr(
+        layer_hits, "RESCUE", replace(layer_hits.RESCUE, near_at_once=pairs_at_once)
+    )
     random = np.random.default_rng(0)
     some = random.normal(size=(40, 3, 3))
     layer = Layer(np.concatenate([some, some[::-1]]))
@@ -64,7 +66,7 @@ def test_of_faces_in_one_place_the_first_by_number_is_met(monkeypatch, pairs_at_
     def met(rays):
         hits = Hits.none(40, None)
         question = Question(Lines(origins, away), accept)
-        for _ in rescue.ask_all_triangles(layer, question, rays, hits):
+        for _ in layer_hits.ask_all_triangles(layer, question, rays, hits):
             pass
         return hits.triangle[rays]
 

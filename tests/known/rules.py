@@ -14,7 +14,6 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.rig import Glass, Rig
 from kiriko.core.settings import Settings
 from kiriko.core.solve.reach import out_of_sight
-from kiriko.core.steps import Pauses
 
 from .reference_rigs import box, cube_rig, mean_normals, rig, uv_ellipsoid
 
@@ -78,13 +77,9 @@ class Always:
     def __getattr__(self, name: str) -> object:
         return getattr(self._layer, name)
 
-    def find_first_hits(self, *arguments: object) -> Pauses[ray_engine.Hits]:
-        few = ray_engine.FEW_TRIANGLES
-        ray_engine.FEW_TRIANGLES = 0
-        try:
-            return (yield from self._layer.find_first_hits(*arguments))
-        finally:
-            ray_engine.FEW_TRIANGLES = few
+    @property
+    def has_engine(self) -> bool:
+        return True
 
 
 class After:

@@ -14,9 +14,9 @@ from ...native.structures import (
     Made,
 )
 from ...steps import Pauses, finish
+from ..layer_hits import count_starts
 from ..plan import PlannedLayer
 from ..ray_engine import Layer
-from ..rescue import count_starts
 from .trees import frames_of, has_face_tree, kept, making_face_tree, making_hull
 
 _faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()

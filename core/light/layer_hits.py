@@ -1,0 +1,453 @@
+"""The first hits of rays in one layer: by its ray engine, or by a test of each of few triangles.
+
+- A shell may cut itself. All that it winds around, once or more, is glass: a ray within it counts
+  the faces that it enters and leaves, and passes by them, until it has left one more than it has
+  entered. There it leaves the glass.
+- A ray engine loses some of the rays that are aimed at vertices and edges. Rays beside the lost one
+  tell which triangles are near. Only where none of those is met every triangle is tested in
+  float64, as far as a budget goes.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import FLOAT32, Bools, Floats, Ints, taken
+from ..glass.curved import FACES_AT_ONCE
+from ..glass.curved_hits import are_in_boxes, pass_by
+from ..glass.curved_roots import ROOTS, Lines, Spots
+from ..glass.meshes import spheres_of
+from ..products import combine
+from ..steps import Pauses, finish
+from ..vectors import dot
+from .engines import Found
+from .hits import Accept, Hits, Question, Search, is_within, slab
+from .ray_engine import Layer
+
+
+def first_hits(layer: Layer, origins: Floats, directions: Floats, *arguments: Any) -> Hits:
+    """First true hits of rays, found at once; parameters as for `find_first_hits`."""
+    return finish(find_first_hits(layer, Lines(origins, directions), *arguments))
+
+
+def find_first_hits(
+    layer: Layer,
+    lines: Lines,
+    is_inside: Bools,
+    accept: Accept,
+    leaves: Bools | None = None,
+    search: Search | None = None,
+) -> Pauses[Hits]:
+    """First true hits of rays; pauses as often as work may be stopped.
+
+    Parameters
+    ----------
+    lines : origins and directions (n, 3) in the world, float64
+    is_inside : (n,) the ray is inside a closed solid of this layer, so that a miss cannot be
+    accept : which hits are true ones
+    leaves : (n,) the ray is inside a solid, so that only hits from
+        behind can be; None where not all are solids
+    search : how far the layer was searched before; None where all hits are to be found now
+    """
+    search = search or Search(len(lines.origins))
+    if layer.motion is not None:
+        lines = Lines(*layer.motion.back(*lines))
+    question = Question(lines, accept, is_inside, leaves, search)
+    hits = yield from _first_hits(layer, question)
+    if layer.motion is None:
+        return hits
+
+    turned = {
+        name: None if column is None else layer.motion.directions(column)
+        for name, column in (("facing", hits.facing), ("normal", hits.normal))
+    }
+    return replace(hits, **turned)
+
+
+def _first_hits(layer: Layer, question: Question) -> Pauses[Hits]:
+    # rays that may meet the layer's box
+    lines = question.lines
+    hits = Hits.none(len(lines.origins), layer.curved)
+    grown = layer.bounds + np.array([[-layer.tolerance], [layer.tolerance]])
+    enter, leave = slab(grown, *lines)
+    may_hit = (enter <= np.minimum(leave, question.search.within)) & (leave >= 0)
+    rays = np.flatnonzero(may_hit | question.is_inside)
+    if not len(rays):
+        return hits
+
+    if not layer.has_engine:
+        for first in range(0, len(rays), FACES_AT_ONCE):
+            _test_all(layer, question, rays[first : first + FACES_AT_ONCE], hits)
+        return hits
+
+    yield from layer.asked.making_engine()
+    start = np.maximum(enter[rays], 0.0)
+    lost = yield from _ask_engine(layer, question, rays, start, hits)
+    if len(lost):
+        yield from rescue(layer, question, lost, hits)
+    return hits
+
+
+def _test_all(
+    layer: Layer, question: Question, rays: Ints, hits: Hits, may_pass: bool = True
+) -> None:
+    """Put the first true hits of some rays on few flat triangles, each of which is tested."""
+    o, d = question.lines.at(rays)
+    k = layer.n_triangles
+    frames = layer.frames
+
+    # distances and barycentric coordinates of all triangles at once, by products of matrices
+    axes = np.concatenate([frames.normal, frames.axis_u, frames.axis_v])
+    start = combine(axes, np.ascontiguousarray((o - layer.centre).T))
+    start -= dot(np.tile(frames.corner - layer.centre, (3, 1)), axes)[:, None]
+    slope = combine(axes, np.ascontiguousarray(d.T))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t = -start[:k] / slope[:k]
+        u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
+        # a shell that cuts itself would seem to end before it does
+        within = np.where(question.is_inside[rays], np.inf, question.search.within[rays])
+        is_met = is_within(u, v) & (t > -layer.tolerance) & (t <= within)
+        t[~is_met] = np.inf
+
+    # the nearest of each ray, then the next one for those where it is no true one
+    passed = Passed(question.is_inside, layer.tolerance)
+    todo = np.arange(len(rays))
+    while len(todo):
+        nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
+        meets = np.isfinite(t[nearest, todo])
+        todo, nearest = todo[meets], nearest[meets]
+        found = layer.on_facets(nearest, o[todo], d[todo])
+        is_true, is_wrong = question.accept(rays[todo], found)
+        if may_pass:
+            is_true, _ = passed.count(rays[todo], found, is_true, is_wrong)
+        hits.put(rays[todo[is_true]], found.at(is_true))
+        todo = todo[~is_true]
+        t[nearest[~is_true], todo] = np.inf
+
+    # where the numbers of faces do not come out even no shell cuts itself
+    if len(lost := passed.some_of(rays[hits.triangle[rays] < 0])):
+        _test_all(layer, question, lost, hits, may_pass=False)
+
+
+def _ask_engine(
+    layer: Layer, question: Question, rays: Ints, start: Floats, hits: Hits
+) -> Pauses[Ints]:
+    """Put the hits that the engine finds; return the rays that must have hit something else."""
+    ended, passed = [], Passed(question.is_inside, layer.tolerance)
+    # far rays begin a little before the box, near ones ahead, beyond the face they come from
+    step = np.full(len(rays), 3 * FLOAT32 * layer.radius)
+    start = np.where(start > 0, start - 2 * layer.tolerance, step)
+    start, step = question.search.resume(rays, start, step)
+    asked_of = rays
+    while len(rays):
+        # the triangles that the engine finds; a ray within a solid has to meet one
+        lines = question.lines.at(rays)
+        found, far = layer.shoot(lines, start)
+        hit = found.triangle >= 0
+        ended.append(rays[~hit])
+        again = np.zeros(len(rays), bool)
+        if layer.curved is not None and question.leaves is not None:
+            only_leaves = layer.asked.are_left(found, lines.directions, far / layer.radius)
+            again = hit & ~question.leaves[rays] & only_leaves
+            hit &= ~again
+
+        # where exactly, and is it a true hit?
+        if len(asked := rays[hit]):
+            lines = lines if hit.all() else lines.at(hit)
+            some, is_met = layer.refine(found, hit, lines, question.leaves_at(asked))
+            enter_again(layer, question, asked, (found, hit, far), (some, is_met), passed)
+            is_true, is_wrong = np.zeros((2, len(asked)), bool)
+            is_true[is_met], is_wrong[is_met] = question.accept(asked[is_met], some.at(is_met))
+            is_true, passes = passed.count(asked, some, is_true, is_wrong)
+            if passes is not None:
+                step[hit] = np.where(passes, 3 * FLOAT32 * layer.radius, step[hit])
+            hits.put(asked[is_true], some.at(is_true))
+
+            # the others go on; the true hit may lie a little further than the engine has it
+            again[hit] = ~is_true
+            if layer.curved is None:
+                is_there = np.isfinite(some.distance)
+                far[hit] = np.where(is_there, np.fmax(some.distance, far[hit]), far[hit])
+
+        # doubling: the loop ends once the ray has left the box
+        start = np.maximum(far + step, start + step)[again]
+        rays = rays[again]
+        step = 2 * step[again]
+        yield 0
+        if not len(passed.some_of(rays)) and question.search.put_off(rays, start, step):
+            break
+    return question.search.lost(asked_of, passed.lost(ended))
+
+
+class Passed:
+    """The faces of such shells that rays have passed, met one after the other."""
+
+    def __init__(self, is_inside: Bools, tolerance: float) -> None:
+        """Of rays (n,), inside a closed solid or not.
+
+        tolerance : m, a face that is no further from the one before is the same
+        """
+        self._is_inside = is_inside
+        self._tolerance = tolerance
+        # of each ray, once there are some: faces entered more than left, how far the last is, and
+        # its triangle, -1 where by itself it could not be met
+        self._deeper: Ints | None = None
+        self._distance: Floats | None = None
+        self._triangle: Ints | None = None
+        self._doubted: list[Ints] = []  # rays outside with a hit that cannot be
+
+    def count(
+        self, rays: Ints, hits: Hits, is_true: Bools, is_wrong: Bools
+    ) -> tuple[Bools, Bools | None]:
+        """Which hits (m,) of rays (m,) are true ones, with those passed, and which are passed now,
+        None for none.
+
+        is_true, is_wrong : (m,) are they true ones, or such that cannot be, of shells that do not
+            cut themselves
+        """
+        if self._deeper is None and not is_wrong.any():
+            return is_true, None
+
+        is_inside = self._is_inside[rays]
+        enters = is_wrong & is_inside
+        self._doubted.append(rays[is_wrong & ~is_inside])
+        if self._deeper is None:
+            self._deeper = np.zeros(len(self._is_inside), np.int64)
+            self._distance = np.full(len(self._is_inside), -np.inf)
+            self._triangle = np.full(len(self._is_inside), -1)
+
+        deeper, last = self._deeper[rays], self._triangle[rays]
+        further = hits.distance - self._distance[rays]
+        is_here = np.abs(further) <= self._tolerance
+
+        # the same face may be met behind several triangles of the hull,
+        # and rounding may change the order of two faces in one place
+        is_same = is_here & (hits.triangle == last)
+        is_swapped = is_here & (last < 0) & (deeper == 1)
+        leaves = is_true & (deeper > 0) & ~is_swapped
+
+        passes = (enters | leaves) & (further > self._tolerance)
+        self._deeper[rays[passes]] = (deeper + np.where(enters, 1, -1))[passes]
+        self._distance[rays[passes]] = hits.distance[passes]
+        self._triangle[rays[passes]] = np.where(enters, -1, hits.triangle)[passes]
+        return is_true & ~leaves & ~is_same, passes
+
+    def last(self, rays: Ints) -> Floats:
+        """How far the last face is that each of rays (m,) has passed, m, -inf for none."""
+        return np.full(len(rays), -np.inf) if self._distance is None else self._distance[rays]
+
+    def some_of(self, rays: Ints) -> Ints:
+        """Those of rays (m,) that have passed a face."""
+        return rays[:0] if self._distance is None else rays[np.isfinite(self._distance[rays])]
+
+    def lost(self, ended: list[Ints]) -> Ints:
+        """The rays that must have met another face: outside, those with a hit that cannot be;
+        within, those among the ones that have ended without a hit.
+        """
+        ended = np.concatenate([np.empty(0, np.int64), *ended])
+        return np.concatenate([ended[self._is_inside[ended]], *self._doubted])
+
+
+def enter_again(
+    layer: Layer,
+    question: Question,
+    rays: Ints,
+    shot: tuple[Found, Bools, Floats],
+    hits: tuple[Hits, Bools],
+    passed: Passed,
+) -> None:
+    """Put hits where rays (m,) within the glass enter it, beside those where they leave it.
+
+    shot : what the engine has found, for which of its rays (n,), m of them, and how far (n,), m
+    hits : where they meet the layer, and whether they do (m,)
+    """
+    if layer.curved is None or question.leaves is None:
+        return
+    found, chosen, far = shot
+    some, is_met = hits
+    enters = dot(taken(question.lines.directions, rays), taken(found.normal, chosen)) < 0
+    enters &= question.leaves[rays] & question.is_inside[rays]
+    # what is entered lies behind the hull: not where the ray leaves before
+    asked = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))
+    if len(asked):
+        which = np.flatnonzero(chosen)[asked]
+        from_outside = np.zeros(len(asked), bool)
+        more, is_more = layer.refine(found, which, question.lines.at(rays[asked]), from_outside)
+        # before the ray leaves around there, and no face that it has passed
+        t = more.distance
+        is_more &= more.enters & (t > np.maximum(passed.last(rays[asked]), 0.0) + layer.tolerance)
+        is_more &= ~(is_met[asked] & (some.distance[asked] < t))
+        some.put(asked[is_more], more.at(is_more))
+        is_met[asked[is_more]] = True
+
+
+@dataclass(frozen=True)
+class RescueKnobs:
+    """How lost rays are looked for; numbers that decide a hit are the kernel's, too (kiriko.h).
+
+    Parameters
+    ----------
+    beside : rays shot beside one that was lost
+    wider : barycentric slack for a ray that met nothing: it runs along a face, whose plane it meets
+        far beside; tuned by `dev.py judge`, at fifty digits
+    many_triangles : from here on a curved face is searched from one place only: a ray that grazes
+        can meet a large face twice, but not a small one
+    most_tests : pairs of rays and triangles that may be tested in one call: a few seconds
+    pairs_at_once : of rays and triangles that are looked over together: about 10 MB
+    near_at_once : pairs of rays and faces near them whose hits are found together: about 20 MB, and
+        0.05 s, so that Esc is heard
+    """
+
+    beside: int = 6
+    wider: float = 1e-6
+    many_triangles: int = 10_000
+    most_tests: int = 20_000_000
+    pairs_at_once: int = 1 << 18
+    near_at_once: int = 1 << 13
+
+
+RESCUE = RescueKnobs()
+
+
+def count_starts(n_triangles: int) -> int:
+    """From how many places each curved face of a layer of so many triangles is searched."""
+    return len(ROOTS.starts) if n_triangles < RESCUE.many_triangles else 1
+
+
+class _Nearest:
+    """The nearest true hits, as far as they are found, of some rays of a question."""
+
+    def __init__(self, layer: Layer, question: Question, rays: Ints) -> None:
+        self.rays = rays
+        self.hits = Hits.none(len(rays), layer.curved)
+        self._least = -layer.tolerance
+        self._accept = question.accept
+
+    def keep(self, i: Ints, found: Hits, is_met: Bools | None = None) -> None:
+        """Keep hits found for rays of numbers i (n,) among these where they are nearer.
+
+        Of faces at the same distance the first by number counts, whichever is found first.
+        """
+        mine = self.hits.distance[i]
+        is_nearer = (found.distance > self._least) & (
+            (found.distance < mine)
+            | (found.distance == mine) & (found.triangle < self.hits.triangle[i])
+        )
+        good = np.flatnonzero(is_nearer if is_met is None else is_met & is_nearer)
+        good = good[self._accept(self.rays[i[good]], found.at(good))[0]]
+        # nearest last, so that it is the one that stays
+        good = good[np.lexsort((-found.triangle[good], -found.distance[good]))]
+        self.hits.put(i[good], found.at(good))
+
+    def put_into(self, hits: Hits) -> Ints:
+        """Put them among the hits of all rays; return the rays that have none."""
+        is_found = self.hits.triangle >= 0
+        hits.put(self.rays[is_found], self.hits.at(is_found))
+        return self.rays[~is_found]
+
+
+def rescue(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
+    """Put hits that the engine missed, found in float64, for lost rays (n,)."""
+    o, d = question.lines.at(rays)
+
+    # rays in a ring around each, a few float32 steps aside
+    aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    upward = np.cross(d, aside)
+    angle = 2 * np.pi * np.arange(RESCUE.beside)[:, None, None] / RESCUE.beside
+    moved = o + 8 * FLOAT32 * layer.radius * (np.cos(angle) * aside + np.sin(angle) * upward)
+
+    nearest = _Nearest(layer, question, rays)
+    yield from _ask_beside(layer, question, moved.reshape(-1, 3), nearest)
+    left = nearest.put_into(hits)
+    yield from ask_all_triangles(layer, question, left, hits)
+
+
+def _ask_beside(
+    layer: Layer, question: Question, beside: Floats, nearest: _Nearest
+) -> Pauses[None]:
+    """Keep the nearest true hit of rays among all triangles
+    that rays beside them (m n, 3), m of each, meet.
+    """
+    lines = question.lines.at(nearest.rays)
+    row = np.tile(np.arange(len(nearest.rays)), len(beside) // len(nearest.rays))
+    step = np.full(len(row), 3 * FLOAT32 * layer.radius)
+    start = -2 * step
+
+    while len(row):
+        found, far = layer.shoot(Lines(beside, lines.directions[row]), start)
+        met = found.triangle >= 0
+        beside, row, start, step, far = (x[met] for x in (beside, row, start, step, far))
+
+        some, is_met = layer.refine(found, met, lines.at(row), None)
+        nearest.keep(row, some, is_met & layer.is_on_face(some))
+
+        # doubling: the loop ends once the ray has left the box
+        start = np.maximum(far, start) + step
+        step = 2 * step
+        yield 0
+
+
+def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
+    """Test rays (n,) against every triangle, as far as the budget goes."""
+    if not len(rays):
+        return
+
+    budget = max(1, RESCUE.most_tests // layer.n_triangles)
+    per_chunk = max(1, RESCUE.pairs_at_once // layer.n_triangles)
+    nearest = _Nearest(layer, question, rays[:budget])
+    lines = question.lines.at(nearest.rays)
+    spheres = spheres_of(layer.corners) if layer.curved is None else layer.curved.spheres
+    yield 0
+    near: list[tuple[Ints, Ints]] = []
+
+    for first in range(0, len(nearest.rays), per_chunk):
+        i, k = pass_by(spheres, lines.at(slice(first, first + per_chunk)))
+        near.append((first + i, k))
+        yield 0
+        # those of several chunks are tested together
+        is_last = first + per_chunk >= len(nearest.rays)
+        if is_last or sum(len(i) for i, _ in near) >= RESCUE.near_at_once:
+            i, k = (np.concatenate(column) for column in zip(*near, strict=True))
+            yield from _test(layer, question, nearest, i, k)
+            near = []
+
+    nearest.put_into(hits)
+
+
+def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints) -> Pauses[None]:
+    """Keep the nearest true hits of rays of numbers i (m,) among these on triangles k (m,)."""
+    lines = question.lines.at(nearest.rays)
+    if layer.curved is not None:
+        is_curved = layer.curved.row[k] >= 0
+        on_curved = i[is_curved], k[is_curved]
+        i, k = i[~is_curved], k[~is_curved]
+        yield from _test_curved(layer, question, nearest, *on_curved)
+
+    for first in range(0, len(i), RESCUE.near_at_once):
+        j = i[first : first + RESCUE.near_at_once]
+        found = layer.on_facets(k[first : first + RESCUE.near_at_once], *lines.at(j))
+        good = is_within(found.u, found.v, RESCUE.wider)
+        nearest.keep(j[good], found.at(good))
+        yield 0
+
+
+def _test_curved(
+    layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints
+) -> Pauses[None]:
+    """Keep the nearest true hits of rays of numbers i (m,) among these on curved faces k (m,)."""
+    lines = question.lines.at(nearest.rays)
+    leaves = question.leaves_at(nearest.rays)
+    holds = are_in_boxes(layer.curved, k, lines.at(i))
+    i, k = i[holds], k[holds]
+
+    for u, v in ROOTS.starts[: count_starts(layer.n_triangles)]:
+        for first in range(0, len(i), RESCUE.near_at_once):
+            j = i[first : first + RESCUE.near_at_once]
+            faces = k[first : first + RESCUE.near_at_once]
+            spots = Spots(faces, np.full(len(j), u), np.full(len(j), v))
+            of_these = None if leaves is None else leaves[j]
+            found, is_met = layer.on_curved(spots, lines.at(j), of_these, is_last=True)
+            nearest.keep(j, found, is_met)
+            yield 0
