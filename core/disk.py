@@ -1,4 +1,4 @@
-"""Files and folders on the disk: sets of files that are written as a whole, or not at all."""
+"""Files and folders on the disk: sets of files written whole or not at all, and claims of names."""
 
 import errno
 import hashlib
@@ -7,12 +7,12 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from .errors import ImageError
-from .own_files import MOVING, own_name
+
+PREFIX = ".kiriko-"  # of the names of temporary files and folders
 
 
 @contextmanager
@@ -46,24 +46,21 @@ def _elsewhere(value: object, place: Path, folder: Path) -> object:
     return str(value).replace(str(place), str(folder)) if is_path else value
 
 
-def _temporary(folder: Path, word: str = "") -> Any:
-    """A temporary folder in another one: files moved from one
-    to the other are not copied, and needs no room.
-    """
-    prefix = f"{own_name()}{word}"
-    return tempfile.TemporaryDirectory(prefix=prefix, dir=folder, ignore_cleanup_errors=True)
+def _temporary(folder: Path) -> Any:
+    """A temporary folder in another one, so that a move from one to the other copies nothing."""
+    return tempfile.TemporaryDirectory(prefix=PREFIX, dir=folder, ignore_cleanup_errors=True)
 
 
 @contextmanager
 def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
-    """A folder to write files to, all of which take their place
-    in `folder` when all went well, else none.
+    """A folder to write files to, which take their places in `folder` once all are written.
 
-    Files in folders within it go to the folders of these names, which are made if need be. Where
-    `folder` has a symbolic link of a file's name, the file that it points to is replaced; a link to
-    nothing is replaced itself.
+    If an error, a full disk or Esc comes before, `folder` stays as it was. A file in a folder
+    within it goes to the folder of the same name, which is made if need be. If `folder` has a
+    symbolic link of a file's name, the link's target is replaced; a dangling link is replaced
+    itself.
 
-    of : names of files that belong together: those that are not among the new ones go
+    of : names of files that belong together; those that are not written are removed
 
     Raises
     ------
@@ -72,55 +69,23 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
     """
     with scratch(folder) as new, ExitStack() as stack:
         yield new
-        moves: dict[Path, _Move] = {}
-
+        moves: dict[Path, tuple[Path, Path]] = {}
         try:
             for path in sorted(path for path in new.rglob("*") if not path.is_dir()):
-                target = _target(folder / path.relative_to(new), stack)
-                near = Path(stack.enter_context(_temporary(target.parent)))
-                shutil.move(path, near / "new")  # copied only where a link points to another disk
-                moves[path] = _Move(target, near / "new", near / "old")
-            for path in sorted({new / name for name in of} - moves.keys()):
-                target = folder / path.name
-                if os.path.lexists(target):  # of a link, the link goes
-                    _check_file(target)
-                    near = Path(stack.enter_context(_temporary(folder)))
-                    moves[path] = _Move(target, None, near / "old")
-            if len(moves) > 1:
-                stack.enter_context(_temporary(folder, MOVING))
-            for path in moves:
-                moves[path].do(is_alone=len(moves) == 1)
-        except BaseException as reason:
-            for move in reversed(moves.values()) if len(moves) > 1 else ():
-                move.undo()
-            if isinstance(reason, OSError):
-                raise unwritable(folder / path.relative_to(new), reason) from None
-            raise
-
-
-@dataclass(frozen=True)
-class _Move:
-    """The file `made` takes the place of the one at `target`, if there is one, which goes to `old`.
-    Where nothing was made it only goes.
-    """
-
-    target: Path
-    made: Path | None
-    old: Path
-
-    def do(self, *, is_alone: bool) -> None:
-        """Put the file in its place; one that is alone replaces the other at one stroke."""
-        if not (is_alone and self.made) and os.path.lexists(self.target):
-            self.target.replace(self.old)
-        if self.made:
-            self.made.replace(self.target)
-
-    def undo(self) -> None:
-        """Put back the file of before, if it was done."""
-        if os.path.lexists(self.old):
-            self.old.replace(self.target)
-        elif self.made and not self.made.exists():
-            self.target.unlink()
+                name = path.relative_to(new)
+                target = _target(folder / name, stack)
+                near = Path(stack.enter_context(_temporary(target.parent))) / "new"
+                shutil.move(path, near)  # copies only if a link points to another disk
+                moves[name] = near, target
+            leftover = sorted({Path(name) for name in of} - moves.keys())
+            for name in leftover:
+                _check_file(folder / name)
+            for name, (near, target) in moves.items():  # noqa: B007 - the error says it
+                near.replace(target)
+            for name in leftover:
+                (folder / name).unlink(missing_ok=True)
+        except OSError as reason:
+            raise unwritable(folder / name, reason) from None
 
 
 def _target(place: Path, stack: ExitStack) -> Path:
@@ -136,7 +101,7 @@ def _target(place: Path, stack: ExitStack) -> Path:
 
 
 def _check_file(target: Path) -> None:
-    if target.is_dir():  # which could be moved aside like a file
+    if target.is_dir():  # found before the first file is replaced
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
 
 
@@ -194,6 +159,46 @@ def check_folder(folder: Path) -> None:
         raise unwritable_folder(folder, reason) from None
 
 
+class Stamp(NamedTuple):
+    """Tells a file from what it was before: its size in bytes, and when it was last written, ns."""
+
+    size: int
+    written: int
+
+
+def stamp(path: Path) -> Stamp | None:
+    """The stamp of a file; None if there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return Stamp(found.st_size, found.st_mtime_ns)
+
+
+def claim(path: Path) -> bool:
+    """Create an empty file that holds a name for this process; False if the name is taken.
+
+    Raises
+    ------
+    ImageError
+        The folder cannot be written.
+    """
+    try:
+        path.open("x").close()
+    except FileExistsError:
+        return False
+    except OSError as reason:
+        raise unwritable(path, reason) from None
+    return True
+
+
+def give_up(path: Path) -> None:
+    """Remove the empty file of a claim; a file with contents stays."""
+    with suppress(OSError):
+        if path.stat().st_size == 0:
+            path.unlink()
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all.
 
@@ -247,9 +252,9 @@ def check_appendable(path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file; ImageError when it cannot be."""
+    """Remove a file if it is there; ImageError when it cannot be removed."""
     try:
-        path.unlink()
+        path.unlink(missing_ok=True)
     except OSError as reason:
         raise unwritable(path, reason) from None
 

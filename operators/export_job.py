@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, own_files
+from ..core import disk
 from ..core.blender.files_read import files_read
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
@@ -105,8 +105,6 @@ def write(
     if isinstance(job, Job):  # an atlas knows its own maps by its index
         _refuse_results(target)
 
-    kiriko = target / KIRIKO
-    own_files.remove_left(kiriko)
     with disk.together(target) as new:
         _write_scripts(new / KIRIKO, zips)
         save_copy_into(new, target / job.blend)
@@ -117,7 +115,7 @@ def write(
         ):
             text = json.dumps(contents, indent=2, ensure_ascii=False)
             disk.write_text(new / name, f"{text}\n")
-    for path in kiriko.glob("*.zip"):  # of the job that was replaced
+    for path in (target / KIRIKO).glob("*.zip"):  # of the job that was replaced
         if extension.is_of_another_version(path) or (zips and path.name == _packed()):
             disk.remove(path)
     return names
@@ -128,7 +126,7 @@ def _refuse_results(target: Path) -> None:
     results = target / OUT
     is_taken = disk.is_there(results) and (
         not results.is_dir()
-        or any(not path.name.startswith(own_files.PREFIX) for path in results.iterdir())
+        or any(not path.name.startswith(disk.PREFIX) for path in results.iterdir())
     )
     if is_taken:
         raise ImageError(

@@ -8,21 +8,17 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, own_files, placeholder
+from ..core import disk
 from ..core.errors import ImageError
 
 LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
-
-
-_with_parts: set[Path] = set()  # folders with part of a set of files, in the work that goes on
 
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
     """Make the folder and see that it can be written, before any work is done for it.
 
-    Gone again if it stays empty. What processes that were killed left in it is removed; the files
-    of a set that one of them was moving into place may be replaced.
+    Gone again if it stays empty.
     """
     new = [path for path in (folder, *folder.parents) if not disk.is_there(path)]
     try:
@@ -32,12 +28,8 @@ def made(folder: Path) -> Iterator[None]:
 
     try:
         disk.check_folder(folder)
-        if own_files.remove_left(folder):
-            _with_parts.add(folder.resolve())
-        placeholder.remove_left(folder)
         yield
     finally:
-        _with_parts.discard(folder.resolve())
         for path in new:
             if any(path.iterdir()):
                 break
@@ -71,11 +63,9 @@ def _allowed(thing: str) -> str:
 
 
 def refuse_existing(folder: Path, names: Iterable[str], remedy: str) -> None:
-    """Raise ImageError when files of these names are in the folder already, unless they are part of
-    a set whose writing was interrupted; `remedy` ends its sentence.
+    """Raise ImageError when files of these names are in the folder already; `remedy` ends its
+    sentence.
     """
-    if folder.resolve() in _with_parts:
-        return
     there = [name for name in names if disk.is_there(folder / name)]
     if there:
         raise ImageError(

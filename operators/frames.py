@@ -8,16 +8,15 @@ whose result stays as it is.
 
 import json
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from math import inf
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import bpy
 
-from ..core import disk, image_io, placeholder
+from ..core import disk, image_io
 from ..core.blender.frames import frame_kept
 from ..core.blender.moving import OfMovie, Reel
 from ..core.blender.scene import Reading
@@ -26,7 +25,6 @@ from ..core.errors import ImageError, KirikoError
 from ..core.farm.join import LOG, logged
 from ..core.light.kept import Kept as KeptGlass
 from ..core.messages import Message, joined
-from ..core.placeholder import PATIENCE
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from ..core.steps import within
@@ -42,7 +40,7 @@ class Run:
     form : a key of image_io.FORMATS
     overwrite : replace files that are there already; else these frames are left out
     placeholders : an empty file stands for each frame while it is solved, so that other processes
-        leave it out
+        leave it out; with `overwrite`, a frame that another process replaced meanwhile is done
     log : name of the file beside them that gets a line for each frame that was solved
     """
 
@@ -60,11 +58,10 @@ class Tally:
     files : that were written
     there : number of files that were there already
     stale : frames whose files were there and show an earlier state of the scene
-    others : number of frames that other processes have at work
+    others : number of frames that have a placeholder of another process
     traced : number of frames for which light was traced
     failed : frames that could not be solved, and why
     ended : the first frame that was solved after a movie's end, by the movie
-    cut : a sentence on each movie whose file was cut, by the movie
     """
 
     files: list[Path] = field(default_factory=list)
@@ -74,32 +71,23 @@ class Tally:
     traced: int = 0
     failed: list[tuple[int, str]] = field(default_factory=list)
     ended: dict[str, int] = field(default_factory=dict)
-    cut: dict[str, Message] = field(default_factory=dict)
 
     def notice(self, frame: int, notes: Iterable[str]) -> None:
         """Keep what notes on a frame tell of its movies."""
         for note in notes:
-            if not isinstance(note, OfMovie):
-                continue
-            if note.is_cut:
-                self.cut[note.movie] = note
-            else:
+            if isinstance(note, OfMovie):
                 self.ended[note.movie] = min(frame, self.ended.get(note.movie, frame))
 
     @property
     def of_movies(self) -> list[Message]:
         """Sentences on movies that are too short."""
         return [
-            *self.cut.values(),
-            *(
-                Message(
-                    "The movie '{image}' ends early: from frame {frame} on its last frame is"
-                    " shown.",
-                    image=movie,
-                    frame=frame,
-                )
-                for movie, frame in self.ended.items()
-            ),
+            Message(
+                "The movie '{image}' ends early: from frame {frame} on its last frame is shown.",
+                image=movie,
+                frame=frame,
+            )
+            for movie, frame in self.ended.items()
         ]
 
     @property
@@ -135,10 +123,9 @@ class Tally:
         if self.others:
             parts.append(
                 Message(
-                    "{n} have a placeholder of another process, which is at work on them: one that"
-                    " was killed on another machine holds them for {minutes} min more.",
+                    "Left out: {n}, with an empty placeholder file of another process. If that"
+                    " process was stopped, delete the empty files or solve without Placeholders.",
                     n=self.others,
-                    minutes=f"{PATIENCE / 60:g}",
                 )
             )
         if self.failed:
@@ -185,16 +172,12 @@ def solved(
     for folder in {path.parent for path in run.files.values()}:  # before any image is there
         disk.check_appendable(folder / run.log)
 
-    with (
-        frame_kept(scene),
-        _news_for(keeps.shapes),
-        _open_reel(keeps.shapes),
-        _made_since(run) as since,
-    ):
+    before = {p: disk.stamp(p) if disk.is_there(p) else None for p in run.files.values()}
+    with frame_kept(scene), _news_for(keeps.shapes), _open_reel(keeps.shapes):
         solved_for = {} if run.overwrite else _solved_for(run)
         for k, (frame, path) in enumerate(run.files.items()):
             yield k / n
-            if not _is_wanted(path, run, tally, since):
+            if not _is_wanted(path, run, tally, before[path]):
                 if path.name in solved_for:
                     scene.frame_set(frame)
                     if watch.is_another(
@@ -203,12 +186,10 @@ def solved(
                         tally.stale.append(frame)
                 continue
             try:
-                for done in within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n):
-                    placeholder.keep()
-                    yield done
+                yield from within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n)
             finally:
                 if run.placeholders:
-                    placeholder.give_up(path)
+                    disk.give_up(path)
 
     return tally
 
@@ -220,48 +201,28 @@ def _solved_for(run: Run) -> dict[str, str]:
     return {str(line["file"]): str(line["scene"]) for line in lines if "scene" in line}
 
 
-def _made_since(run: Run) -> AbstractContextManager[float]:
-    """Since when a file has to be there to stay, by the disk's clock, s."""
-    if not run.overwrite:
-        return nullcontext(-inf)
-    if not (run.placeholders and run.files):
-        return nullcontext(inf)
-    # those that another process has replaced, which shares the work
-    return placeholder.taking_part(next(iter(run.files.values())).parent)
+def _is_wanted(path: Path, run: Run, tally: Tally, before: disk.Stamp | None) -> bool:
+    """Is a frame still to be solved, and by this process?
 
-
-def _is_wanted(path: Path, run: Run, tally: Tally, since: float) -> bool:
-    """Is a frame still to be solved, and by us?
-
-    since : files that were made before are replaced
+    before : the stamp of its file when the run began
     """
-    if _is_made(path, since):
+    if run.placeholders:
+        if run.overwrite and before is not None and disk.stamp(path) == before:
+            disk.remove(path)
+        is_wanted = disk.claim(path)
+    else:
+        is_wanted = run.overwrite or not _has_contents(path)
+    if not is_wanted and _has_contents(path):
         tally.there += 1
-        return False
-    if not run.placeholders:  # then an empty file was left by a process that was killed
-        return True
-    if not placeholder.claim(path):
+    elif not is_wanted:
         tally.others += 1
-        return False
-    if _is_made(path, since):  # meanwhile
-        placeholder.give_up(path)
-        tally.there += 1
-        return False
-    return True
+    return is_wanted
 
 
-def _is_made(path: Path, since: float) -> bool:
-    """Is a file there that is no placeholder, and was made since then?"""
-    if not disk.is_there(path):
-        return False
-    try:
-        found = path.stat()
-        if not (found.st_size > 0 and found.st_mtime > since):
-            return False
-        # a time that is still to come tells nothing
-        return since == -inf or found.st_mtime <= placeholder.now(path.parent)
-    except OSError:  # a placeholder that was given up right now, or a full disk, as writing tells
-        return False
+def _has_contents(path: Path) -> bool:
+    """Is there a file that is not empty? An empty one is a placeholder."""
+    stamp = disk.stamp(path)
+    return stamp is not None and stamp.size > 0
 
 
 def _one(

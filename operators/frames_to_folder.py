@@ -36,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--placeholders",
         action="store_true",
         help="an empty file for each frame while it is solved, which other processes leave out;"
-        " with --overwrite these leave out frames of each other, too, while one is at work",
+        " with --overwrite they also leave out frames replaced since they started",
     )
     parser.add_argument(
         "--log",

@@ -1,10 +1,11 @@
 """Saves a copy of the open file, whole or not at all."""
 
 from pathlib import Path
+from secrets import token_hex
 
 import bpy
 
-from ..core import disk, own_files
+from ..core import disk
 from ..core.blender.reports import said_by
 from ..core.errors import ImageError
 
@@ -25,7 +26,7 @@ def save_copy_into(new: Path, path: Path) -> None:
     new : a folder within that of `path`
     """
     # beside its place, as its relative paths will be; one that was there would be kept as .blend1
-    made = path.absolute().with_name(f"{own_files.own_name()}copy.blend")
+    made = path.absolute().with_name(f"{disk.PREFIX}{token_hex(8)}.blend")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(made), copy=True, relative_remap=True)
         _check_whole(made, path)

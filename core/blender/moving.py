@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import bpy
 
@@ -18,9 +17,7 @@ from .. import disk
 from ..errors import ImageError
 from ..frame_list import MOST
 from ..messages import Message
-from ..movie_file import missing
 from ..picture_file import has_header
-from ..words import percent
 
 MOVING = {"SEQUENCE", "MOVIE"}
 SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
@@ -51,19 +48,17 @@ class Timing:
 
 
 class OfMovie(Message):
-    """A note on a movie that is too short, as runs of frames tell apart from others.
+    """A note on a movie that is too short, which runs of frames handle apart from other notes.
 
     movie : its name
-    is_cut : its file was; else it is over, as it should not be
     """
 
     movie: str
-    is_cut: bool
 
-    def __new__(cls, note: Message, movie: str, is_cut: bool) -> "OfMovie":
+    def __new__(cls, note: Message, movie: str) -> "OfMovie":
         self = str.__new__(cls, note)
         self.template, self.values = note.template, note.values
-        self.movie, self.is_cut = movie, is_cut
+        self.movie = movie
         return self
 
 
@@ -128,25 +123,13 @@ def numbered(path: Path, number: int) -> Path:
     return path.with_name(f"{before}{number:0{len(digits)}}{after}{path.suffix}")
 
 
-class Stamp(NamedTuple):
-    """Tells a file from what it was before: its size in bytes, and when it was last written, ns."""
-
-    size: int
-    written: int
-
-
 # by a movie's file: its stamp when it was last opened, and how many frames it had
-_n_frames: dict[str, tuple[Stamp | None, int]] = {}
+_n_frames: dict[str, tuple[disk.Stamp | None, int]] = {}
 
 
-def stamp_of(image: bpy.types.Image, number: int) -> Stamp | None:
+def stamp_of(image: bpy.types.Image, number: int) -> disk.Stamp | None:
     """The stamp of the file that has a frame of a moving image; None where there is none."""
-    file = Path(_absolute(image)) if image.source == "MOVIE" else file_of(image, number)
-    try:
-        found = file.stat()
-    except OSError:
-        return None
-    return Stamp(found.st_size, found.st_mtime_ns)
+    return disk.stamp(Path(_absolute(image)) if image.source == "MOVIE" else file_of(image, number))
 
 
 def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
@@ -186,7 +169,8 @@ class Reel:
 
     def __init__(self) -> None:
         self._copy: bpy.types.Image | None = None
-        self._of: tuple[int, Stamp | None] | None = None  # session uid of the image, and its file
+        # session uid of the image, and its file
+        self._of: tuple[int, disk.Stamp | None] | None = None
         self._n_read = 0
 
     def at(self, image: bpy.types.Image, number: int, owner: str) -> bpy.types.Image:
@@ -257,38 +241,14 @@ def at_frame(
 
 
 def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
-    """Notes on a movie that is over at a frame of the scene, and shows its last one, and on one
-    whose file was cut, which goes on with the last that can be read.
+    """A note on a movie that is over at a frame of the scene, and shows its last one.
 
     timing : of the node that shows it; None where none does. One that ends before the movie does is
         a wish, and no note is given
     """
     if image.source != "MOVIE":
         return []
-    return [*_cut(image), *_over(image, timing or whole(image), now)]
-
-
-def n_frames_of(image: bpy.types.Image) -> int:
-    """How many frames a movie has: as its file is now, where frames of that were read, else as
-    Blender opened it, which keeps the number from then on.
-    """
-    stamp, n = _n_frames.get(_absolute(image), (None, 0))
-    return n if stamp is not None and stamp == stamp_of(image, 1) else image.frame_duration
-
-
-def _cut(image: bpy.types.Image) -> Iterator[Message]:
-    share = missing(Path(_absolute(image)))
-    if share > 0:
-        note = Message(
-            "The movie '{image}' was cut: {share} of its file is missing. Beyond the cut the last"
-            " frame before it is held: copy the file again.",
-            image=image.name,
-            share=percent(share),
-        )
-        yield OfMovie(note, image.name, is_cut=True)
-
-
-def _over(image: bpy.types.Image, timing: Timing, now: int) -> list[str]:
+    timing = timing or whole(image)
     endless = timing if timing.use_cyclic else replace(timing, frame_duration=MOST)
     number = endless.number(now)
     last = timing.frame_duration + timing.frame_offset
@@ -302,4 +262,12 @@ def _over(image: bpy.types.Image, timing: Timing, now: int) -> list[str]:
         n=n,
         number=number,
     )
-    return [OfMovie(note, image.name, is_cut=False)]
+    return [OfMovie(note, image.name)]
+
+
+def n_frames_of(image: bpy.types.Image) -> int:
+    """How many frames a movie has: as its file is now, where frames of that were read, else as
+    Blender opened it, which keeps the number from then on.
+    """
+    stamp, n = _n_frames.get(_absolute(image), (None, 0))
+    return n if stamp is not None and stamp == stamp_of(image, 1) else image.frame_duration

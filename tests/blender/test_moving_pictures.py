@@ -287,45 +287,6 @@ def encoded(light: float) -> float:
     return 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
 
 
-@pytest.mark.parametrize("codec", ["FFV1", "H264"])
-def test_a_movie_that_was_cut_is_told(
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    codec: str,
-    capsys: pytest.CaptureFixture,
-) -> None:
-    """A whole one never is. Blender holds the last frame before the cut, or can read none. A run
-    of frames tells it at its end.
-    """
-    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
-    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
-    bpy.data.images.remove(sequence(tmp_path))
-    files = [tmp_path / f"clip_{k:03}.png" for k in range(1, FRAMES + 1)]
-    path = tmp_path / f"clip{module.CODECS[codec].suffix}"
-    module.encode(path, files, codec, SIZE, scene)
-    small_rig()
-    bpy.ops.kiriko.open_picture(filepath=str(path))
-    scene.frame_set(FRAMES)
-
-    def told() -> list[str]:
-        return [note for note in map(str, work.read(bpy.context).notes) if "was cut" in note]
-
-    assert told() == []
-    data = path.read_bytes()
-    path.write_bytes(data[: int(0.9 * len(data))])
-    try:
-        (note,) = told()
-    except errors.ImageError as error:
-        assert "the file is missing or broken" in str(error)  # noqa: PT017, one of two
-        assert codec != "FFV1"
-    else:
-        assert re.search(r"'clip\.\w+' was cut: 1[01] % of its file is missing", note)
-        solved_frames(kiriko, tmp_path, "1-4")
-        assert capsys.readouterr().out.count(note) == 1
-
-
 def test_a_picture_that_moves_is_drawn_over_the_view_at_its_frame(
     scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

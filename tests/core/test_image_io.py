@@ -1,17 +1,22 @@
-"""Files are written whole, a set of them all or none, to the place that their name means."""
+"""Files are written whole, a set of them all or none, to the place that their name means; of
+several processes one alone claims a name.
+"""
 
 import errno
+import json
 import os
+import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from kiriko.core import disk, image_io, own_files, png
+from kiriko.core import disk, image_io, png
 from kiriko.core.errors import ImageError
 
 NAMES = ("a.csv", "b.json", "c.svg")
@@ -22,8 +27,8 @@ def contents(folder: Path) -> dict[str, str | None]:
     return {path.name: None if path.is_dir() else path.read_text() for path in folder.iterdir()}
 
 
-def write_all(folder: Path) -> None:
-    with disk.together(folder) as new:
+def write_all(folder: Path, of: tuple[str, ...] = ()) -> None:
+    with disk.together(folder, of) as new:
         for name in NAMES:
             disk.write_text(new / name, "new")
 
@@ -59,83 +64,92 @@ def test_a_file_of_a_set_that_has_no_new_one_goes_with_it(tmp_path: Path) -> Non
     assert contents(tmp_path) == {"mine": "old", "sub": None}
 
 
-@pytest.mark.skipif(not own_files.BOOT.exists(), reason="the system tells none of its starts")
-def test_what_a_killed_process_left_is_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Not what one at work has, or another start of a machine; nor a user's file within."""
-    work = (
-        "import sys; from pathlib import Path\n"
-        "from kiriko.core import disk\n"
-        "with disk.scratch(Path(sys.argv[1])) as place:\n"
-        "    (place / 'half').write_text('half'); print(place, flush=True); sys.stdin.read()"
-    )
-
-    def at_work() -> tuple[subprocess.Popen, Path]:
-        process = subprocess.Popen(
-            [sys.executable, "-c", work, str(tmp_path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": str(Path(disk.__file__).parents[2])},
-        )
-        return process, Path(process.stdout.readline().strip())
-
-    (one, killed), (other, held), (last, has_old) = (at_work() for _ in range(3))
-    try:
-        own_files.remove_left(tmp_path)
-        assert killed.is_dir()
-        assert held.is_dir()
-        (has_old / "old").write_text("mine")
-        copy = tmp_path / f"{killed.name.rpartition('-')[0]}-copy.blend@"
-        copy.write_text("half")
-    finally:
-        for process in (one, last):
-            process.kill()
-            process.wait()
-    elsewhere = killed.with_name(killed.name.replace(own_files._started(), "0" * 12))
-    elsewhere.mkdir()
-    try:
-        own_files.remove_left(tmp_path)
-        assert not copy.exists()
-        assert sorted(tmp_path.iterdir()) == sorted([held, has_old, elsewhere])
-        assert (held / "half").read_text() == "half"
-        monkeypatch.setattr(own_files, "BOOT", tmp_path / "none")
-        with disk.scratch(tmp_path) as own:
-            own_files.remove_left(tmp_path)
-            assert own.is_dir()
-        assert held.is_dir()
-    finally:
-        other.kill()
-        other.wait()
-
-
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left"), KeyboardInterrupt()])
+@pytest.mark.parametrize(("owner", "step", "n"), [(Path, "write_text", 3), (shutil, "move", 6)])
 @pytest.mark.parametrize("there", [(), NAMES, NAMES[:1], NAMES[1:]])
-def test_a_set_is_all_as_before_whichever_move_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: tuple[str, ...]
+def test_a_set_stays_as_it_was_until_all_of_the_new_one_is_written(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    there: tuple[str, ...],
+    owner: object,
+    step: str,
+    n: int,
+    error: BaseException,
 ) -> None:
-    """The k-th file that cannot be moved, old or new, or one that goes: the
-    sentence names a file of the set in its own folder.
+    """A disk that is full, or Esc, at the k-th file as it is written or brought near its place: no
+    temporary folder is left, and the sentence names a file of the set in its own folder.
     """
     before = (*there, "gone.svg")
     for name in before:
         (tmp_path / name).write_text("old")
-    own = Path.replace
-    for k in range(len(before) + len(NAMES)):
-        moves = iter(range(100))
+    own = getattr(owner, step)
+    for k in range(n):
+        steps = iter(range(n))
 
-        def move(path: Path, target: Path, moves: Iterator[int] = moves, k: int = k) -> Path:
-            if next(moves) == k:
-                raise OSError(errno.EBUSY, "Device or resource busy")
-            return own(path, target)
+        def fail(*args: Any, steps: Iterator[int] = steps, k: int = k, **options: Any) -> Any:
+            if next(steps) == k:
+                raise error
+            return own(*args, **options)
 
-        with monkeypatch.context() as broken, pytest.raises(ImageError, match="busy") as caught:  # noqa: PT012 - a set
-            broken.setattr(Path, "replace", move)
-            with disk.together(tmp_path, (*NAMES, "gone.svg")) as new:
-                for name in NAMES:
-                    (new / name).write_text("new")
-        assert any(f"'{tmp_path / name}'" in str(caught.value) for name in (*NAMES, "gone.svg"))
-        assert contents(tmp_path) == dict.fromkeys(before, "old"), k
+        with monkeypatch.context() as broken:
+            broken.setattr(owner, step, fail)
+            is_full = isinstance(error, OSError)
+            with pytest.raises(ImageError if is_full else KeyboardInterrupt) as caught:
+                write_all(tmp_path, (*NAMES, "gone.svg"))
+        assert contents(tmp_path) == dict.fromkeys(before, "old")
+        says = (f"'{tmp_path / name}' cannot be written (No space left)" for name in NAMES)
+        assert not is_full or any(said in str(caught.value) for said in says)
+    write_all(tmp_path, (*NAMES, "gone.svg"))
+    assert contents(tmp_path) == dict.fromkeys(NAMES, "new")
+
+
+CLAIM = """
+import sys
+from pathlib import Path
+from kiriko.core import disk
+print('ready', flush=True)
+sys.stdin.read()
+print([n for n in range(300) if disk.claim(Path(sys.argv[1]) / f"{n}.png")])
+"""
+
+
+def test_each_name_is_claimed_by_one_of_several_processes(tmp_path: Path) -> None:
+    """Of 300 names that three processes claim at once each is given to one of them alone."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(disk.__file__).parents[2])}
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", CLAIM, str(tmp_path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        for _ in range(3)
+    ]
+    assert [process.stdout.readline() for process in processes] == ["ready\n"] * 3
+    for process in processes:
+        process.stdin.close()
+    claimed = [n for process in processes for n in json.loads(process.stdout.read())]
+    assert sorted(claimed) == list(range(300))
+    assert {process.wait() for process in processes} == {0}
+
+
+@pytest.mark.parametrize("name", ["金魚 1.png", "x" * 251 + ".png"])
+def test_a_claim_is_an_empty_file_until_it_is_given_up(tmp_path: Path, name: str) -> None:
+    """It goes with the claim; a file with contents stays."""
+    path = tmp_path / name
+    assert disk.claim(path)
+    assert path.read_bytes() == b""
+    assert not disk.claim(path)
+    disk.give_up(path)
+    assert contents(tmp_path) == {}
+    disk.give_up(path)
+    assert disk.claim(path)
+    disk.write_text(path, "whole")
+    disk.give_up(path)
+    assert contents(tmp_path) == {name: "whole"}
+    with pytest.raises(ImageError, match="cannot be written"):
+        disk.claim(tmp_path / "no folder" / "frame.png")
 
 
 @pytest.mark.parametrize("name", NAMES)
