@@ -24,6 +24,9 @@ SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG's marks of a scan and of the end
 OF_PIXEL = 40  # bytes: a photograph as float32, turned, and searched (27 to 35 were measured)
 EXR = b"v/1\x01"
 CICP = "cICP"
+# what stands before Exif data in a JPEG, a PNG and a WebP
+EXIF = re.compile(rb"(Exif\0\0|eXIf|EXIF....)(?=II\*\0|MM\0\*)", re.DOTALL)
+ORIENTATION = 0x112
 STRAIGHT = "oiio:UnassociatedAlpha"  # colours that are not multiplied by alpha
 # by the codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
 PRIMARIES = {
@@ -99,18 +102,40 @@ def has_header(path: Path) -> bool:
 
 
 def said_by(path: Path) -> dict[str, Any]:
-    """What a file says about its pixels, by OpenImageIO's names, with a PNG's cICP; nothing where
-    it says nothing, or there is no OpenImageIO.
+    """What a file says about its pixels, by OpenImageIO's names, with a PNG's cICP; without
+    OpenImageIO its orientation and cICP alone.
     """
+    has_reader = image_io.has_openimageio()
     try:
-        said = image_io.about(path) if image_io.has_openimageio() else {}
         with path.open("rb") as file:
-            head = file.read(1 << 12)
+            data = file.read(1 << 12 if has_reader else -1)
+        said = image_io.about(path) if has_reader else _orientation(data)
     except (ImageError, OSError):
         return {}
-    at = head.find(b"cICP")
-    is_there = at > 0 and head.startswith(png.SIGNATURE)
-    return said | {CICP: head[at + 4 : at + 8]} if is_there else said
+    at = data.find(CICP.encode(), 0, 1 << 12)
+    is_there = at > 0 and data.startswith(png.SIGNATURE)
+    return said | {CICP: data[at + 4 : at + 8]} if is_there else said
+
+
+def _orientation(data: bytes) -> dict[str, Any]:
+    """A file's orientation, 1 to 8, by OpenImageIO's name.
+
+    Source: TIFF 6.0, section 2; it is what Exif data is, too: in a JPEG behind a mark, in a PNG or
+    a WebP in a chunk of its own.
+    """
+    found = EXIF.search(data)
+    start = 0 if data.startswith(TIFF[:2]) else found.end() if found else len(data)
+    order = "<" if data[start : start + 2] == b"II" else ">"
+    try:
+        (at,) = struct.unpack_from(f"{order}I", data, start + 4)
+        (n,) = struct.unpack_from(f"{order}H", data, start + at)
+        for k in range(n):
+            tag, _, _, value = struct.unpack_from(f"{order}HHIH", data, start + at + 2 + 12 * k)
+            if tag == ORIENTATION and 1 <= value <= 8:
+                return {"Orientation": value}
+    except struct.error:  # it is cut off, or there is none
+        pass
+    return {}
 
 
 def read_photograph(path: Path | str) -> np.ndarray:

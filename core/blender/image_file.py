@@ -11,7 +11,7 @@ import numpy as np
 
 from ..disk import is_there, scratch
 from ..errors import ImageError
-from ..image_io import PROFILE_NAME
+from ..image_io import PROFILE_NAME, has_openimageio
 from ..messages import Message
 from ..picture_file import has_header, is_cut, light_said, said_by, upright
 from . import colour
@@ -79,12 +79,15 @@ def notes_on(image: bpy.types.Image) -> list[str]:
     """Sentences on what an image's file says about its pixels and Blender does not apply."""
     said, notes = _said(image), []
     if said.get("Orientation", 1) != 1:
+        again = Message(
+            "choose it again with Choose Picture, Open Picture or Open Pictures, which turn it, or "
+        )
         notes.append(
             Message(
                 "The image '{image}' is stored turned or mirrored (Exif orientation), which Blender"
-                " ignores: choose it again with Choose Picture, Open Picture or Open Pictures,"
-                " which turn it, or save it upright.",
+                " ignores: {again}save it upright.",
                 image=image.name,
+                again=again if has_openimageio() else "",
             )
         )
     light = None if image.colorspace_settings.is_data else light_said(said, PROBES / 255)
@@ -104,7 +107,7 @@ def notes_on(image: bpy.types.Image) -> list[str]:
 
 def as_seen(image: bpy.types.Image, owner: str, is_new: bool = False) -> bpy.types.Image:
     """An image as its file says that it is seen: itself, or a copy that is turned, and packed.
-    ImageError where the file is cut off.
+    ImageError where the file is cut off. Without OpenImageIO it stays as it is, and a note says so.
 
     is_new : it was just loaded, and is turned itself
     """
@@ -113,7 +116,8 @@ def as_seen(image: bpy.types.Image, owner: str, is_new: bool = False) -> bpy.typ
     if image.source != "FILE" or min(image.size) < 1:
         return image
     with file_of(image) as path:
-        if path is None or said_by(path).get("Orientation", 1) == 1:
+        is_upright = path is None or said_by(path).get("Orientation", 1) == 1
+        if is_upright or not has_openimageio():
             return image
         data, suffix = upright(path)
 

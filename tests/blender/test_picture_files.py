@@ -4,6 +4,7 @@ picture are refused.
 
 import importlib
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -288,6 +289,25 @@ def test_a_turned_photograph_that_blender_loaded_is_reported(
         notes = bpy.context.scene.kiriko.result.notes
         assert ("stored turned or mirrored" in notes) == (orientation == 6)
         assert ("Choose Picture" in notes) == (orientation == 6)
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_without_openimageio_a_turned_photograph_is_reported(
+    picture: bpy.types.Object,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture,
+    orientation: int,
+) -> None:
+    """As it is chosen, and in the result; buttons that cannot turn it are not proposed."""
+    path = write(tmp_path / "p.jpg", STORED[orientation](TALL), Orientation=orientation)
+    monkeypatch.setitem(sys.modules, "OpenImageIO", None)
+    capfd.readouterr()
+    opened(picture, path)
+    words = "Blender ignores: save it upright."
+    assert (words in capfd.readouterr().out) == (orientation == 6)
+    bpy.ops.kiriko.solve()
+    assert (words in bpy.context.scene.kiriko.result.notes) == (orientation == 6)
 
 
 @pytest.mark.parametrize("columns", COLUMNS)

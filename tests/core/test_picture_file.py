@@ -1,6 +1,7 @@
 """What an image file says about itself."""
 
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,22 @@ def test_photographs_are_turned_as_exif_has_it(tmp_path: Path, orientation: int)
     row, column = SIDES[orientation]
     assert np.array_equal(side(seen, row, column), stored[0])
     assert np.array_equal(side(seen, column, row), stored[:, 0])
+
+
+@pytest.mark.parametrize("orientation", [0, *SIDES, 9])
+@pytest.mark.parametrize("name", ["a.jpg", "a.png", "a.tif", "a.webp"])
+def test_the_orientation_is_read_without_openimageio(
+    tmp_path: Path, name: str, orientation: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As OpenImageIO reads it, and none in a file that is cut anywhere before it."""
+    path = write(tmp_path / name, Orientation=orientation)
+    said = picture_file.said_by(path).get("Orientation", 1)
+    data = path.read_bytes()
+    monkeypatch.setitem(sys.modules, "OpenImageIO", None)
+    assert picture_file.said_by(path).get("Orientation", 1) == said
+    for part in range(0, len(data), 61):
+        path.write_bytes(data[:part])
+        assert picture_file.said_by(path).get("Orientation", 1) in {1, said}
 
 
 @pytest.mark.parametrize("orientation", SIDES)
