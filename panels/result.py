@@ -42,11 +42,11 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
         # numbers of the scene or the image before stay where they are until the new ones, but faint
         is_changed = watch.is_told_changed(context.scene)
         of_shown = not (result.is_coarse or is_changed or live.is_ahead(context.scene))
+        column = layout.column()
+        column.active = of_shown
         if result.summary:
-            column = layout.column()
-            column.active = of_shown
             sentence(column, context, said.message(result.summary))
-        draw_legibility(layout, context)
+        draw_legibility(column, context)
         if is_changed:
             sentence(layout, context, watch.CHANGED, icon="ERROR")
         if result.source is not None:

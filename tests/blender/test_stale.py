@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
+from panel_layout import Layout
 from small_rigs import new_object, primitive, small_rig
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
@@ -426,6 +427,21 @@ def test_a_result_of_an_earlier_version_is_taken_as_it_is(
     move(rig["GLASS"])
     assert not is_stale(watch)
     assert bpy.ops.kiriko.export(filepath=str(tmp_path / "a.png")) == {"FINISHED"}
+
+
+def test_legibility_of_the_scene_before_is_faint(
+    watch: ModuleType, rig: dict, drawn: Callable[..., Layout]
+) -> None:
+    """As all numbers of the result are, until it is solved again."""
+    for is_changed in (False, True, False):
+        if is_changed:
+            move(rig["GLASS"])
+        elif is_stale(watch):
+            bpy.ops.kiriko.solve()
+        assert is_stale(watch) == is_changed
+        shown = drawn("result", "VIEW3D_PT_kiriko_result")
+        assert any(text.startswith("Legibility: ") for text in shown.texts)
+        assert any(text.startswith("Legibility: ") for text in shown.faint) == is_changed
 
 
 def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) -> None:
