@@ -39,14 +39,3 @@ def at(progress: float, work: Pauses[Result]) -> Generator[float, None, Result]:
             yield progress
         except StopIteration as done:
             return done.value
-
-
-def last_told(work: Generator[float, None, Result]) -> Generator[float, None, tuple[Result, float]]:
-    """Hand on the progress of work, and return with its result the last that it told."""
-    told = 0.0
-    while True:
-        try:
-            told = next(work)
-            yield told
-        except StopIteration as done:
-            return done.value, told

@@ -16,7 +16,6 @@ from ..arrays import Bools, Ints, mean_at
 from ..light.plan import Plan
 from ..steps import Pauses
 from .allowance import Allowance
-from .cut_ahead import CutAhead
 from .cut_cells import around_middles, cut_cells, find_sides
 from .doubts import (
     CUT,
@@ -32,7 +31,6 @@ from .doubts import (
 from .known_borders import Borders
 from .points import Points, trace_points
 from .quarters import lack_quarters, quartered
-from .ray_guess import N_SEARCHES, RaysAhead
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,31 +49,6 @@ class Pieces:
     allowance: Allowance
 
 
-def cut(
-    plan: Plan, points: Points, cells: Ints, square: Ints, ahead: RaysAhead, quarterings: int
-) -> Generator[int, None, Pieces]:
-    """Cut pixels (m, 4) whose corners lie on several branches along the borders between them.
-
-    A ray through the middle tells whether more goes on than the corners know. Where it takes
-    another branch than the piece it lies in, or lands further than the tolerance from where it was
-    expected, the pixel is quartered, and its quarters once more, `quarterings` times at the most.
-    Of cells that are left then, or bent too much, four triangles around the middle are cut.
-
-    Bisection has no end where light is chaotic. Not cut are all mixed pixels of a square (m,), by
-    number, in which a good part of the middles lie on other branches than the corners; and, in one
-    in which more than a few pixels are in doubt, those with more branches than can be told apart,
-    those of which the pieces leave out a part, though all corners are lit, and all mixed quarters.
-    Nor are pixels and quarters whose borders take more rays than the allowance of a pixel has left.
-
-    `ahead` is told about how many rays are still to come.
-    """
-    work = _Cutting(plan, points, ahead, quarterings)
-    some = yield from work.pixels(cells, square)
-    for depth in range(1, quarterings + 1):
-        some = yield from work.quarters(some, depth)
-    return (yield from work.finished())
-
-
 class _Parts(NamedTuple):
     """Pixels, or quarters of them, to be cut: indices of corners (m, 4) and middles (m,).
 
@@ -90,16 +63,27 @@ class _Parts(NamedTuple):
         return _Parts(*(values[which] for values in self))
 
 
-class _Cutting:
-    """The work of cutting: all points and borders so far, and the pieces.
+class Cutting:
+    """Cuts pixels (m, 4) whose corners lie on several branches along the borders between them: one
+    round for the pixels, one for each quartering, and a last one.
+
+    A ray through the middle tells whether more goes on than the corners know. Where it takes
+    another branch than the piece it lies in, or lands further than the tolerance from where it was
+    expected, the pixel is quartered, and its quarters once more, `quarterings` times at the most.
+    Of cells that are left then, or bent too much, four triangles around the middle are cut.
+
+    Bisection has no end where light is chaotic. Not cut are all mixed pixels of a square (m,), by
+    number, in which a good part of the middles lie on other branches than the corners; and, in one
+    in which more than a few pixels are in doubt, those with more branches than can be told apart,
+    those of which the pieces leave out a part, though all corners are lit, and all mixed quarters.
+    Nor are pixels and quarters whose borders take more rays than the allowance of a pixel has left.
 
     last : (n, 5) corners and middles of cells that are cut around their middles at the end
     rough : (t, 4) the pieces of these by their corners alone, and the numbers of the cells
     """
 
-    def __init__(self, plan: Plan, points: Points, ahead: RaysAhead, quarterings: int) -> None:
-        self.plan, self.points, self.ahead = plan, points, ahead
-        self.quarterings = quarterings
+    def __init__(self, plan: Plan, points: Points, quarterings: int) -> None:
+        self.plan, self.points, self.quarterings = plan, points, quarterings
         self.known = Borders.none()
         self.allowance = Allowance(plan, points.view)
         self.quads: list[Ints] = []
@@ -107,8 +91,6 @@ class _Cutting:
         self.chaotic: list[Ints] = []
         self.last: list[Ints] = []
         self.rough: list[Ints] = []
-        kinds = [self.triangles, self.quads]
-        self.to_come = CutAhead(plan, ahead, kinds, self.last, self.chaotic)
 
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
         """Cut pixels (m, 4) in squares (m,), by number; the quarters that are looked into."""
@@ -132,7 +114,7 @@ class _Cutting:
         yield 0
 
         # calm where few are in doubt: not by cells that are only bent by more than the tolerance
-        found = yield from self._cut(cells, 0)
+        found = yield from self._cut(cells)
         yield 0
         in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.lacks
         n_in_doubt = np.bincount(square, in_doubt)
@@ -154,7 +136,7 @@ class _Cutting:
         cells = cells.at(np.flatnonzero(~is_given_up))
         yield 0
 
-        found = yield from self._cut(cells, depth)
+        found = yield from self._cut(cells)
         yield 0
         return (yield from self._settled(cells, found, depth))
 
@@ -162,18 +144,14 @@ class _Cutting:
         """Cut what is not looked into any further."""
         yield 0
         last = np.concatenate(self.last)
-        none = yield from find_sides(self.points, np.empty((0, 4), np.int64), self.known)
-        yield from self.to_come.expect(self.points, self.known, none, N_SEARCHES - 1, (0, 0))
-        of_last = yield from self.ahead.searching(self._cut_last(last))
+        of_last = yield from self._cut_last(last)
         triangles = np.concatenate([*self.triangles, of_last])
         quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
-        self.to_come.end(self.points, [triangles, quads])
         return Pieces(self.points, quads, triangles, chaotic, self.allowance)
 
-    def _cut(self, cells: _Parts, depth: int) -> Generator[int, None, Doubts]:
+    def _cut(self, cells: _Parts) -> Generator[int, None, Doubts]:
         """Cut cells on several branches, and compare all with their middles."""
         plan = self.plan
-        tolerance = plan.settings.tolerance
         branch = self.points.branch[cells.corners]
         is_one = (branch == branch[:, :1]).all(axis=1)
         one = np.flatnonzero(is_one)
@@ -184,18 +162,13 @@ class _Cutting:
         off[one] = missed_by_corners(
             plan, self.points, cells.corners[one], self.points.at(cells.middle[one])
         )
-        n_bent = int((off[one] > tolerance).sum())
         yield 0
 
         # on several
         corners, middle = cells.corners[mixed], cells.middle[mixed]
         sides = yield from find_sides(self.points, corners, self.known)
         yield 0
-        of_one = len(one), n_bent
-        yield from self.to_come.expect(self.points, self.known, sides, depth, of_one)
-        found = yield from self.ahead.searching(
-            cut_cells(plan, self.points, sides, self.known, self.allowance, middle)
-        )
+        found = yield from cut_cells(plan, self.points, sides, self.known, self.allowance, middle)
         self.points, self.known = found.points, found.known
         yield 0
         off[mixed] = missed_by_pieces(
@@ -265,7 +238,6 @@ class _Cutting:
         self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
         self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
         yield 0
-        self.to_come.take_up(self.points, found, is_tangled, simple, depth)
         return cells.at(np.flatnonzero(simple))
 
     def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:

@@ -7,12 +7,15 @@ or a point has no area to be divided in proportion to, so it is given a width th
 touch.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ..arrays import Floats, Ints, taken
+
+COUNTED = 1 << 16  # pieces at the least whose shares are counted, if there are more
 
 # The slacks of dividing cells, the same in core/native/shares.c.
 # px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
@@ -217,3 +220,30 @@ def thickened(cells: Cells) -> Cells:
     y[apex, thin] = y[start, thin] + reach * along_y - side * along_x
 
     return cells._replace(x=x, y=y)
+
+
+def count_shares(
+    xy: Floats, pieces: Ints, display_size: tuple[int, int], n_parts: Ints | None = None
+) -> tuple[Floats, int]:
+    """Approximate number of shares that each of some pieces (n, 4 or 3) of points at xy (p, 2),
+    display px, makes, cut into n_parts a side; and how many pieces each of them stands for, if
+    there are more than `COUNTED`.
+
+    A convex part wide w and high h, of area a, touches a + w + h + 1 pixels on average.
+    """
+    step = 1 + len(pieces) // COUNTED
+    some = pieces[::step]
+    parts = np.ones(len(some)) if n_parts is None else n_parts[::step]
+    corners = [taken(xy, number) for number in some.T]
+    low, high = (reduce(bound, corners) for bound in (np.minimum, np.maximum))
+    size = np.clip(high, 0, display_size) - np.clip(low, 0, display_size)
+    is_seen = ((high > 0) & (low < display_size)).all(axis=1)
+
+    area = area_within(*np.moveaxis(corners, 2, 0), display_size)
+    area = np.fmin(area, size.prod(axis=1))
+    # of many parts those beside the image make none
+    with np.errstate(invalid="ignore", divide="ignore"):
+        within = np.nan_to_num((size / (high - low)).prod(axis=1), nan=1.0)
+    n_seen = 1 + (parts**2 - 1) * within
+    lines = 1 + (parts - 1) * np.sqrt(within)
+    return np.where(is_seen, area + lines * size.sum(axis=1) + n_seen, 0.0), step

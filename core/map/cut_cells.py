@@ -27,13 +27,6 @@ class Sides(NamedTuple):
     cell: Ints
     new: Ints
 
-    @property
-    def n_edges(self) -> tuple[int, int]:
-        """How many edges, and how many of them with a landing at both ends."""
-        near, far = points_of(self.new)
-        n_edges = len(np.unique(key_of(np.minimum(near, far), np.maximum(near, far))))
-        return n_edges, len(self.new) - n_edges
-
 
 class Cut(NamedTuple):
     """Cells (m,) that were cut: all points, and all borders that are known by now.

@@ -1,8 +1,8 @@
 """Where does a view map show a place of the viewer's image?"""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,25 +10,22 @@ from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken,
 from ..steps import Pauses
 from . import interpolation
 from .interpolation import PARTS, bilinear
-from .points import in_triangles, is_in_image
-
-if TYPE_CHECKING:
-    from .view_map import ViewMap
+from .points import Points, in_triangles, is_in_image
 
 
+@dataclass(eq=False)
 class Lookup:
-    """Cells and samples of a map by the viewer's pixels."""
+    """Cells and samples of a map by the viewer's pixels; the fields are those of `ViewMap`."""
 
-    def __init__(self, view_map: "ViewMap") -> None:
-        self.view_size = view_map.view_size
-        self.points = view_map.points
-        self.corner = view_map.corner
-        self.size = view_map.size
-        self.nodes = view_map.nodes
-        self.quads = view_map.quads
-        self.triangles = view_map.triangles
-        self.samples = view_map.samples
-        self.sample_reach = view_map.sample_reach
+    view_size: tuple[int, int]
+    points: Points
+    corner: Ints
+    size: Ints
+    nodes: Ints
+    quads: Ints
+    triangles: Ints
+    samples: Ints
+    sample_reach: Floats
 
     def by_cells(self, xy: Floats) -> Pauses[Floats]:
         """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is

@@ -18,7 +18,6 @@ from ..messages import Message
 from .allowance import Allowance
 from .faint import further_along, light_on_blocks, may_take_more, samples_worth
 from .points import BYTES_OF_POINT, Points, trace_points
-from .ray_guess import Rays, RaysAhead
 from .view_map import ViewMap
 
 TILE_CELLS = 64  # cells each way, after which the random places begin anew
@@ -38,21 +37,20 @@ class Samples(NamedTuple):
 
 
 def sample_cells(
-    plan: Plan, view_map: ViewMap, corners: Floats, allowance: Allowance | None, ahead: RaysAhead
+    plan: Plan, view_map: ViewMap, corners: Floats, allowance: Allowance | None
 ) -> Generator[int, None, Samples]:
     """Trace samples of square cells with corners (m, 4, 2),
     viewer px; yields how many were traced since.
 
     view_map : all but the samples
     allowance : of rays, for further samples of faint light; None for none
-    ahead : is told how many these are
 
     Raises
     ------
     RigError : they would take more memory than is free
     """
     along = plan.settings.samples_along
-    _check_memory(plan, _n_strata(corners, along))
+    _check_memory(plan, n_strata(corners, along))
     places, area = strata(corners, along)
     points = yield from trace_points(plan, places)
     samples = Samples(points, area, np.sqrt(area))
@@ -65,7 +63,6 @@ def sample_cells(
     owner = _cells_of(corners, along)
     middle = corners.mean(axis=1)
     light = yield from light_on_blocks(view_map)
-    ahead.sums_light = False
     worth = yield from samples_worth(plan, light, points, area, owner, middle)
     more = further_along(worth, middle, _sides(corners), along, allowance)
     asked = [(n, np.flatnonzero(more == n)) for n in np.unique(more[more > 0])]
@@ -73,9 +70,8 @@ def sample_cells(
         return samples
 
     # by other random numbers than those that have told so
-    n_rays = sum(_n_strata(corners[cells], n) for n, cells in asked)
+    n_rays = sum(n_strata(corners[cells], n) for n, cells in asked)
     _check_memory(plan, len(points) + n_rays)
-    ahead.expect(Rays(n_rays, n_rays))
     parts = [strata(corners[cells], n, seed=1) for n, cells in asked]
     places, area = map(np.concatenate, zip(*parts, strict=True))
     found = yield from trace_points(plan, places)
@@ -134,7 +130,7 @@ def strata(corners: Floats, along: int, seed: int = 0) -> tuple[Floats, Floats]:
     return np.concatenate(places), np.concatenate(area)
 
 
-def _n_strata(corners: Floats, along: int) -> int:
+def n_strata(corners: Floats, along: int) -> int:
     """How many strata square cells (m, 4, 2) have."""
     return sum(k * k * len(cells) for _, k, cells in _by_side(corners, along))
 

@@ -8,25 +8,28 @@ on one branch are cells, the others are cut in pieces.
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from math import inf
+from typing import TypeVar
 
 import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Reason
 from ..light.plan import Plan
+from ..stages import MAP, Span, section, spans
 from ..steps import Pauses
 from . import interpolation
-from .borders import cut
+from .borders import Cutting, Pieces
 from .doubts import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
-from .measured_error import CHECK, checked
+from .measured_error import checked
 from .points import Paths, Points, is_seen, trace_points
-from .ray_guess import RAYS, Rays, RaysAhead, begun, rays_of_finest, rays_of_samples
-from .samples import sample_cells
-from .share_guess import smooth_ahead
+from .samples import n_strata, sample_cells
 from .squares import Squares, is_beside_display
 from .subdivision import SUBDIVISION
 from .view_map import ViewMap
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,8 @@ class Sampling:
     """The work of making a view map: the points traced so far
     and the number of that at each node, -1 for none.
 
-    ahead : the rays so far, and a guess of those to come
-    begun : progress by the size of squares alone, until then
+    n_rays : traced so far
+    progress : 0..1
     is_coarse : for a first picture no pixel is quartered, and no error of the map is measured
     is_checked : is its error measured at once?
     """
@@ -85,23 +88,29 @@ class Sampling:
             np.maximum(np.abs(low - viewer.position), np.abs(high - viewer.position))
         )
         self.paths = Paths(far + float(np.linalg.norm(high - low)))
-        is_finer = display.width * display.height > viewer.width * viewer.height
-        n_last = 2 * CHECK.n_places * self.is_checked
-        self.ahead, self.begun = RaysAhead(n_last, waits_for_shares=is_finer), 0.0
+        self.n_rays, self.progress = 0, 0.0
+        self.squares, self.borders, self.samples = spans(*((stage,) for stage in MAP))
 
     def sample(self) -> Generator[float, None, ViewMap]:
         """Make the view map; yields progress 0..1."""
         work = self._run()
-        told = 0.0
-
         while True:
             try:
-                self.ahead.count(next(work))
+                self.n_rays += next(work)
             except StopIteration as end:
-                return replace(end.value, n_rays=int(self.ahead.done.every))
-            # more may be expected than before
-            told = max(told, self.begun, self.ahead.part_done)
-            yield told
+                return replace(end.value, n_rays=self.n_rays)
+            yield self.progress
+
+    def _during(self, span: Span, work: Pauses[Result], n_rays: float = inf) -> Pauses[Result]:
+        """Move the progress through a span while some work traces its rays, if these are known."""
+        before = self.n_rays
+        while True:
+            part = min((self.n_rays - before) / max(n_rays, 1), 1.0)
+            self.progress = span[0] + (span[1] - span[0]) * part
+            try:
+                yield next(work)
+            except StopIteration as end:
+                return end.value
 
     def _run(self) -> Generator[int, None, ViewMap]:
         none = self.first.at(slice(0))
@@ -109,6 +118,8 @@ class Sampling:
         checking = none
         smooth = none
         finest = none
+        n_sizes = int(np.log2(self.first_size / PARTS)) + 1
+        n_rounds = n_sizes + 1  # the last one checks the smallest
 
         while len(todo) or len(checking):
             # nodes that were not traced, and checks of squares that were found smooth before
@@ -121,9 +132,10 @@ class Sampling:
                 [missing % self.number.shape[1], missing // self.number.shape[1]], axis=1
             ).astype(float)
             checks = checking.checks()
-            found = yield from trace_points(
-                self.plan, np.concatenate([nodes, checks.reshape(-1, 2)]), paths=self.paths
-            )
+            view = np.concatenate([nodes, checks.reshape(-1, 2)])
+            n = n_sizes - int(np.log2(todo.size[0] / PARTS)) - 1 if len(todo) else n_sizes
+            work = trace_points(self.plan, view, paths=self.paths)
+            found = yield from self._during(section(self.squares, n, n_rounds), work, len(view))
 
             first = len(self.points)
             self.points = self.points.and_more(found)
@@ -146,28 +158,8 @@ class Sampling:
             finest = finest.and_more(refused.at(refused.size == PARTS))
 
             todo = refused.at(refused.size > PARTS).quarters()
-            if len(finest) or not len(todo):
-                self._expect_of_squares(todo, checking, finest)
-                cells = smooth.and_more(checking)
-                self.ahead.smooth = smooth_ahead(
-                    self.plan, self.points, cells, len(smooth), self._at_nodes
-                )
-            else:
-                self.begun = begun(self.first_size, int(todo.size.max()))
 
         return (yield from self._finished(smooth, finest))
-
-    def _expect_of_squares(self, todo: Squares, checking: Squares, finest: Squares) -> None:
-        """Guess the number of rays, by squares to be traced, to be checked, and to be cut."""
-        missed = self._rays_of(checking.at(checking.size == PARTS))
-        missed = Rays(*(RAYS.missed * n for n in missed[:2]))
-        known = Rays(RAYS.of_square * len(todo) + len(CHECKS) * len(checking))
-        self.ahead.expect(known.and_more(missed).and_more(self._rays_of(finest)))
-
-    def _rays_of(self, finest: Squares) -> Rays:
-        nodes = self._at_nodes(finest)
-        branch, xy = self.points.branch[nodes], taken(self.points.xy, nodes)
-        return rays_of_finest(self.plan, branch, xy)
 
     def _at_nodes(self, squares: Squares) -> Ints:
         """Numbers (n, 25) of the points at the nodes of squares."""
@@ -256,8 +248,7 @@ class Sampling:
         cells, square = cells[is_seen], square[is_seen]
         yield 0
 
-        steps = cut(self.plan, self.points, cells, square, self.ahead, self.quarterings)
-        pieces = yield from steps
+        pieces = yield from self._cut(cells, square)
         view_map = ViewMap(
             view_size=self.view_size,
             display_size=self.display_size,
@@ -270,14 +261,24 @@ class Sampling:
             reason=self._reasons(),
             tolerance=self.tolerance,
         )
-        rays = rays_of_samples(self.plan, pieces.points, [pieces.chaotic], self.is_coarse)
-        self.ahead.expect(rays)
         chaotic = pieces.points.view[pieces.chaotic]
         allowance = None if self.is_coarse else pieces.allowance
-        sampling = sample_cells(self.plan, view_map, chaotic, allowance, self.ahead)
-        view_map = view_map.with_samples(*(yield from self.ahead.searching(sampling)))
+        work = sample_cells(self.plan, view_map, chaotic, allowance)
+        n_rays = n_strata(chaotic, self.plan.settings.samples_along)
+        view_map = view_map.with_samples(*(yield from self._during(self.samples, work, n_rays)))
         view_map = replace(view_map, unchecked=None if self.is_coarse else cells)
         return (yield from checked(self.plan, view_map)) if self.is_checked else view_map
+
+    def _cut(self, cells: Ints, square: Ints) -> Pauses[Pieces]:
+        """Pieces of pixels (m, 4) in squares (m,), by number."""
+        cutting = Cutting(self.plan, self.points, self.quarterings)
+        rounds = [
+            section(self.borders, k, self.quarterings + 2) for k in range(self.quarterings + 2)
+        ]
+        some = yield from self._during(rounds[0], cutting.pixels(cells, square))
+        for depth in range(1, self.quarterings + 1):
+            some = yield from self._during(rounds[depth], cutting.quarters(some, depth))
+        return (yield from self._during(rounds[-1], cutting.finished()))
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's

@@ -74,11 +74,7 @@ class ShareBatches:
         self._kept: list[Shares] | None = None
         self._n = 0
         self.n_sharing = 1  # that share the memory of MOST_KEPT
-        # in the pass over all cells that is under way
-        self.n_gathered = 0  # cells
-        self.n_divided = 0  # of them, with those of the lot under way
-        self.n_made = 0  # shares
-        self.before_lot = 0, 0  # cells and shares
+        self.n_divided = 0  # cells, in the pass over all that is under way
 
     def __len__(self) -> int:
         """Number of shares, after they were all made once."""
@@ -133,7 +129,6 @@ class ShareBatches:
 
         def lots() -> Iterator[Lot]:
             for view, display, throughput, path in self._pieces():
-                self._gather(len(view))
                 lot = Lot(view, display, throughput if self.has_throughput else None, path)
                 if is_large:
                     lot = lot.at(np.argsort(display[:, 0, 1]))
@@ -142,7 +137,7 @@ class ShareBatches:
         few = []
         n = 0
         before = 0
-        self.n_gathered = self.n_divided = self.n_made = 0
+        self.n_divided = 0
 
         begun = (
             None if some is None else ([len(lot.view) for lot in some], divided(*sizes, some))
@@ -156,7 +151,7 @@ class ShareBatches:
             before = int(n_cells[-1])
 
             for number, part in some[1]:
-                self._count(int(n_cells[number]), len(part))
+                self.n_divided = int(n_cells[number])
                 if len(part) > FEW_SHARES:
                     yield part
                     continue
@@ -181,17 +176,6 @@ class ShareBatches:
             return
         for stride, which in each_value(self._thinning.strides(lot.view, lot.display)):
             yield lot.at(which)._replace(stride=int(stride))
-
-    def _gather(self, n: int) -> None:
-        """So many more cells are there."""
-        self.n_gathered += n
-
-    def _count(self, n_cells: int, n_shares: int) -> None:
-        """So many more shares are made, of a lot that so many cells end with."""
-        if n_cells != self.n_divided:
-            self.before_lot = self.n_divided, self.n_made
-            self.n_divided = n_cells
-        self.n_made += n_shares
 
 
 def _by_number(things: Iterator[Lot]) -> Iterator[list[Lot] | None]:

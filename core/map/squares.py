@@ -25,6 +25,7 @@ class Beside:
 
 
 BESIDE = Beside()
+CORNERS = [0, 4, 24, 20]  # of the nodes, around the square
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,14 @@ class Squares:
     def checks(self) -> Floats:
         """Viewer px (n, 6, 2) of the places at which the interpolation is checked."""
         return self.corner[:, None] + self.size[:, None, None] * CHECKS
+
+    def are_within(
+        self, xy: Floats, view_size: tuple[int, int], display_size: tuple[int, int]
+    ) -> Bools:
+        """Are the squares (n,), with nodes at (n, 25, 2) display px, inside both images, wholly?"""
+        low, high = bounds_of(xy)
+        is_shown = ((low >= 0) & (high <= display_size)).all(axis=1)
+        return is_shown & (self.corner + self.size[:, None] <= view_size).all(axis=1)
 
 
 def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:

@@ -1,6 +1,6 @@
 """The view map, viewer pixels to display pixels, as cells, by which the source image is painted."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from ..arrays import Bools, Floats, Ints, each_value, taken
 from ..light.landings import Reason
-from ..steps import Pauses, finish
+from ..steps import Pauses, at, finish, within
+from .cells import count_shares
 from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around
 from .points import Points
-from .share_guess import CORNERS, is_within, shares_of
-from .squares import Squares
+from .squares import CORNERS, Squares
 from .subdivision import n_parts
 from .thinning import THINNING, Thinning
 from .widths import widths
@@ -119,7 +119,7 @@ class ViewMap:
         """Are smooth cells (c,) inside of both images, wholly?"""
         xy = taken(self.points.xy, self.nodes)
         squares = Squares(self.corner, self.size)
-        return is_within(xy, squares, self.view_size, self.display_size)
+        return squares.are_within(xy, self.view_size, self.display_size)
 
     def is_beside_glass(self, points: Ints) -> Bools:
         """Is light of these landed points beside the glass?"""
@@ -142,71 +142,62 @@ class ViewMap:
         return found
 
     @property
-    def n_quads(self) -> int:
-        """How many quads stand for smooth cells."""
-        return int((self._n_parts**2).sum())
+    def n_pieces(self) -> int:
+        """Number of quads, triangles and lit samples."""
+        n_smooth = int((self._n_parts**2).sum())
+        n_samples = np.count_nonzero(self.sample_width)
+        return n_smooth + len(self.quads) + len(self.triangles) + n_samples
 
     @cached_property
-    def n_by_kind(self) -> NDArray[np.float64]:
-        """(2, n + 3): pieces of each kind, in the order of
-        `pieces`, and about how many shares they make.
-
-        Kinds are quads of smooth cells, by the number of these in a cell, quads and triangles of
-        cut pixels, and samples. Each piece makes a share for each display pixel that it touches.
+    def shares_by_kind(self) -> NDArray[np.float64]:
+        """(4,) approximate numbers of shares that smooth cells, quads, triangles and samples make,
+        one for each display pixel that a piece touches.
         """
-        parts = self._n_parts
-        shares, step = self._shares_of(self.nodes[:, CORNERS], parts)
-        number, of_cell = np.unique(parts, return_inverse=True)
-        n_cells = np.bincount(of_cell, minlength=len(number))
-        smooth = [n_cells * number**2, step * np.bincount(of_cell[::step], shares, len(number))]
-
-        shares, step = self._shares_of(self.quads)
-        quads = len(self.quads), step * shares.sum()
+        shares, step = self._count_shares(self.nodes[:, CORNERS], self._n_parts)
+        smooth = step * shares.sum()
+        shares, step = self._count_shares(self.quads)
+        quads = step * shares.sum()
         shares, step = self._shares_of_triangles
         if self.thinning is not None:
             some = self.triangles[::step]
             some = [taken(places, some) for places in (self.points.view, self.points.xy)]
             shares = shares / self.thinning.strides(*some) ** 2
-        triangles = len(self.triangles), step * shares.sum()
+        triangles = step * shares.sum()
         # a square narrower than a pixel lies in one
         width = self.sample_width
         shares = np.where(width < 1, width > 0, (width + 1) ** 2)
-        samples = len(self.samples), shares.sum()
-        return np.column_stack([smooth, quads, triangles, samples])
+        return np.array([smooth, quads, triangles, shares.sum()])
 
     @cached_property
     def thinning(self) -> Thinning | None:
         """Of triangles that spread far over the display; None where these are not many."""
         return finish(self._looking_far())
 
-    def look_far(self) -> Pauses[None]:
-        """Make `sample_width` and `thinning`, with pauses: each may take a second and more."""
+    def look_far(self) -> Generator[float, None, None]:
+        """Make `sample_width` and `thinning`, each of which may take a second and more; yields
+        progress 0..1.
+        """
         if "sample_width" not in vars(self):
-            vars(self)["sample_width"] = yield from self._spreading()
+            vars(self)["sample_width"] = yield from at(0.0, self._spreading())
         if "thinning" not in vars(self):
-            vars(self)["thinning"] = yield from self._looking_far()
+            vars(self)["thinning"] = yield from within(self._looking_far(), 0.5, 1.0)
 
-    def _looking_far(self) -> Pauses[Thinning | None]:
+    def _looking_far(self) -> Generator[float, None, Thinning | None]:
         shares, step = self._shares_of_triangles
         if step * shares.sum() <= THINNING.per_pixel * np.prod(self.display_size):
             return None
         thinning = Thinning(self.display_size)
         for first in range(0, len(self.triangles), QUADS_AT_ONCE):
             thinning.add(*polygons(self.points, self.triangles[first : first + QUADS_AT_ONCE])[:2])
-            yield 0
+            yield first / len(self.triangles)
         return thinning
 
     @cached_property
     def _shares_of_triangles(self) -> tuple[Floats, int]:
-        return self._shares_of(self.triangles)
+        return self._count_shares(self.triangles)
 
-    def _shares_of(self, pieces: Ints, n_parts: Ints | None = None) -> tuple[Floats, int]:
-        return shares_of(self.points, pieces, self.display_size, n_parts=n_parts)
-
-    @property
-    def n_cut_shares(self) -> float:
-        """About how many shares the pixels make that are not in smooth cells."""
-        return float(self.n_by_kind[1, -3:].sum())
+    def _count_shares(self, pieces: Ints, n_parts: Ints | None = None) -> tuple[Floats, int]:
+        return count_shares(self.points.xy, pieces, self.display_size, n_parts)
 
     @property
     def is_whole(self) -> Bools:
@@ -267,7 +258,17 @@ class ViewMap:
     @cached_property
     def lookup(self) -> Lookup:
         """The cells by the viewer's pixels."""
-        return Lookup(self)
+        return Lookup(
+            view_size=self.view_size,
+            points=self.points,
+            corner=self.corner,
+            size=self.size,
+            nodes=self.nodes,
+            quads=self.quads,
+            triangles=self.triangles,
+            samples=self.samples,
+            sample_reach=self.sample_reach,
+        )
 
     def display_from_view(self, xy: Floats) -> Floats:
         """Display pixels (n, 2) that viewer pixels (n, 2) show, also

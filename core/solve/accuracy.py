@@ -12,9 +12,8 @@ from ..light.display import display_pixel
 from ..light.landings import Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
-from ..steps import Pauses, at, within
+from ..steps import Pauses, at
 from .contradicted import find_contradicted
-from .progress import STAGES
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
 # rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
@@ -61,15 +60,15 @@ def measure(
     """
     bounded = yield from at(0.0, _bounded(plan))
     if elsewhere is None:
-        found = yield from within(tessellation(bounded), 0.0, STAGES.mesh_measured)
+        found = yield from tessellation(bounded)
         rounding = rounding_error(plan)
     else:
         found, rounding = elsewhere.tessellation, elsewhere.rounding
-    open_light, leaked = yield from at(STAGES.mesh_measured, _leaking(plan))
-    odd_light = yield from at(STAGES.leaks_measured, contradicted(bounded))
+    open_light, leaked = yield from at(1.0, _leaking(plan))
+    odd_light = yield from at(1.0, contradicted(bounded))
     caught_light = 0.0
     if is_cut_off:
-        caught_light = yield from at(STAGES.leaks_measured, caught(plan))
+        caught_light = yield from at(1.0, caught(plan))
     return Accuracy(found, rounding, open_light, caught_light, odd_light, leaked)
 
 

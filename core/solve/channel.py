@@ -29,7 +29,6 @@ from ..viewer import Viewer
 from .accuracy import Accuracy
 from .measured import Measured
 from .memory import check_memory
-from .progress import STAGES
 
 
 @dataclass(eq=False)
@@ -39,21 +38,13 @@ class Traced:
     plan : the rig as it is traced for this viewer, at this wavelength
     weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over the shares of
         light beside the glass, where it counts
-    seconds_to_measure : its errors, about
     measured : None until a picture was painted of it; of the last place of the picture
     """
 
     plan: Plan
     view_map: ViewMap
     weight_beside: Floats | None
-    seconds_to_measure: float
     measured: Measured | None = None
-
-    @property
-    def seconds_left(self) -> float:
-        """About how long it takes to measure it for another place of the picture."""
-        known = 0.0 if self.measured is None else STAGES.mesh_measured
-        return (1 - known) * self.seconds_to_measure
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,9 +19,7 @@ from .accuracy import LEAST_LOST
 from .channel import Channel, Traced
 from .disagreement import Settled, is_comparable, is_sharp
 from .measured import measuring
-from .pace import seconds_to_cover
 from .painting import Clock, Placed, place
-from .progress import Bar
 
 
 class Optics(NamedTuple):
@@ -94,14 +92,10 @@ def uncovered(optics: Optics, place: Place) -> list[tuple[Placed, ViewMap]]:
     return [(one, traced.view_map) for traced, one in both if one.covered is None]
 
 
-def cover(
-    uncovered: Sequence[tuple[Placed, ViewMap]], bar: Bar, after: float
-) -> Generator[float, None, None]:
-    """Find how much of the picture is seen, and tell the bar, after which come so many seconds."""
-    seconds = [seconds_to_cover(view_map) for _, view_map in uncovered]
+def cover(uncovered: Sequence[tuple[Placed, ViewMap]]) -> Generator[float, None, None]:
+    """Find how much of the picture is seen; yields progress 0..1."""
     for k, (placed, view_map) in enumerate(uncovered):
-        rest = sum(seconds[k + 1 :]) + after
-        yield from bar.during(at(0.0, placed.cover(view_map)), seconds[k], rest)
+        yield from at(k / len(uncovered), placed.cover(view_map))
 
 
 def plans_of(rig: Rig, settings: Settings, optics: Optics) -> list[Plan]:

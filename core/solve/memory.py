@@ -109,8 +109,8 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         )
     else:
         n_quads = 0.0  # they are among the shares
-        n_shares = len(sizes) * float(view_map.n_by_kind[1, :-3].sum())
-        n_cut = len(sizes) * view_map.n_cut_shares
+        n_shares = len(sizes) * float(view_map.shares_by_kind[0])
+        n_cut = len(sizes) * float(view_map.shares_by_kind[1:].sum())
         n_points = len(sizes) * len(view_map.points)
     n_kept = min(n_shares, MOST_KEPT)
     n_more = min(n_quads, max(MOST_KEPT - n_shares, 0.0))

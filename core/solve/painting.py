@@ -24,12 +24,10 @@ from ..settings import Settings
 from ..steps import Pauses, within
 from ..viewer import Viewer
 from .channel import shares_of
-from .pace import seconds_to_paint
-from .painted_part import PaintedPart
 from .picture_coverage import of_the_picture
-from .progress import STAGES
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
+PASS = 0.5  # of the progress of painting, for another pass over all shares before it
 
 
 @dataclass(eq=False)
@@ -37,8 +35,7 @@ class Placed:
     """The part of a channel that depends on the picture's place and size, but not on its colours.
 
     reads : how finely shares are read
-    seconds_to_paint : about, with all that comes with it
-    part : of the work that is done
+    n_pieces : of the map, of which the shares are made
     coverage : complete when all shares were made once
     is_counted : is it complete?
     asked : the places of the picture that display pixels are asked for, where that was looked for
@@ -50,8 +47,7 @@ class Placed:
     picture: PicturePlace
     shares: ShareBatches
     reads: Reads
-    seconds_to_paint: float
-    part: PaintedPart
+    n_pieces: int
     coverage: Coverage
     is_counted: bool = False
     asked: Asked | None = None
@@ -65,6 +61,14 @@ class Placed:
         """Keep no shares: they are made again when they are asked for."""
         self.shares.let_go()
         self.strokes.clear()
+
+    def part_done(self, n: int) -> float:
+        """Part, 0..1, of a pass over the shares that is done after n of them: by these if they are
+        kept, otherwise by the pieces that they are made of.
+        """
+        if self.shares.are_kept:
+            return n / max(len(self.shares), 1)
+        return min(self.shares.n_divided / max(self.n_pieces, 1), 1.0)
 
     def shown(self, shares: Shares) -> Shares:
         """Those of some shares that display pixels show."""
@@ -138,7 +142,7 @@ def _add(
     for shares in placed.shares.pausing():
         clock.lap("shares")
         # another solve may be half way through the same batches
-        told = max(told, placed.part.done(n_painted))
+        told = max(told, placed.part_done(n_painted))
         if shares is None:
             yield told
             continue
@@ -164,7 +168,7 @@ def _add(
         n += 1
 
         n_painted += len(shares)
-        told = max(told, placed.part.done(n_painted))
+        told = max(told, placed.part_done(n_painted))
         yield told
 
     placed.is_counted = True
@@ -180,8 +184,7 @@ def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Se
         picture=picture,
         shares=shares,
         reads=reads_at(view_map.tolerance),
-        seconds_to_paint=seconds_to_paint(view_map, settings),
-        part=PaintedPart.of(view_map, shares),
+        n_pieces=view_map.n_pieces,
         coverage=Coverage(shares.display_size, shares.view_size),
     )
 
@@ -231,7 +234,7 @@ def _count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
         clock.lap("coverage")
 
         n_counted += len(shares)
-        told = max(told, placed.part.done(n_counted))
+        told = max(told, placed.part_done(n_counted))
         yield told
 
     placed.is_counted = True
@@ -247,7 +250,7 @@ def _strongest_first(
     clock.lap("painting")
     found = 0.0
     if placed.shares.has_path and placed.strongest is None:
-        found = STAGES.found
+        found = PASS
         yield from within(_find_strongest(placed), 0.0, found)
         clock.lap("ghosts")
     yield from within(work, found, 1.0)
@@ -262,7 +265,7 @@ def _find_strongest(placed: Placed) -> Generator[float, None, None]:
         except StopIteration as done:
             placed.strongest = done.value
             return
-        told = max(told, placed.part.made)
+        told = max(told, placed.part_done(0))
         yield told
 
 

@@ -4,7 +4,6 @@ made ready to be traced until a ray comes by.
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 
@@ -17,9 +16,9 @@ from ..map.view_map import ViewMap
 from ..messages import Message
 from ..rig import Rig
 from ..settings import Settings
-from ..steps import at
+from ..stages import MAP, spans
+from ..steps import at, within
 from ..viewer import Viewer
-from .progress import Ahead
 
 UNTRACED = Message("tracing (the optics have not changed)")
 
@@ -67,11 +66,9 @@ def sample_reached(
     is_coarse: bool = False,
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
     """Plan and view map of a viewer, without the glass that none of its light
-    comes near; yields progress of a whole solve, 0..1.
+    comes near; yields progress 0..1.
 
-    It ends where as much time has passed as it should have of a solve in which the work after it
-    takes its time, too. Where a ray comes near such a glass after all, or a bundle of rays does, it
-    begins again with it.
+    If a ray or a bundle of rays comes near such a glass after all, it begins again with that glass.
 
     Parameters
     ----------
@@ -83,38 +80,24 @@ def sample_reached(
     RigError, MeshError : as by make_plan
     """
     aside = out_of_sight(rig, viewer)
+    _, of_map = spans(("plan",), MAP)
     told = 0.0
 
     for start in range(MOST_STARTS):
-        started = perf_counter()
         plan = yield from at(
             told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         )
         plan = plan.seen_by(viewer)
         lap("plan")
 
-        of_plan = perf_counter() - started
         # rays that check a map tell, too, whether light comes near to what stands aside
         sampling = Sampling(plan, is_coarse, is_checked=bool(plan.aside.glasses))
-        ahead = Ahead(plan, of_plan)
-        steps = sampling.sample()
+        steps = within(sampling.sample(), *of_map)
 
         try:
             while True:
-                share = next(steps)
-                so_far = perf_counter() - started
-                if sampling.ahead.done.every == 0:  # the kernel's trees grow before the first ray
-                    of_plan = so_far
-                if sampling.ahead.is_guessed:
-                    # of hundreds of pauses few tell anything new
-                    if not ahead.is_due(sampling.ahead, so_far - of_plan):
-                        yield told
-                        continue
-                    rest = ahead.seconds(sampling.ahead, so_far - of_plan)
-                    if sampling.ahead.can_be_told:
-                        share = so_far / (so_far + rest)
                 # a solve that begins again has come no further
-                told = max(told, share)
+                told = max(told, next(steps))
                 yield told
         except StopIteration as end:
             return replace(plan, aside=Aside.none()), end.value

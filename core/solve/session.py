@@ -5,7 +5,6 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections import Counter
 from collections.abc import Callable, Generator
 from dataclasses import replace
 
@@ -21,7 +20,8 @@ from ..light.plan import Plan
 from ..light.planning import planning
 from ..rig import Rig
 from ..settings import Settings
-from ..steps import Pauses, at, finish, last_told, within
+from ..stages import AFTER, MAP, TRACING, section, spans
+from ..steps import Pauses, at, finish, within
 from ..viewer import Viewer
 from .accuracy import leaks
 from .channel import Traced, weight_beside
@@ -40,10 +40,8 @@ from .known import (
     unmeasured,
 )
 from .memory import check_memory, check_traced
-from .pace import seconds_to_cover, seconds_to_measure
-from .painting import Clock, finished, paint, place
+from .painting import PASS, Clock, finished, paint, place
 from .picture_coverage import check_seen
-from .progress import STAGES, Bar
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
 from .solution import Solution
@@ -76,7 +74,7 @@ class Session:
             One sentence on the fault of the rig; the session stays as it was.
         """
         settings = settings or Settings()
-        clock, bar = Clock(), Bar()
+        clock = Clock()
         rig.check()
         settings.check()
         keys = keys_of(rig, settings)
@@ -85,24 +83,25 @@ class Session:
         optics, n_rays = self._optics, 0
         is_new = not self._has(keys)
         if is_new or optics.keys != keys:
-            optics, n_rays = yield from self._look(rig, settings, keys, clock, bar)
-
-        yield bar.told
+            span, _ = spans(TRACING, AFTER)
+            optics, n_rays = yield from within(self._look(rig, settings, keys, clock), *span)
 
         # what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
         plans = plans_of(rig, settings, optics)
         to_be_measured = unmeasured(optics, plans)
-        to_measure = sum(traced.seconds_left for traced, _ in to_be_measured)
         to_be_covered = uncovered(optics, placed)
-        to_cover = sum(seconds_to_cover(view_map) for _, view_map in to_be_covered)
-        to_paint = sum(one.seconds_to_paint for one in placed.channels)
-        if _is_to_be_settled(placed, rig):
-            to_paint /= 1 - STAGES.settled
+        _, painted, covered, measured = spans(
+            TRACING if is_new else (),
+            ("painting",),
+            ("coverage",) if to_be_covered else (),
+            ("measuring",) if to_be_measured else (),
+        )
+        yield painted[0]
 
         steps = self._paint(placed, rig, settings, clock)
-        placed, painting = yield from bar.during(steps, to_paint, to_cover + to_measure)
-        yield from at(bar.told, self._take_up(optics, placed))
+        placed, painting = yield from within(steps, *painted)
+        yield from at(covered[0], self._take_up(optics, placed))
         beside = [traced.weight_beside for traced in optics.channels]
         light = finished(painting, placed.channels, beside, settings)
         source = rig.display.source_for(light)
@@ -115,11 +114,11 @@ class Session:
             show(source)
 
         # all that is not seen
-        yield bar.at(to_cover + to_measure)
-        yield from cover(to_be_covered, bar, to_measure)
+        yield covered[0]
+        yield from within(cover(to_be_covered), *covered)
         clock.lap("coverage")
-        yield bar.at(to_measure)
-        n_rays += yield from bar.during(measure(to_be_measured, clock), to_measure, 0.0)
+        yield measured[0]
+        n_rays += yield from within(measure(to_be_measured, clock), *measured)
         channels = channels_of(plans, optics, placed, light)
         clock.lap("coverage")
 
@@ -150,17 +149,17 @@ class Session:
         clock = Clock()
         found = []
         n = len(rig.viewers)
-        traced = STAGES.glance_traced
+        traced, painted = spans(TRACING, ("painting",))
 
         for k, viewer in enumerate(rig.viewers):
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap, is_coarse=True)
-            _, view_map = yield from within(steps, traced * k / n, traced * (k + 1) / n)
+            _, view_map = yield from within(steps, *section(traced, k, n))
             found.append((view_map, place(view_map, rig.place_of(viewer), viewer, settings)))
 
         channels = [placed for _, placed in found]
         if is_sharp(rig, settings):
-            yield from within(settle(channels, clock, is_sharp=True), traced, traced)
-        painting = yield from within(paint(channels, self._pyramids_of(rig), clock), traced, 1.0)
+            yield from at(painted[0], settle(channels, clock, is_sharp=True))
+        painting = yield from within(paint(channels, self._pyramids_of(rig), clock), *painted)
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
 
@@ -203,7 +202,7 @@ class Session:
         """
         part = 0.0
         if _is_to_be_settled(place, rig):
-            part = STAGES.settled
+            part = PASS
             steps = settle(place.channels, clock, is_sharp(rig, settings))
             place = place._replace(settled=(yield from within(steps, 0.0, part)))
 
@@ -217,9 +216,9 @@ class Session:
         return self._pyramids
 
     def _look(
-        self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock, bar: Bar
+        self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock
     ) -> Generator[float, None, tuple[Optics, int]]:
-        """Trace those view maps of a rig that are not known; yields progress of the whole solve,
+        """Trace those view maps of a rig that are not known; yields progress 0..1,
         and returns the number of rays, too.
         """
         known = {} if self._optics is None else self._optics.by_key
@@ -231,9 +230,9 @@ class Session:
             check_memory(rig, settings, [key in known for key in keys], is_told_again=True)
 
         for k, (key, viewer) in enumerate(new.items()):
-            steps = self._trace(rig, viewer, settings, clock)
-            traced = yield from bar.tracing(steps, len(new) - 1 - k)
-            yield bar.told
+            span = section((0.0, 1.0), k, len(new))
+            traced = yield from within(self._trace(rig, viewer, settings, clock), *span)
+            yield span[1]
             of_new = replace(rig, viewers=tuple(new.values()))
             check_traced(of_new, viewer, settings, traced.view_map)
             known[key] = traced
@@ -244,27 +243,23 @@ class Session:
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
     ) -> Generator[float, None, Traced]:
-        """Trace the view map of one viewer; yields progress of the
-        whole solve as if there were no other.
-        """
-        before = Counter(clock.seconds)
+        """Trace the view map of one viewer; yields progress 0..1."""
+        reached, spread = spans(("plan", *MAP), ("spread",))
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
-            (plan, view_map), told = yield from last_told(steps)
+            plan, view_map = yield from within(steps, *reached)
         finally:
             self.is_tracing = False
 
         clock.lap("tracing")
-        yield told
-        yield from at(told, view_map.look_far())
+        yield spread[0]
+        yield from within(view_map.look_far(), *spread)
         clock.lap("shares")
-        yield told
-        weight = yield from at(told, weight_beside(view_map, settings))
+        yield spread[1]
+        weight = yield from at(spread[1], weight_beside(view_map, settings))
         clock.lap("glare")
-        of_plan, of_rays = (clock.seconds[part] - before[part] for part in ("plan", "tracing"))
-        to_measure = seconds_to_measure(plan, view_map, of_plan, of_rays)
-        return Traced(plan, view_map, weight, to_measure)
+        return Traced(plan, view_map, weight)
 
 
 def _is_to_be_settled(place: Place, rig: Rig) -> bool:

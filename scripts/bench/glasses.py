@@ -3,15 +3,13 @@
 `python3 scripts/dev.py glasses [--glass NAME ...] [--surface CHOICE ...] [--effort RAYS] [--numpy]
 [--threads N] [--display PIXELS]`. Seconds, and processor seconds of all threads, of whole solves at
 default settings, viewer and display of 512 x 512 pixels. `step` is the longest step, in which no
-Esc is heard; `rest` how many times the rest of the time differs from the progress that is told,
-from 10 % to 90 %; `from` the part of the time after which 10 % are told. `to come` is how many
-times the rays that are still to come differ from a guess of them, each time it is mended, from 10 %
-to 90 %. `MB` is the memory taken, on Linux, and `told` how many times that differs from the
+Esc is heard. `MB` is the memory taken, on Linux, and `told` how many times that differs from the
 estimate. Each solve is the first of a process of its own. `curved` is the share of the triangles
 with a curved face, `beyond` the share that is seen off by more than the tolerance, `sampled` where
-light is chaotic. With `--processor` all seconds are the processor's, of the thread that a solve is
-begun in: other work beside it changes little. That is one thread, or with `--threads 2` what the
-clock shows where nothing else runs.
+light is chaotic.
+
+With `--stages`, instead: percent of the time that each stage of a solve takes, and their means,
+from which the shares in core/stages.py are rounded.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
@@ -34,7 +32,7 @@ from collections.abc import Generator
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter, process_time, thread_time
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -45,13 +43,12 @@ from kiriko.core.measure.choices import measure_choices
 from kiriko.core.native import loading
 from kiriko.core.rig import Mesh, Rig
 from kiriko.core.settings import Settings
-from kiriko.core.solve import painting, progress, reach
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
+from kiriko.core.stages import SHARES, spans
 from kiriko.core.steps import finish
 from known.counted_rays import counted_rays
-from known.guessed_rays import factors, guessed
 from known.reference_rigs import glass_rig
 
 from .brought_glass import add_glass_option, filled, made
@@ -86,23 +83,20 @@ def main() -> None:
     parser.add_argument(
         "--rays", action="store_true", help="how many rays a viewer pixel takes, instead"
     )
-    parser.add_argument(
-        "--processor", action="store_true", help="the processor's seconds, of the first thread"
-    )
+    parser.add_argument("--stages", action="store_true", help="how long each stage takes, instead")
     parser.add_argument(
         "--here", action="store_true", help="measure the first glass here and print its line"
     )
     arguments = parser.parse_args()
-    loading.use_threads(arguments.threads or int(arguments.processor))
-    if arguments.processor:
-        for module in (reach, progress, painting, sys.modules[__name__]):
-            module.perf_counter = thread_time
+    loading.use_threads(arguments.threads)
 
     with loading.off() if arguments.numpy else nullcontext():
         if arguments.here:
             print(line_of(arguments))
         elif arguments.light:
             print_light(arguments)
+        elif arguments.stages:
+            print_stages(arguments)
         elif arguments.rays:
             print_rays(arguments)
         else:
@@ -133,21 +127,11 @@ class Steps:
         return float(np.diff(self.seconds, prepend=0.0).max())
 
     @property
-    def first_told(self) -> float:
-        """Part of the time, 0..1, after which 10 % are told."""
-        return self.seconds[int(np.argmax(np.array(self.told) >= 0.1))] / self.seconds[-1]
-
-    @property
-    def off(self) -> float:
-        """How many times the rest of the time is longer or
-        shorter than the progress tells, from 10 % to 90 %; 1 where it tells nothing between.
-        """
-        told = np.array(self.told)
-        seconds = np.array(self.seconds)
-        some = (told >= 0.1) & (told <= 0.9)
-        expected = seconds[:-1][some] * (1 / told[some] - 1)
-        rest = seconds[-1] - seconds[:-1][some]
-        return float(np.maximum(expected / rest, rest / expected).max(initial=1.0))
+    def of_stages(self) -> np.ndarray:
+        """(n,) part of the time, 0..1, that each stage takes."""
+        ends = [end for _, end in spans(*((stage,) for stage in SHARES))]
+        after = np.searchsorted(self.told, np.array(ends) - 1e-9)
+        return np.diff(np.array(self.seconds)[after], prepend=0.0) / self.seconds[-1]
 
 
 class Memory:
@@ -206,6 +190,24 @@ def print_light(arguments: argparse.Namespace) -> None:
         print(f"{name:<16}{100 * glare.share:8.1f}{share:12.1f}{told}  {glare.where}", flush=True)
 
 
+def print_stages(arguments: argparse.Namespace) -> None:
+    """Print a line for each glass, and the means, on the stages of a solve."""
+    print(f"{'glass':<16}{'s':>7}" + "".join(f"{stage:>10}" for stage in SHARES))
+    found = []
+    for name in arguments.glass:
+        mesh = replace(made(name), surface="automatic")
+        steps = Steps()
+        steps.watch(Session().solve(rig_of(name, mesh, arguments.display)))
+        found.append(steps.of_stages)
+        print_line(name, steps.seconds[-1], steps.of_stages)
+    print_line("mean", float("nan"), np.mean(found, axis=0))
+
+
+def print_line(name: str, seconds: float, of_stages: np.ndarray) -> None:
+    """Print the parts of the time that stages take."""
+    print(f"{name:<16}{seconds:7.2f}" + "".join(f"{100 * part:10.1f}" for part in of_stages))
+
+
 def print_rays(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice on the rays of a viewer pixel."""
     print(
@@ -233,7 +235,7 @@ def print_rays(arguments: argparse.Namespace) -> None:
 def print_table(arguments: argparse.Namespace) -> None:
     """Print a line for each glass and choice."""
     numbers = (
-        f"{'s':>7}{'CPU s':>7}{'step s':>7}{'rest x':>7}{'from %':>7}{'to come x':>10}"
+        f"{'s':>7}{'CPU s':>7}{'step s':>7}"
         f"{'MB':>6}{'told x':>7}"
         f"{'rays':>9}{'curved':>7}{'beyond %':>9}"
     )
@@ -258,8 +260,7 @@ def line_of(arguments: argparse.Namespace) -> str:
     steps = Steps()
     started = perf_counter()
     of_processor = process_time()
-    with guessed() as guesses:
-        solution = steps.watch(Session().solve(a_rig, settings))
+    solution = steps.watch(Session().solve(a_rig, settings))
     seconds = perf_counter() - started
     of_processor = process_time() - of_processor
 
@@ -268,11 +269,8 @@ def line_of(arguments: argparse.Namespace) -> str:
     estimate = sum(estimated(a_rig, settings, solution.first.view_map).values())
     off = max(estimate / taken, taken / estimate) if taken else float("nan")
     beyond = 100 * (error.facet_limited + error.unresolved)
-    to_come = factors(guesses, solution.n_rays)
-    guess_off = max(to_come.max(), 1 / to_come.min())
 
-    told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}{steps.off:7.2f}"
-    told += f"{100 * steps.first_told:7.0f}{guess_off:10.2f}"
+    told = f"{seconds:7.1f}{of_processor:7.1f}{steps.longest:7.2f}"
     told += f"{taken / 1e6:6.0f}{off:7.2f}{solution.n_rays:9d}"
     told += f"{share:7.2f}{beyond:9.2f}{100 * error.sampled:10.2f}"
     return f"{name:<16}{n_triangles:10d}{choice:>10}{told}"

@@ -3,7 +3,6 @@ variance of all display pixels most; and none of it is lost.
 """
 
 from functools import cache
-from types import SimpleNamespace
 from unittest.mock import patch
 
 import numpy as np
@@ -126,11 +125,10 @@ def in_field(trace, n_times, display=SIDE):
         yield n
         return Points(places, xy, np.ones(n, np.uint64), np.zeros(n), np.ones(n))
 
-    ahead = SimpleNamespace(expect=lambda rays: None)
     with patch.object(samples, "trace_points", traced):
         for _ in range(n_times):
             allowance = Allowance(plan, np.empty((0, 2)))
-            yield finish(sample_cells(plan, empty, pixels(SIDE), allowance, ahead))
+            yield finish(sample_cells(plan, empty, pixels(SIDE), allowance))
 
 
 @pytest.mark.parametrize("share", [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
@@ -257,7 +255,7 @@ def test_much_effort_clear_glass_and_first_pictures_take_no_more():
             (16, every[:0], allowance),
             (16, every, None),
         ):
-            work = sample_cells(a_plan(effort=effort), None, corners, allowed, None)
+            work = sample_cells(a_plan(effort=effort), None, corners, allowed)
             found = finish(work)
             assert len(found.points) == Settings(effort=effort).samples_along ** 2 * len(corners)
             assert found.area.sum() == pytest.approx(len(corners))
@@ -298,25 +296,6 @@ def test_it_can_be_stopped_while_further_samples_are_traced():
         next(work)
     found = drain(sample(plan))
     assert len(found.samples) == sum(seen)
-
-
-def test_further_samples_are_told_as_rays_to_come():
-    """As many as there are, once they are known; and about so many before."""
-    sampling = Sampling(make_plan(facetted_rig(), Settings()))
-    expected = []
-    n_rays = []
-
-    def traced(plan, places):
-        expected.append(sampling.ahead.expected)
-        n_rays.append(len(places))
-        return real(plan, places)
-
-    real = samples.trace_points
-    with patch.object(samples, "trace_points", traced):
-        every = drain(sampling.sample()).n_rays
-    assert expected[1] == pytest.approx(every, rel=0.05)
-    assert every / 2 < expected[0] < every * 2
-    assert len(n_rays) == 2
 
 
 def test_further_samples_that_memory_does_not_hold_are_refused():

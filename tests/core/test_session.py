@@ -22,10 +22,9 @@ from kiriko.core.mesh import FURTHEST
 from kiriko.core.native import loading
 from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from kiriko.core.solve import accuracy, painting, progress, reach
+from kiriko.core.solve import accuracy, painting, reach
 from kiriko.core.solve import tessellation as of_mesh
 from kiriko.core.solve.accuracy import MANY_EVENTS, measure, rounding_error
-from kiriko.core.solve.pace import Seconds, pace
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.tessellation import tessellation
@@ -793,23 +792,6 @@ def test_the_measured_error_goes_with_the_tolerance():
     assert errors[0] > 4 * errors[2]
     assert errors[0] < tolerances[0] / 4
     assert solutions[0].n_rays < solutions[1].n_rays < solutions[2].n_rays
-
-
-def test_progress_goes_on_however_little_comes_after_tracing(monkeypatch):
-    """Where the view map is told to be all of the work the rest
-    of it goes on from there: `solve` looks at that.
-    """
-    of = pace()
-    nothing = {name: Seconds(0.0) for name in ("painted_pixel", "painted_cell", "painted_share")}
-    at_once = replace(
-        of,
-        curved=of.curved._replace(measured=0.0),
-        covered_pixel=0.0,
-        covered_point=0.0,
-        **nothing,
-    )
-    monkeypatch.setattr(progress, "pace", lambda: at_once)
-    assert solve(ball_rig(4, pixels=32, display_pixels=32)).n_rays > 0
 
 
 def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):

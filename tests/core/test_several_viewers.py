@@ -288,14 +288,6 @@ def test_what_is_white_for_all_is_white_whichever_path_is_shown():
     assert max(strongest) < 1e-3
 
 
-def test_progress_never_goes_back_with_three_viewers():
-    """By any time that the parts of a solve may take, which its progress is told by."""
-    a_rig = slab_rig()
-    three = tuple(aside(a_rig.viewer, x, name=str(x)) for x in (-0.1, 0.0, 0.1))
-    for _ in range(30):
-        solve(replace(a_rig, viewers=three))
-
-
 def test_a_viewer_whose_light_is_lost_has_no_error_to_remove():
     a_rig = slab_rig()
     away = aside(a_rig.viewer, 3.0, name="away")  # so far that no light of the plate comes there

@@ -251,7 +251,7 @@ def test_shares_are_counted_before_they_are_made(scene, display):
     found = view_map(rig(mesh, pixels=96, display=display))
     sizes = found.display_size, found.view_size
     made = sum(len(rasterise(*sizes, view, xy)) for view, xy, *_ in found.pieces())
-    assert found.n_by_kind[1].sum() == pytest.approx(made, rel=0.1)
+    assert found.shares_by_kind.sum() == pytest.approx(made, rel=0.1)
 
 
 @cache

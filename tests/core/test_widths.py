@@ -308,4 +308,4 @@ def test_the_number_of_shares_is_told(width):
     vars(view)["sample_width"] = np.where(view.sample_width > 0, width, 0)
     sizes = view.display_size, view.view_size
     made = sum(len(rasterise(*sizes, *piece[:3]).area) for piece in view.pieces())
-    assert view.n_by_kind[1, -1] == pytest.approx(made, rel=0.2)
+    assert view.shares_by_kind[-1] == pytest.approx(made, rel=0.2)

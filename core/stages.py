@@ -1,0 +1,36 @@
+"""The stages of a solve and their shares of its progress bar.
+
+The shares are fixed: no work is timed, and none is estimated before it is done. A stage moves the
+bar by the work that it can count.
+"""
+
+from itertools import accumulate, pairwise
+
+# Mean shares of the time of five solves (`dev.py glasses --stages`).
+SHARES = {
+    "plan": 0.18,
+    "squares": 0.15,
+    "borders": 0.27,
+    "samples": 0.03,
+    "spread": 0.06,
+    "painting": 0.21,
+    "coverage": 0.02,
+    "measuring": 0.08,
+}
+MAP = "squares", "borders", "samples"
+TRACING = "plan", *MAP, "spread"
+AFTER = "painting", "coverage", "measuring"
+
+Span = tuple[float, float]
+
+
+def spans(*parts: tuple[str, ...]) -> list[Span]:
+    """Start and end, 0..1, of each of some parts of a solve, which consist of stages."""
+    ends = [0.0, *accumulate(sum(SHARES[stage] for stage in stages) for stages in parts)]
+    return [(start / ends[-1], end / ends[-1]) for start, end in pairwise(ends)]
+
+
+def section(span: Span, k: int, n: int) -> Span:
+    """The section k of n equal ones of a span."""
+    start, end = span
+    return start + (end - start) * k / n, start + (end - start) * (k + 1) / n
