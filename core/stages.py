@@ -6,20 +6,22 @@ bar by the work that it can count.
 
 from itertools import accumulate, pairwise
 
-# Mean shares of the time of five solves (`dev.py glasses --stages`).
+from .steps import between
+
+# Mean parts of the time on ball, cube, wine glass, bottle and text (`dev.py glasses --stages`).
 SHARES = {
-    "plan": 0.18,
-    "squares": 0.15,
-    "borders": 0.27,
-    "samples": 0.03,
-    "spread": 0.06,
-    "painting": 0.21,
-    "coverage": 0.02,
-    "measuring": 0.08,
+    "plan": 0.19,
+    "squares": 0.14,
+    "borders": 0.28,
+    "samples": 0.02,
+    "spread": 0.05,
+    "painting": 0.22,
+    "coverage": 0.03,
+    "measuring": 0.07,
 }
 MAP = "squares", "borders", "samples"
 TRACING = "plan", *MAP, "spread"
-AFTER = "painting", "coverage", "measuring"
+AFTER = ("painting",), ("coverage",), ("measuring",)
 
 Span = tuple[float, float]
 
@@ -32,5 +34,4 @@ def spans(*parts: tuple[str, ...]) -> list[Span]:
 
 def section(span: Span, k: int, n: int) -> Span:
     """The section k of n equal ones of a span."""
-    start, end = span
-    return start + (end - start) * k / n, start + (end - start) * (k + 1) / n
+    return between(*span, k / n), between(*span, (k + 1) / n)

@@ -20,13 +20,18 @@ def finish(steps: Generator[object, None, Result]) -> Result:
             return end.value
 
 
+def between(start: float, stop: float, part: float) -> float:
+    """Progress at a part, 0..1, of the way from start to stop: rounding never takes it further."""
+    return min(start + (stop - start) * part, stop)
+
+
 def within(
     work: Generator[float, None, Result], start: float, stop: float
 ) -> Generator[float, None, Result]:
     """Hand on the progress of one part of the work, from start to stop of the whole."""
     while True:
         try:
-            yield start + (stop - start) * next(work)
+            yield between(start, stop, next(work))
         except StopIteration as done:
             return done.value
 

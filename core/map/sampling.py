@@ -17,7 +17,7 @@ from ..arrays import Bools, Floats, Ints, taken
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..stages import MAP, Span, section, spans
-from ..steps import Pauses
+from ..steps import Pauses, between
 from . import interpolation
 from .borders import Cutting, Pieces
 from .doubts import CUT
@@ -106,7 +106,7 @@ class Sampling:
         before = self.n_rays
         while True:
             part = min((self.n_rays - before) / max(n_rays, 1), 1.0)
-            self.progress = span[0] + (span[1] - span[0]) * part
+            self.progress = between(*span, part)
             try:
                 yield next(work)
             except StopIteration as end:

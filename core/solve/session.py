@@ -83,7 +83,7 @@ class Session:
         optics, n_rays = self._optics, 0
         is_new = not self._has(keys)
         if is_new or optics.keys != keys:
-            span, _ = spans(TRACING, AFTER)
+            span, *_ = spans(TRACING, *AFTER)
             optics, n_rays = yield from within(self._look(rig, settings, keys, clock), *span)
 
         # what is to be painted and measured

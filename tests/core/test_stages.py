@@ -11,7 +11,7 @@ from kiriko.core.settings import Settings
 from kiriko.core.solve import picture_coverage
 from kiriko.core.solve.session import Session
 from kiriko.core.stages import AFTER, SHARES, TRACING, section, spans
-from kiriko.core.steps import finish
+from kiriko.core.steps import between, finish, within
 from known.reference_rigs import ball_rig, bottle, cube_rig, icosphere, rig
 from known.work import drain
 
@@ -44,7 +44,7 @@ def viewers(a_rig, *sideways):
 
 def test_the_shares_are_those_of_one_whole_solve():
     assert len(SHARES) == 8
-    assert tuple(SHARES) == TRACING + AFTER
+    assert tuple(SHARES) == TRACING + sum(AFTER, ())
     assert sum(SHARES.values()) == pytest.approx(1)
     assert min(SHARES.values()) > 0
 
@@ -58,6 +58,16 @@ def test_spans_follow_one_another_from_0_to_1(monkeypatch):
     assert none == pytest.approx((0.4, 0.4))
     assert last == pytest.approx((0.4, 1))
     assert section((0.2, 0.8), 1, 3) == pytest.approx((0.4, 0.6))
+
+
+def test_no_rounding_takes_the_bar_beyond_a_stage():
+    """Where start + (stop - start) is more than stop, too, as in some of 1000 spans."""
+    ends = np.sort(np.random.default_rng(0).random((1000, 2)) ** 3, axis=1).tolist()
+    assert any(start + (stop - start) > stop for start, stop in ends)
+    for start, stop in ends:
+        assert list(within(iter([0.0, 1.0]), start, stop)) == pytest.approx([start, stop])
+        assert between(start, stop, 1.0) <= stop
+        assert section((start, stop), 6, 7)[1] <= stop
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -90,12 +100,12 @@ def test_what_need_not_be_done_takes_no_part_of_the_bar():
     """A second solve traces nothing: its bar begins with painting, and covers all that is left."""
     a_rig, session = RIGS["ball"](), Session()
     progress_of(a_rig, session)
-    for again, left in ((a_rig, ("painting",)), (moved(a_rig), AFTER)):
+    for again, left in ((a_rig, AFTER[:1]), (moved(a_rig), AFTER)):
         told = progress_of(again, session)
         assert told[0] == 0
         assert told[-1] == 1
         assert (np.diff(told) >= 0).all()
-        for start, _ in spans(*((stage,) for stage in left)):
+        for start, _ in spans(*left):
             assert np.abs(told - start).min() < 1e-12
 
 
@@ -104,7 +114,7 @@ def test_viewers_share_the_tracing_equally(settings):
     """Also where the paths, or the places that they ask for, are looked for first."""
     told = progress_of(viewers(RIGS["cube"](), -0.02, 0.0, 0.02), **settings)
     assert (np.diff(told) >= 0).all()
-    (_, end), _ = spans(TRACING, AFTER)
+    (_, end), *_ = spans(TRACING, *AFTER)
     for k in (1, 2, 3):
         assert np.abs(told - end * k / 3).min() < 1e-12
 
