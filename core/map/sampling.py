@@ -102,11 +102,12 @@ class Sampling:
             yield self.progress
 
     def _during(self, span: Span, work: Pauses[Result], n_rays: float = inf) -> Pauses[Result]:
-        """Move the progress through a span while some work traces its rays, if these are known."""
+        """Move the progress through a span by the rays of some work, if their number is known."""
         before = self.n_rays
         while True:
             part = min((self.n_rays - before) / max(n_rays, 1), 1.0)
-            self.progress = between(*span, part)
+            # squares that fail their checks are larger than those that were traced meanwhile
+            self.progress = max(self.progress, between(*span, part))
             try:
                 yield next(work)
             except StopIteration as end:
@@ -119,7 +120,6 @@ class Sampling:
         smooth = none
         finest = none
         n_sizes = int(np.log2(self.first_size / PARTS)) + 1
-        n_rounds = n_sizes + 1  # the last one checks the smallest
 
         while len(todo) or len(checking):
             # nodes that were not traced, and checks of squares that were found smooth before
@@ -133,9 +133,11 @@ class Sampling:
             ).astype(float)
             checks = checking.checks()
             view = np.concatenate([nodes, checks.reshape(-1, 2)])
-            n = n_sizes - int(np.log2(todo.size[0] / PARTS)) - 1 if len(todo) else n_sizes
+            # a section for each size, and one in which the smallest squares are checked
+            k = int(np.log2(self.first_size / todo.size.min())) if len(todo) else n_sizes
+            span = section(self.squares, k, n_sizes + 1)
             work = trace_points(self.plan, view, paths=self.paths)
-            found = yield from self._during(section(self.squares, n, n_rounds), work, len(view))
+            found = yield from self._during(span, work, len(view))
 
             first = len(self.points)
             self.points = self.points.and_more(found)
@@ -272,13 +274,13 @@ class Sampling:
     def _cut(self, cells: Ints, square: Ints) -> Pauses[Pieces]:
         """Pieces of pixels (m, 4) in squares (m,), by number."""
         cutting = Cutting(self.plan, self.points, self.quarterings)
-        rounds = [
+        first, *others, last = (
             section(self.borders, k, self.quarterings + 2) for k in range(self.quarterings + 2)
-        ]
-        some = yield from self._during(rounds[0], cutting.pixels(cells, square))
-        for depth in range(1, self.quarterings + 1):
-            some = yield from self._during(rounds[depth], cutting.quarters(some, depth))
-        return (yield from self._during(rounds[-1], cutting.finished()))
+        )
+        some = yield from self._during(first, cutting.pixels(cells, square))
+        for depth, span in enumerate(others, 1):
+            some = yield from self._during(span, cutting.quarters(some, depth))
+        return (yield from self._during(last, cutting.finished()))
 
     def _reasons(self) -> np.ndarray:
         """Reason at the corners (h + 1, w + 1) of the viewer's

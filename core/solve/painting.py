@@ -27,7 +27,7 @@ from .channel import shares_of
 from .picture_coverage import of_the_picture
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
-PASS = 0.5  # of the progress of painting, for another pass over all shares before it
+PASS = 0.5  # of the progress: two passes over all shares count alike
 
 
 @dataclass(eq=False)
@@ -251,7 +251,7 @@ def _strongest_first(
     found = 0.0
     if placed.shares.has_path and placed.strongest is None:
         found = PASS
-        yield from within(_find_strongest(placed), 0.0, found)
+        yield from within(_find_strongest(placed), 0.0, PASS)
         clock.lap("ghosts")
     yield from within(work, found, 1.0)
 

@@ -91,12 +91,9 @@ class Session:
         plans = plans_of(rig, settings, optics)
         to_be_measured = unmeasured(optics, plans)
         to_be_covered = uncovered(optics, placed)
-        _, painted, covered, measured = spans(
-            TRACING if is_new else (),
-            ("painting",),
-            ("coverage",) if to_be_covered else (),
-            ("measuring",) if to_be_measured else (),
-        )
+        done = TRACING if is_new else ()
+        rest = ("coverage",) if to_be_covered else (), ("measuring",) if to_be_measured else ()
+        _, painted, covered, measured = spans(done, ("painting",), *rest)
         yield painted[0]
 
         steps = self._paint(placed, rig, settings, clock)

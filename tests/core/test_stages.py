@@ -12,7 +12,7 @@ from kiriko.core.solve import picture_coverage
 from kiriko.core.solve.session import Session
 from kiriko.core.stages import AFTER, SHARES, TRACING, section, spans
 from kiriko.core.steps import between, finish, within
-from known.reference_rigs import ball_rig, bottle, cube_rig, icosphere, rig
+from known.reference_rigs import ball_rig, bottle, cube_rig, icosphere, rig, wavy_slab
 from known.work import drain
 
 RIGS = {
@@ -20,6 +20,8 @@ RIGS = {
     "cube": lambda: cube_rig(pixels=64),
     "bottle": lambda: rig(bottle(), pixels=64, display_pixels=96),
     "facets": lambda: rig(icosphere(0.025, 3, smooth=False), pixels=48, display_pixels=48),
+    # large squares fail their checks after smaller ones were traced
+    "wavy": lambda: rig(wavy_slab(96, thickness=0.03, amplitude=0.003), pixels=128),
 }
 
 
@@ -78,7 +80,7 @@ def test_a_solve_yields_the_progress_of_its_stages(name):
     assert told[-1] == 1
     assert (np.diff(told) >= 0).all()
     starts = dict(zip(SHARES, spans(*((stage,) for stage in SHARES)), strict=True))
-    if name in ("ball", "cube"):
+    if name in ("ball", "cube", "wavy"):
         del starts["samples"]
     for start, _ in starts.values():
         assert np.abs(told - start).min() < 1e-12
