@@ -12,7 +12,6 @@ import numpy as np
 
 from ..arrays import Bools, Floats, Ints, taken
 from .curved import FACES_AT_ONCE, CurvedFaces
-from .lone_roots import LonePlace, LoneSeen, step_to_end
 from .quartics import cross, product, value_and_slopes
 
 
@@ -55,7 +54,6 @@ class RootKnobs:
 
 
 ROOTS = RootKnobs()
-FEW_ALONE = 24  # rays up to which each is followed over its face by itself
 
 
 class Lines(NamedTuple):
@@ -132,7 +130,7 @@ def _follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots
                 live = np.concatenate([live[goes_on], way.step_over(through, walks)])
             if not len(live):
                 return way.roots()
-            goes_on = way.step(live) if len(live) > FEW_ALONE else way.step_alone(live)
+            goes_on = way.step(live)
 
 
 class _Way:
@@ -152,7 +150,7 @@ class _Way:
         self.n_faces = np.ones(len(k), np.int64)
 
         # two steps of all rays: hardly any is done sooner
-        for _ in range(2 if len(k) > FEW_ALONE else 0):
+        for _ in range(2):
             self.u, self.v, self.size = _step(self.c, self.away, self.d, self.u, self.v)
             self.n_steps += 1
 
@@ -168,25 +166,6 @@ class _Way:
         n_steps = self.n_steps[some] + 1
         self.u[some], self.v[some], self.size[some], self.n_steps[some] = u, v, size, n_steps
         return _goes_on(u, v, size, n_steps)
-
-    def step_alone(self, some: Ints) -> Bools:
-        """Take all steps of a few rays (m,) on their faces, one ray after the other; none go on."""
-        seen = zip(
-            self.c[..., some].transpose(2, 1, 0).tolist(),
-            self.away[:, some].T.tolist(),
-            self.d[:, some].T.tolist(),
-            strict=True,
-        )
-        places = zip(
-            *(column[some].tolist() for column in (self.u, self.v, self.size, self.n_steps)),
-            strict=True,
-        )
-        ends = [
-            step_to_end(LoneSeen(*one), LonePlace(*place), ROOTS)
-            for one, place in zip(seen, places, strict=True)
-        ]
-        self.u[some], self.v[some], self.size[some], self.n_steps[some] = zip(*ends, strict=True)
-        return np.zeros(len(some), bool)
 
     def step_over(self, some: Ints, walks: int) -> Ints:
         """Those of some rays, through with their faces, that go on on the next one, of so many in

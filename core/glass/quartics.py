@@ -2,15 +2,11 @@
 are told.
 """
 
-from collections.abc import Sequence
 from math import perm
-from typing import TypeVar
 
 import numpy as np
 
 from ..arrays import Floats, Ints
-
-Number = TypeVar("Number", float, Floats)
 
 # of u and v, or x and y: 14 terms
 POWERS = [(a, d - a) for d in range(1, 5) for a in range(d, -1, -1)]
@@ -133,12 +129,7 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
     by u and v.
     """
     shape = c.shape[1:]
-    found = horner(*_in_one_row(c, u, v))
-    return tuple(values.reshape(shape) for values in found)
-
-
-def horner(c: Sequence[Number], u: Number, v: Number) -> tuple[Number, Number, Number]:
-    """The same of polynomials with 14 coefficients, each an array (n,) or a single number."""
+    c, u, v = _in_one_row(c, u, v)
     u1, v1, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4 = c
     # by Horner's scheme, whose steps are those of the slopes, too
     p3 = u3 + u * u4
@@ -161,7 +152,7 @@ def horner(c: Sequence[Number], u: Number, v: Number) -> tuple[Number, Number, N
     q1 = a1 + v * q2
     by_v = q1 + v * (q2 + v * (q3 + v * v4))
     by_u += v * (b1 + v * (b2 + v * uv3))
-    return u * p1 + v * q1, by_u, by_v
+    return tuple(values.reshape(shape) for values in (u * p1 + v * q1, by_u, by_v))
 
 
 def _in_one_row(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
