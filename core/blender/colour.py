@@ -81,15 +81,14 @@ def converted(image: bpy.types.Image, numbers: NDArray[np.uint8]) -> NDArray[np.
     Blender converts what it loads as float: here the same numbers, as a PNG file of 16 bits.
     """
     data = png.encoded(numbers.astype(np.uint16) * 257, level=0)
-    space = image.colorspace_settings.name
-    with bpy.data.temp_data() as apart:
-        other = apart.images.new("Kiriko Numbers", 1, 1)
-        if space:  # else it is hidden from menus, and so the one that Blender gives such images
-            other.colorspace_settings.name = space
-        other.source = "FILE"
-        other.pack(data=data, data_len=len(data))
-        found = np.empty(len(other.pixels), np.float32)
-        other.pixels.foreach_get(found)
+    copy = image.copy()  # it has the colour space, even one that has no name
+    try:
+        copy.source = "FILE"
+        copy.pack(data=data, data_len=len(data))
+        found = np.empty(len(copy.pixels), np.float32)
+        copy.pixels.foreach_get(found)
+    finally:
+        bpy.data.images.remove(copy)
     return to_rec709(found.reshape(*numbers.shape[:2], -1)[::-1, :, :3])
 
 

@@ -339,6 +339,20 @@ def test_a_picture_is_read_in_linear_light(
     assert np.abs(shown - colour).max() < 0.01
 
 
+def test_pictures_in_several_colour_spaces_are_read(
+    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
+) -> None:
+    """White is white in each of them; Blender converts one after the other, and goes on."""
+    io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    picture = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
+    path = tmp_path / "white.png"
+    io.write(path, np.ones((8, 8, 3)), "PNG8")
+    for space in ("Linear Rec.2020", "ACEScg", "Non-Color", "sRGB", "Linear Rec.709"):
+        image = bpy.data.images.load(str(path))
+        image.colorspace_settings.name = space
+        assert picture.read_pixels(image, "the picture")[..., :3] == pytest.approx(1.0, abs=1e-3)
+
+
 # checklist
 
 
