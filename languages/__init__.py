@@ -14,7 +14,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.messages import CONTEXT, Message
+from ..core.base.messages import CONTEXT, Message
 
 translations = bpy.app.translations
 FOLDER = Path(__file__).parent

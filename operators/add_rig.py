@@ -7,6 +7,11 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.base.errors import RigError, one_line
+from ..core.base.messages import Message, joined
+from ..core.base.numbers import number
+from ..core.base.steps import within
+from ..core.base.words import listed, percent, summary
 from ..core.bench.behind import propose_behind
 from ..core.bench.placement import Proposal, Wishes, propose, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
@@ -24,15 +29,10 @@ from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.blender.visibility import Shown
-from ..core.errors import RigError, one_line
 from ..core.light.checks import InsideGlassError
 from ..core.light.landings import BY_GAPS, REASON_WORDS, Reason
-from ..core.messages import Message, joined
-from ..core.numbers import number
-from ..core.rig import ROLES
+from ..core.rig.rig import ROLES
 from ..core.solve.legibility import READABLE, illegible
-from ..core.steps import within
-from ..core.words import listed, percent, summary
 from . import automatic, compared, framing, live, long_work, look_through, needed, work
 from .remedies import legible
 from .telling import in_words

@@ -7,11 +7,11 @@ import bpy
 from ..core.atlas.atlas import BYTES_A_PIXEL
 from ..core.atlas.heads import HeadBox, HeadGrid
 from ..core.atlas.making import CHECKED
+from ..core.base.errors import KirikoError
+from ..core.base.messages import Message
+from ..core.base.numbers import number
 from ..core.blender.kept import Numbers
 from ..core.blender.viewer import seats_of
-from ..core.errors import KirikoError
-from ..core.messages import Message
-from ..core.numbers import number
 from . import needed
 
 BYTES = 16  # a display pixel of a map, before its file makes it smaller: st, coverage, path

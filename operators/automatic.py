@@ -4,8 +4,8 @@ length that is taken beside it, so that no field reads 0 m.
 
 import bpy
 
+from ..core.base.messages import as_message
 from ..core.blender.units import length_of_unit, length_text
-from ..core.messages import as_message
 from .telling import in_words
 
 LEAST = 0.01  # Blender units: a length that nothing is known of

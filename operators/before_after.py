@@ -5,11 +5,11 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, image_io
-from ..core.errors import ImageError
-from ..core.messages import Message
+from ..core.base.errors import ImageError
+from ..core.base.messages import Message
+from ..core.base.steps import finish, within
+from ..core.files import disk, image_io
 from ..core.solve.comparison import Comparison, side_by_side
-from ..core.steps import finish, within
 from . import compared, long_work, needed, telling, work
 from .export import use_bundled_modules
 from .to_file import ToFile

@@ -15,21 +15,21 @@ from typing import Any, get_args
 
 import bpy
 
-from ..core import disk
 from ..core.atlas.heads import check_viewer
+from ..core.base.errors import KirikoError
+from ..core.base.messages import Message
+from ..core.base.steps import at, within
 from ..core.bench.picture_room import plane_of
-from ..core.errors import KirikoError
+from ..core.files import disk
 from ..core.light.kept import Kept
 from ..core.measure import eye_box_curves, head_box, two_eyes_drawing
 from ..core.measure.eye_box import LEAST, LIMIT, Walk
 from ..core.measure.sharpness import sharpness
 from ..core.measure.two_eyes import pair_of, two_eyes
 from ..core.measure.viewers import viewer_reports
-from ..core.messages import Message
-from ..core.rig import Rig
-from ..core.settings import Disagreement
+from ..core.rig.rig import Rig
+from ..core.rig.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen
-from ..core.steps import at, within
 from . import folder, solve_to_folder, telling, viewer_words, work
 from .eye_box import OffFromStartError, begin, check_limit, check_share, of_blended
 from .viewer_reports import CONFLICT, reports_of

@@ -5,14 +5,14 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
+from ..core.base.messages import Message, joined
+from ..core.base.steps import within
+from ..core.base.words import percent
 from ..core.bench.best_place import BestPlace, Limits, best_place
 from ..core.bench.picture_room import plane_of
 from ..core.bench.turned import turn_of
 from ..core.blender.units import length_of_unit, length_text
-from ..core.messages import Message, joined
-from ..core.rig import Rig
-from ..core.steps import within
-from ..core.words import percent
+from ..core.rig.rig import Rig
 from . import automatic, needed, proposal, proposing, work
 from .needed import the_picture
 

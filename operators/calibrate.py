@@ -10,8 +10,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core import disk
-from ..core.arrays import Floats
+from ..core.base.arrays import Floats
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message, joined
+from ..core.base.steps import within
 from ..core.bench.extra_photograph import Extra, extra_photographs
 from ..core.bench.fit import Fit, fit
 from ..core.bench.lattice.check import check, check_picture, check_way, missing_borders
@@ -26,12 +28,10 @@ from ..core.blender.kept import Numbers, Offset, Sentences
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
 from ..core.blender.viewer import seats_of, viewer_of
-from ..core.errors import ImageError, RigError
+from ..core.files import disk
+from ..core.files.picture_file import read_photograph
 from ..core.image.flat_picture import view_of_picture
-from ..core.messages import Message, joined
-from ..core.picture_file import read_photograph
-from ..core.rig import Rig
-from ..core.steps import within
+from ..core.rig.rig import Rig
 from . import long_work, look_over, needed, work
 from .export import use_bundled_modules
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message, joined
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
 from ..core.blender.image_file import as_seen, check_whole, notes_on
@@ -14,8 +16,6 @@ from ..core.blender.moving import Timing, at_frame, number_at
 from ..core.blender.numbered_files import sequence_of
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
-from ..core.errors import ImageError, RigError
-from ..core.messages import Message, joined
 from . import film, needed, telling
 from .needed import the_picture
 from .of_rig import OfRig

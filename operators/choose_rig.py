@@ -10,12 +10,12 @@ from collections.abc import Iterator
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, quoted
 from ..core.blender.active_rig import follow, know_by_name, make_active, remember
 from ..core.blender.copies import is_doubled, meant_copies, part_copies
 from ..core.blender.newcomers import keep_settings, know_plates, take_newcomers
 from ..core.blender.rigs import active_rig, rigs
-from ..core.errors import RigError
-from ..core.messages import Message, quoted
 from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
 from .viewer_reports import ALL
 from .windows import all_windows, redraw

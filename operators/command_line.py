@@ -13,12 +13,12 @@ from typing import Any, NoReturn
 
 import bpy
 
-from ..core import disk, image_io
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender.kept import Numbers, take_reports
 from ..core.blender.rigs import active_rig, rigs
-from ..core.errors import RigError
+from ..core.files import disk, image_io
 from ..core.measure.work_precision import BUDGET
-from ..core.messages import Message
 from ..core.warp.files import SIDECAR
 from ..core.warp.options import FORMATS, TIMES, MapOptions
 from . import (

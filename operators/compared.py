@@ -16,8 +16,8 @@ from mathutils import Matrix, Vector
 from ..core.blender import looking_through, turned_views
 from ..core.blender.units import length_of_unit
 from ..core.blender.viewer import viewer_of
-from ..core.rig import Rig, Viewer
-from ..core.settings import Settings
+from ..core.rig.rig import Rig, Viewer
+from ..core.rig.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison
 from ..core.solve.solution import Solution
 from . import framing, work

@@ -4,9 +4,9 @@ from itertools import groupby
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.blender.chosen_product import Given, give_display
-from ..core.catalogue import DISPLAYS, DisplayProduct
-from ..core.messages import Message
+from ..core.rig.catalogue import DISPLAYS, DisplayProduct
 from .preset import GivesProduct
 
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, image_io
+from ..core.base.errors import ImageError
+from ..core.base.messages import Message
 from ..core.blender.image import pixels_from_image
 from ..core.blender.kept import Numbers
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.reports import said_by
-from ..core.errors import ImageError
-from ..core.messages import Message
+from ..core.files import disk, image_io
 from . import needed, telling, watch
 from .of_rig import OfRig
 

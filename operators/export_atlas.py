@@ -10,21 +10,21 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import image_io
 from ..core.atlas import making as atlases
 from ..core.atlas import planning
 from ..core.atlas.atlas import Atlas, amount
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
 from ..core.atlas.refine import check, check_heads
+from ..core.base.errors import ImageError
+from ..core.base.messages import CONTEXT, Message
+from ..core.base.steps import within
+from ..core.base.words import percent
 from ..core.blender.paths import absolute
 from ..core.blender.units import length_of_unit
-from ..core.errors import ImageError
 from ..core.farm.atlas_job import SHARES
 from ..core.farm.job import MOST as MOST_TASKS
-from ..core.messages import CONTEXT, Message
-from ..core.steps import within
-from ..core.words import percent
+from ..core.files import image_io
 from . import export_job, folder, solve_to_folder, work
 from .atlas_estimate import estimate
 from .export import gamma_of, use_bundled_modules

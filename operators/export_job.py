@@ -7,12 +7,12 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message
 from ..core.blender.files_read import files_read
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
 from ..core.blender.viewer import seats_of
-from ..core.errors import ImageError, RigError
 from ..core.farm import extension
 from ..core.farm.atlas_job import AtlasJob
 from ..core.farm.job import (
@@ -25,7 +25,7 @@ from ..core.farm.job import (
     asset_references,
     parameter_values,
 )
-from ..core.messages import Message
+from ..core.files import disk
 from . import folder, needed, telling
 from .job_check import check_rigs
 from .save_copy import save_copy_into

@@ -11,16 +11,16 @@ from typing import Any
 
 import bpy
 
-from ..core import disk, image_io
+from ..core.base.errors import ImageError
+from ..core.base.fingerprint import fingerprint
+from ..core.base.messages import Message, joined
+from ..core.base.numbers import number
+from ..core.base.steps import within
 from ..core.blender.paths import absolute
-from ..core.errors import ImageError
 from ..core.farm import extension
-from ..core.fingerprint import fingerprint
-from ..core.messages import Message, joined
-from ..core.numbers import number
-from ..core.rig import Rig
-from ..core.settings import Settings
-from ..core.steps import within
+from ..core.files import disk, image_io
+from ..core.rig.rig import Rig
+from ..core.rig.settings import Settings
 from ..core.warp.channel_maps import description, maps_of
 from ..core.warp.files import (
     CONVENTION,

@@ -6,18 +6,18 @@ from typing import Any
 
 import bpy
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, joined
+from ..core.base.numbers import number
+from ..core.base.steps import Pauses, at, within
 from ..core.blender.kept import Numbers
 from ..core.blender.objects import surface_object
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import seats_of
-from ..core.errors import RigError
 from ..core.light.plan import Plan
 from ..core.measure.eye_box import LEAST, LIMIT, EyeBox, Walk
 from ..core.measure.eye_box_surface import surface_of
 from ..core.measure.head_box import as_data, check_box, head_box
-from ..core.messages import Message, joined
-from ..core.numbers import number
-from ..core.steps import Pauses, at, within
 from . import framing, long_work, needed, work
 from .surfaces import EYE_BOX as NAME
 from .surfaces import MADE_FOR

@@ -4,9 +4,9 @@ from math import isclose
 
 import bpy
 
+from ..core.base.messages import Message, as_message
 from ..core.blender import plane
 from ..core.blender.moving import Timing, rate_of
-from ..core.messages import Message, as_message
 from . import needed, telling
 from .needed import the_picture
 

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message
 from ..core.blender.plane import fit, shown_as, squeezed_words
-from ..core.errors import ImageError, RigError
-from ..core.messages import Message
 from . import needed, telling
 from .choose_picture import lacking
 from .needed import the_picture

@@ -2,8 +2,8 @@
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.bench.picture_room import fit_picture
-from ..core.messages import Message
 from . import fitting, needed
 
 

@@ -6,15 +6,15 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, joined
+from ..core.base.steps import within
+from ..core.base.words import listed, percent
 from ..core.bench.room import Fitted, Wanted
 from ..core.bench.spread import MOST
 from ..core.blender.resize import scale_by
 from ..core.blender.units import length_of_unit, length_text
-from ..core.errors import RigError
-from ..core.messages import Message, joined
-from ..core.rig import ROLES, Rig
-from ..core.steps import within
-from ..core.words import listed, percent
+from ..core.rig.rig import ROLES, Rig
 from . import long_work, needed, work
 
 SMALLER = 0.7  # of a part's width: it has to save as much to be told

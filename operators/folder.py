@@ -8,8 +8,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk
-from ..core.errors import ImageError
+from ..core.base.errors import ImageError
+from ..core.files import disk
 
 LONGEST = 120  # bytes of a thing's name: systems take 255 for a file's in all
 

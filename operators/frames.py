@@ -16,18 +16,18 @@ from typing import Any
 
 import bpy
 
-from ..core import disk, image_io
+from ..core.base.errors import ImageError, KirikoError
+from ..core.base.messages import Message, joined
+from ..core.base.steps import within
 from ..core.blender.frames import frame_kept
 from ..core.blender.moving import OfMovie, Reel
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
-from ..core.errors import ImageError, KirikoError
 from ..core.farm.join import LOG, logged
+from ..core.files import disk, image_io
 from ..core.light.kept import Kept as KeptGlass
-from ..core.messages import Message, joined
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
-from ..core.steps import within
 from . import look_over, watch, work
 from .export import gamma_of
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import bpy
 
-from ..core import image_io
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender import movie
 from ..core.blender.frames import frame_files, frames_of_range, without_number
-from ..core.errors import RigError
 from ..core.farm.join import LOG, log_of
-from ..core.frame_list import frames_of
-from ..core.messages import Message
+from ..core.files import image_io
+from ..core.files.frame_list import frames_of
 from . import frames, movies, solve_to_folder
 
 NAME = "source_####"

@@ -7,7 +7,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Matrix
 
-from ..core.arrays import Floats
+from ..core.base.arrays import Floats
 from ..core.blender.changes import Change, change, put_back
 from ..core.blender.framing import Framed, Window, framed, in_sight, turned
 from ..core.blender.kept import Changed

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..core.base.messages import Message, joined
 from ..core.blender.chosen_product import give_glass
-from ..core.catalogue import GLASSES
-from ..core.messages import Message, joined
+from ..core.rig.catalogue import GLASSES
 from . import needed, telling
 
 TIPS = {

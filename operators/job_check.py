@@ -5,12 +5,12 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
+from ..core.base.errors import KirikoError
 from ..core.blender.active_rig import make_active
 from ..core.blender.frames import frame_kept
 from ..core.blender.rigs import active_rig, rigs
-from ..core.errors import KirikoError
 from ..core.farm.job import Job
-from ..core.frame_list import frames_of
+from ..core.files.frame_list import frames_of
 from ..core.light.kept import Kept
 from ..core.solve.coarse import check_light
 from . import work

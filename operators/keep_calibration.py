@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.blender.calibration import put_into_scene
 from ..core.blender.kept import Offset
-from ..core.messages import Message
 from . import needed, telling, watch, work
 
 

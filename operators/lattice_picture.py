@@ -2,11 +2,11 @@
 
 import bpy
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, quoted
 from ..core.bench.lattice.drawn import Lattice
 from ..core.blender.image import encoded_image
 from ..core.blender.plane import plane_size
-from ..core.errors import RigError
-from ..core.messages import Message, quoted
 from . import needed, telling
 
 NAME = "Kiriko Calibration"

@@ -8,10 +8,10 @@ window, and holds up neither undo nor auto-save. One turn is a matter of `live_f
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.messages import Message
 from ..core.blender.conflict import pack_conflict
 from ..core.blender.result import pack_source
 from ..core.blender.result_images import lacks_numbers
-from ..core.messages import Message
 from . import live_follower, needed, telling, work
 from .windows import redraw
 

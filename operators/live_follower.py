@@ -13,6 +13,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.base.errors import KirikoError, one_line
+from ..core.base.fingerprint import fingerprint
+from ..core.base.messages import Message
 from ..core.blender.conflict import write_conflict
 from ..core.blender.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result import (
@@ -27,11 +30,8 @@ from ..core.blender.result_images import images_of
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.blender.shown_otherwise import reasons
-from ..core.errors import KirikoError, one_line
-from ..core.fingerprint import fingerprint
-from ..core.messages import Message
-from ..core.rig import Rig
-from ..core.settings import Settings
+from ..core.rig.rig import Rig
+from ..core.rig.settings import Settings
 from ..core.solve.coarse import enlarged, ladder
 from ..core.solve.memory import check_memory
 from . import compared, work

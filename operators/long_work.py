@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import bpy
 
-from ..core.messages import Message, as_message
-from ..core.steps import finish
+from ..core.base.messages import Message, as_message
+from ..core.base.steps import finish
 from . import live, needed, work
 from .looking import only_looks
 from .telling import in_words, report, told

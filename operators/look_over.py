@@ -15,12 +15,12 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.messages import Message
 from ..core.blender import checklist
 from ..core.blender.look import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
 from ..core.blender.shapes import Kept, reshaped
 from ..core.blender.to_do import Entry, Look, is_first
 from ..core.blender.units import length_text
-from ..core.messages import Message
 from . import needed, telling, watch, windows, work
 
 TICK = 0.2  # s between two turns

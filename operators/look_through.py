@@ -9,11 +9,11 @@ from contextlib import contextmanager
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.messages import Message, joined, quoted
 from ..core.blender import looking_through, turned_views
 from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.screens import place_of, window_showing
 from ..core.blender.viewer import viewer_of
-from ..core.messages import Message, joined, quoted
 from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
 

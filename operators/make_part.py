@@ -5,6 +5,9 @@ from dataclasses import replace
 
 import bpy
 
+from ..core.base.errors import KirikoError, RigError
+from ..core.base.messages import Message
+from ..core.base.steps import within
 from ..core.bench.anew import Stand, stand_of
 from ..core.bench.picture_room import fit_picture
 from ..core.bench.placement import rectangle
@@ -23,10 +26,7 @@ from ..core.blender.rig_record import mark_made
 from ..core.blender.rigs import active_rig
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import is_deleted
-from ..core.errors import KirikoError, RigError
-from ..core.messages import Message
-from ..core.rig import ROLES, Display, PicturePlace, Rig
-from ..core.steps import within
+from ..core.rig.rig import ROLES, Display, PicturePlace, Rig
 from . import long_work, needed, telling, work
 from .mend import MendsPart
 

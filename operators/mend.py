@@ -9,7 +9,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ..core.arrays import Ints
+from ..core.base.arrays import Ints
+from ..core.base.errors import MeshError, RigError
+from ..core.base.messages import Message, joined, quoted
 from ..core.bench.placement import REFERENCE_BENCH
 from ..core.blender.bodies import has_no_place, has_open_ends
 from ..core.blender.cuts import cut_polygons
@@ -24,9 +26,7 @@ from ..core.blender.resize import move_by, scale_by
 from ..core.blender.rigs import active_rig, marked_key
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import viewer_of
-from ..core.errors import MeshError, RigError
 from ..core.glass.smoothed import FACTOR
-from ..core.messages import Message, joined, quoted
 from . import needed, telling, work
 from .framing import corners
 from .parts import NamesPart

@@ -5,11 +5,11 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.bench.nearer import shifts_by, way_to_glass
 from ..core.blender.units import length_of_unit, length_text
-from ..core.errors import RigError
 from ..core.glass.motion import Motion
-from ..core.messages import Message
 from . import proposal, proposing, work
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, image_io
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message
+from ..core.base.steps import within
 from ..core.blender import movie
 from ..core.blender.image import size_of
-from ..core.errors import ImageError, RigError
+from ..core.files import disk, image_io
 from ..core.image.test_card import card
-from ..core.messages import Message
-from ..core.steps import within
 from . import folder, frames, work
 from .export import gamma_of
 

@@ -4,6 +4,7 @@ from time import monotonic
 
 import bpy
 
+from ..core.base.messages import Message, as_sentence
 from ..core.blender.bodies import NO_PART, bodiless, no_part
 from ..core.blender.checklist_parts import SINGLE, too_many
 from ..core.blender.look import CHECKED
@@ -14,8 +15,7 @@ from ..core.blender.rig_objects import PLATE_NAME
 from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
 from ..core.blender.viewer import instanced_viewers, is_deleted, own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by, is_visible
-from ..core.messages import Message, as_sentence
-from ..core.rig import ROLES
+from ..core.rig.rig import ROLES
 from ..languages import in_all
 from .telling import in_words
 

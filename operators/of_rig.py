@@ -4,9 +4,9 @@ have become the active one, since another object was selected.
 
 import bpy
 
+from ..core.base.errors import RigError
+from ..core.base.messages import as_message
 from ..core.blender.rigs import active_rig, rigs
-from ..core.errors import RigError
-from ..core.messages import as_message
 from .choose_rig import choose
 
 

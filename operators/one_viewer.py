@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import bpy
 
+from ..core.base.errors import KirikoError, RigError
 from ..core.blender.viewer import camera_at
-from ..core.errors import KirikoError, RigError
 from .viewer_reports import asked_for
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import KirikoError
-from ..core.messages import Message
+from ..core.base.errors import KirikoError
+from ..core.base.messages import Message
 from . import needed, telling
 
 # `dev.py build` makes it from docs/manual: each language but English in a folder of its own

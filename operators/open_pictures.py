@@ -2,10 +2,10 @@
 
 import bpy
 
+from ..core.base.errors import ImageError
+from ..core.base.messages import Message
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.viewer import viewer_of
-from ..core.errors import ImageError
-from ..core.messages import Message
 from . import needed, telling
 from .of_rig import OfRig
 from .viewer_images import names_of, open_images

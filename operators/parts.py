@@ -2,10 +2,10 @@
 
 import bpy
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender.show import show
 from ..core.blender.visibility import is_visible
-from ..core.errors import RigError
-from ..core.messages import Message
 from . import needed, telling
 
 

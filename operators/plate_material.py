@@ -5,12 +5,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..core.base.errors import MeshError, RigError
+from ..core.base.messages import Message
 from ..core.blender.elements import mirrors
 from ..core.blender.plate import be_mirror_array
 from ..core.blender.scene import length_of_unit
-from ..core.errors import MeshError, RigError
 from ..core.light.law_plate import PLATE_FLATNESS
-from ..core.messages import Message
 from . import needed, telling
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.blender.chosen_product import Given, give_plate
-from ..core.catalogue import PLATES
-from ..core.messages import Message
+from ..core.rig.catalogue import PLATES
 from .preset import GivesProduct
 
 TIPS = {

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.blender.chosen_product import Given
-from ..core.messages import Message
-from ..core.rig import ROLES
+from ..core.rig.rig import ROLES
 from . import needed, telling, work
 
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import bpy
 
-from ..core import disk, image_io
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message, joined
 from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
 from ..core.blender.rig_names import name_of_view
-from ..core.errors import ImageError, RigError
-from ..core.messages import Message, joined
+from ..core.files import disk, image_io
 from . import long_work, needed, telling, watch, work
 from .export import target, use_bundled_modules
 from .of_rig import OfRig

@@ -7,11 +7,11 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Matrix
 
-from ..core.arrays import Floats
+from ..core.base.arrays import Floats
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, as_message
 from ..core.blender.resize import give_matrix
-from ..core.errors import RigError
 from ..core.glass.motion import Motion
-from ..core.messages import Message, as_message
 from ..core.solve.solved_for import SolvedFor
 from . import needed, telling, work, wrapping
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..core.messages import Message, joined
+from ..core.base.messages import Message, joined
 from . import long_work, needed, proposal, work
 
 

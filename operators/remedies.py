@@ -2,15 +2,15 @@
 
 from collections.abc import Generator
 
+from ..core.base.fingerprint import fingerprint
+from ..core.base.steps import within
 from ..core.bench.helps import Help, Helps, legible_by, what_helps
 from ..core.blender.checklist import REMEDIES, WORTH
-from ..core.fingerprint import fingerprint
 from ..core.light.kept import Kept
-from ..core.rig import Rig
-from ..core.settings import Settings
+from ..core.rig.rig import Rig
+from ..core.rig.settings import Settings
 from ..core.solve.legibility import READABLE, card_legibility
 from ..core.solve.solution import Solution
-from ..core.steps import within
 from . import work
 
 SECONDS = 4.0  # that the search may take: most take one

@@ -2,8 +2,8 @@
 
 import bpy
 
+from ..core.base.messages import Message, joined
 from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_to_remove
-from ..core.messages import Message, joined
 from . import compared, live, look_through, needed, telling, work
 
 NO_COLLECTION = Message(

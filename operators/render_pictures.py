@@ -4,12 +4,12 @@ from collections.abc import Generator
 
 import bpy
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender.scene import read_viewers
 from ..core.blender.viewer import frame_of, seats_of
 from ..core.blender.viewer_render import eye_of, remove_unused, render_for
-from ..core.errors import RigError
-from ..core.messages import Message
-from ..core.viewers import check_together
+from ..core.rig.viewers import check_together
 from . import needed, viewer_images
 from .long_work import LongWork
 

@@ -11,10 +11,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import disk, image_io
+from ..core.base.errors import ImageError
+from ..core.base.messages import Message, joined
+from ..core.base.steps import finish, within
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result_numbers import write_ladder
-from ..core.errors import ImageError
+from ..core.files import disk, image_io
 from ..core.image.simulation import plate_view
 from ..core.measure.report import (
     NAMES,
@@ -28,10 +30,8 @@ from ..core.measure.report import (
 )
 from ..core.measure.rungs import WorkPrecision
 from ..core.measure.work_precision import BUDGET, Ladders, measure
-from ..core.messages import Message, joined
-from ..core.rig import Plate, Rig
-from ..core.settings import Settings
-from ..core.steps import finish, within
+from ..core.rig.rig import Plate, Rig
+from ..core.rig.settings import Settings
 from . import beside_report, folder, long_work, needed, work
 from .beside_report import Beside
 from .export import use_bundled_modules

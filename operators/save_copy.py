@@ -5,9 +5,9 @@ from secrets import token_hex
 
 import bpy
 
-from ..core import disk
+from ..core.base.errors import ImageError
 from ..core.blender.reports import said_by
-from ..core.errors import ImageError
+from ..core.files import disk
 
 
 def save_copy(path: Path) -> None:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..core.errors import RigError
-from ..core.messages import Message
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 
 # a name in double quotes, which stays as it is; in single quotes; or in brackets alone, as shells
 # leave it of ["Glass"], where it is no whole number

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender.result_images import images_of
-from ..core.errors import RigError
-from ..core.messages import Message
 from . import needed, telling, windows
 
 NO_IMAGE = Message("The result has no image: solve")

@@ -11,9 +11,9 @@ their place.
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.messages import Message
 from ..core.blender.active_rig import settings_of
 from ..core.blender.rigs import rigs
-from ..core.messages import Message
 from . import needed, telling, work
 from .windows import all_windows
 

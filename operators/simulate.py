@@ -7,16 +7,16 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, joined
+from ..core.base.numbers import number
+from ..core.base.words import percent
 from ..core.blender.image import pixels_from_image
 from ..core.blender.kept import Sentences
 from ..core.blender.result import replace_image
 from ..core.blender.rig_names import name_of_view
-from ..core.errors import RigError
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
-from ..core.messages import Message, joined
-from ..core.numbers import number
-from ..core.words import percent
 from . import long_work, needed, watch, work
 from .windows import show_image
 

@@ -14,18 +14,18 @@ from time import monotonic, perf_counter, thread_time
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.errors import KirikoError
+from ..core.base.fingerprint import fingerprint
+from ..core.base.messages import Message
+from ..core.base.steps import Pauses
 from ..core.bench.sketch import Sketch, sketching
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.units import length_of_unit
-from ..core.errors import KirikoError
-from ..core.fingerprint import fingerprint
 from ..core.light.kept import Kept
 from ..core.light.plan import Plan
 from ..core.light.planning import planning
-from ..core.messages import Message
-from ..core.rig import Rig
-from ..core.settings import Settings
-from ..core.steps import Pauses
+from ..core.rig.rig import Rig
+from ..core.rig.settings import Settings
 from . import chosen, needed, telling, windows, work
 
 TAB = "Kiriko"

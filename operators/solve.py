@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.base.messages import Message
+from ..core.base.steps import within
 from ..core.blender.conflict import write_conflict
 from ..core.blender.result import (
     write_coarse,
@@ -14,9 +16,7 @@ from ..core.blender.result import (
     write_solution,
     write_viewers,
 )
-from ..core.messages import Message
 from ..core.solve.coarse import solve_in_sight
-from ..core.steps import within
 from . import live, long_work, look_over, needed, work
 from .remedies import legible, remedies_for
 from .viewer_reports import reports_of

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message, joined
 from ..core.blender.frames import folder_of, frame_files, frames_of_range
 from ..core.blender.paths import absolute
-from ..core.errors import ImageError, RigError
-from ..core.frame_list import frames_of
-from ..core.messages import Message, joined
+from ..core.files.frame_list import frames_of
 from . import film, folder, frames, long_work, movies, needed, telling, windows
 from .export import unwritable, use_bundled_modules
 

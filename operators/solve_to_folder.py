@@ -9,15 +9,15 @@ from typing import Any, TypeVar
 import bpy
 import numpy as np
 
-from ..core import disk, image_io
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
 from ..core.blender.kept import Numbers
 from ..core.blender.preview import Preview
 from ..core.blender.result import write_solution, write_viewers
-from ..core.catalogue import DISPLAYS, GLASSES, PLATES
-from ..core.errors import RigError
+from ..core.files import disk, image_io
 from ..core.image.simulation import simulate
-from ..core.messages import Message
+from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES
 from . import folder, look_over, needed, viewer_reports, viewer_words, work
 from .export import gamma_of
 

@@ -4,8 +4,8 @@ from time import perf_counter
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.blender.objects import made_surface
-from ..core.messages import Message
 
 RANGE = "Kiriko Visible Range"
 EYE_BOX = "Kiriko Eye Box"

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 
 import bpy
 
+from ..core.base.errors import KirikoError, one_line
+from ..core.base.messages import CONTEXT, Message, as_message
 from ..core.blender.kept import take_reports
-from ..core.errors import KirikoError, one_line
-from ..core.messages import CONTEXT, Message, as_message
 
 translations = bpy.app.translations
 Translate = Callable[[str], str]  # from a template to one of another language

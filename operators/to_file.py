@@ -4,9 +4,9 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.errors import ImageError
+from ..core.base.messages import as_message
 from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.errors import ImageError
-from ..core.messages import as_message
 from .of_rig import OfRig
 
 # of kinds of files, which say nothing where a file is of another kind

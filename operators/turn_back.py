@@ -5,13 +5,13 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
-from ..core.arrays import Floats
+from ..core.base.arrays import Floats
+from ..core.base.messages import Message
+from ..core.base.steps import within
+from ..core.base.words import percent
 from ..core.bench.turn_back import turn_back
 from ..core.bench.turned import turn_of
 from ..core.blender.units import length_of_unit
-from ..core.messages import Message
-from ..core.steps import within
-from ..core.words import percent
 from . import proposal, proposing, work
 
 ALONG = 0.97  # cosine to an axis of the viewer, from which on it is named by it

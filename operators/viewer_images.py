@@ -4,12 +4,12 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.errors import ImageError, RigError
+from ..core.base.messages import Message
 from ..core.blender.image_file import as_seen
 from ..core.blender.paths import absolute
 from ..core.blender.picture import check_readable
 from ..core.blender.viewer import camera_at, seats_of
-from ..core.errors import ImageError, RigError
-from ..core.messages import Message
 from .folder import names_for
 
 MARK = "{viewer}"

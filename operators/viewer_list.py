@@ -5,17 +5,17 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-from ..core.arrays import Floats
 from ..core.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
+from ..core.base.arrays import Floats
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
 from ..core.blender.eyes import Place, heads, make_viewers, two_eyes
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.scene import read_seat
 from ..core.blender.units import length_of_unit
 from ..core.blender.viewer import Seat, camera_at, number_shown
 from ..core.blender.viewer_list import add, changing
-from ..core.errors import RigError
-from ..core.messages import Message
-from ..core.rig import Viewer
+from ..core.rig.rig import Viewer
 from . import compared, look_through, needed, telling
 
 NO_LIST = Message("There is one viewer: add another")

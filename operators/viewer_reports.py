@@ -9,16 +9,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message, quoted
+from ..core.base.steps import at
 from ..core.blender.conflict import Conflict
 from ..core.blender.viewer import seats_of
-from ..core.errors import RigError
 from ..core.measure.two_eyes import TIRES_FROM, pair_of, sights_of
 from ..core.measure.viewers import conflict_in_light, viewer_reports
-from ..core.messages import Message, quoted
-from ..core.settings import Settings
+from ..core.rig.settings import Settings
 from ..core.solve.disagreement import is_sharp
 from ..core.solve.solution import Solution
-from ..core.steps import at
 from .folder import names_for
 
 CONFLICT = "conflict"

@@ -8,11 +8,11 @@ from typing import Any
 
 import bpy
 
+from ..core.base.messages import Message, as_message, joined
+from ..core.base.numbers import number
+from ..core.base.words import percent
 from ..core.blender.units import length_text
 from ..core.measure.viewers import N_POINTS
-from ..core.messages import Message, as_message, joined
-from ..core.numbers import number
-from ..core.words import percent
 
 IN_PLANE = 1e-6  # m, from which a depth is told
 N_ALL = N_POINTS**2  # points of the picture

@@ -5,12 +5,12 @@ from collections.abc import Generator
 import bpy
 import numpy as np
 
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
+from ..core.base.words import percent
 from ..core.bench.visible_range import SURVEY, visible_range
 from ..core.blender.objects import made_surface, shown_quads, surface_object
 from ..core.blender.scene import length_of_unit
-from ..core.errors import RigError
-from ..core.messages import Message
-from ..core.words import percent
 from . import framing, long_work, needed, work
 from .surfaces import MADE_FOR
 from .surfaces import RANGE as NAME

@@ -14,12 +14,12 @@ from time import monotonic, perf_counter
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.errors import KirikoError
+from ..core.base.messages import Message
 from ..core.blender.image import is_out_of_date
 from ..core.blender.made_for_rig import read_images_anew
 from ..core.blender.result_images import images_of
 from ..core.blender.shapes import Kept
-from ..core.errors import KirikoError
-from ..core.messages import Message
 from ..core.solve.solved_for import SolvedFor, from_text
 from . import chosen, live, surfaces, telling, windows, work
 

@@ -11,7 +11,7 @@ from ..core.blender.newcomers import take_newcomers
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.shapes import Kept
 from ..core.native import loading
-from ..core.settings import Settings
+from ..core.rig.settings import Settings
 from ..core.solve.session import Session
 from ..core.solve.solved_for import SolvedFor
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.messages import Message, as_message
+from ..core.base.messages import Message, as_message
 from ..operators.add_rig import KINDS
 from ..operators.telling import in_words
 

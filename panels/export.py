@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.messages import Message
+from ..core.base.messages import Message
 from ..operators import film, watch
 from ..operators.export import unwritable
 from ..operators.wrapping import sentence

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..core.base.messages import Message, as_message
 from ..core.blender.bodies import bodiless
 from ..core.blender.chosen_product import (
     display_product,
@@ -17,8 +18,7 @@ from ..core.blender.plane import image_of
 from ..core.blender.result_images import images_of
 from ..core.blender.rigs import is_left_over
 from ..core.blender.viewer import frame_of
-from ..core.catalogue import DisplayProduct, GlassProduct, PlateProduct
-from ..core.messages import Message, as_message
+from ..core.rig.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..operators.make_glass import can_be_given
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.messages import Message
+from ..core.base.messages import Message
 from ..operators import plate_material
 from ..operators.telling import in_words
 

@@ -10,11 +10,11 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
-from ..core.arrays import Floats
+from ..core.base.arrays import Floats
+from ..core.base.messages import Message
+from ..core.base.words import arcmin, percent
 from ..core.blender.objects import values_of
 from ..core.blender.viridis import viridis
-from ..core.messages import Message
-from ..core.words import arcmin, percent
 from ..operators import surfaces, watch
 from ..operators.eye_box import DISPLACEMENT
 from ..operators.surfaces import EYE_BOX, RANGE

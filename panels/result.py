@@ -2,12 +2,12 @@
 
 import bpy
 
+from ..core.base.messages import Message, as_message, joined
+from ..core.base.numbers import number
+from ..core.base.words import percent, pixels, shares_in_words
 from ..core.blender.kept import Numbers, Sentences
 from ..core.blender.result_images import images_of, lacks_numbers
-from ..core.messages import Message, as_message, joined
-from ..core.numbers import number
 from ..core.solve.legibility import READABLE
-from ..core.words import percent, pixels, shares_in_words
 from ..operators import live, needed, watch, work
 from ..operators.telling import in_words
 from ..operators.wrapping import MARGIN, sentence

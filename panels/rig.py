@@ -2,10 +2,10 @@
 
 import bpy
 
+from ..core.base.messages import Message, quoted
+from ..core.base.numbers import number
 from ..core.blender.properties.objects import ROLE_ITEMS
 from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
-from ..core.messages import Message, quoted
-from ..core.numbers import number
 from ..operators import needed, watch
 from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
 from ..operators.parts import name_part

@@ -2,8 +2,8 @@
 
 import bpy
 
+from ..core.base.messages import Message
 from ..core.blender.rigs import rigs
-from ..core.messages import Message
 from ..operators import show_window
 from ..operators.wrapping import sentence
 from .words import OfRig

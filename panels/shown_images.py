@@ -8,7 +8,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ..core.arrays import Floats
+from ..core.base.arrays import Floats
 from ..core.blender.shown_images import ShownImage, shown_images
 from ..core.blender.viewer import viewer_of
 from ..operators.windows import camera_of

@@ -25,15 +25,15 @@ import numpy as np
 
 from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, ToolError, can_install, clean_environment, install
+from kiriko.core.base.steps import finish
 from kiriko.core.light.native import ray_states
 from kiriko.core.light.native.plan_structures import made_of, making_whole
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.native import loading
 from kiriko.core.native.structures import Made
-from kiriko.core.rig import Mesh, Rig
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, cube_rig, rig, torus
 
 DRIVER = ROOT / "tests" / "kernel" / "follow.c"

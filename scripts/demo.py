@@ -24,13 +24,13 @@ from paper.lattice import shift_in_cycles
 
 registered()
 
-from kiriko.core import disk, image_io  # noqa: E402 - the operators have to be there first
+from kiriko.core.base.steps import finish  # noqa: E402
 from kiriko.core.blender.kept import Numbers  # noqa: E402
+from kiriko.core.files import disk, image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
-from kiriko.core.settings import Settings  # noqa: E402
+from kiriko.core.rig.settings import Settings  # noqa: E402
 from kiriko.core.solve.session import Session  # noqa: E402
 from kiriko.core.solve.solution import without_glass  # noqa: E402
-from kiriko.core.steps import finish  # noqa: E402
 from kiriko.operators import framing, work  # noqa: E402
 
 

@@ -132,15 +132,15 @@ def needed(kiriko: object, package: str) -> dict[str, str]:
     from importlib import import_module
 
     name = kiriko.__name__
-    catalogue = import_module(f"{name}.core.catalogue")
-    roles = import_module(f"{name}.core.rig").ROLES
+    catalogue = import_module(f"{name}.core.rig.catalogue")
+    roles = import_module(f"{name}.core.rig.rig").ROLES
     operators = import_module(f"{name}.operators")
     names = {*catalogue.PLATES, *catalogue.DISPLAYS}
     names |= {str(tip) for tip in operators.TIPS}  # which are filled in when they are registered
 
-    nouns = {str(role.noun): "core/roles.py, Role.noun" for role in roles}
-    nouns |= {role.field: "core/rig.py, Role.field" for role in roles if role.is_single}
-    kinds = {product.kind: "core/catalogue.py" for product in catalogue.DISPLAYS.values()}
+    nouns = {str(role.noun): "core/rig/roles.py, Role.noun" for role in roles}
+    nouns |= {role.field: "core/rig/rig.py, Role.field" for role in roles if role.is_single}
+    kinds = {product.kind: "core/rig/catalogue.py" for product in catalogue.DISPLAYS.values()}
     texts = {**nouns, **kinds, **labels(package), **sentences()}
     return {text: place for text, place in texts.items() if text not in names}
 

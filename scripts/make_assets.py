@@ -21,7 +21,7 @@ from kiriko.core.blender import shaders
 from kiriko.core.blender.image import image_from_pixels, pixels_from_image
 from kiriko.core.blender.objects import Workbench
 from kiriko.core.blender.plate import be_mirror_array
-from kiriko.core.rig import MirrorArray
+from kiriko.core.rig.rig import MirrorArray
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "assets"

@@ -14,12 +14,12 @@ import numpy as np
 import kiriko
 from bench.brought_glass import made
 from demo import RIGS
-from kiriko.core import image_io
+from kiriko.core.base.steps import finish
 from kiriko.core.blender.preview import render_preview
-from kiriko.core.settings import Settings
+from kiriko.core.files import image_io
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import without_glass
-from kiriko.core.steps import finish
 from kiriko.operators import work
 from known.reference_rigs import glass_rig
 

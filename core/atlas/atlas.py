@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from .. import disk
-from ..errors import MALFORMED, ImageError
-from ..messages import Message
-from ..numbers import number
-from ..rig import Rig
-from ..viewer import Viewer
+from ..base.errors import MALFORMED, ImageError
+from ..base.messages import Message
+from ..base.numbers import number
+from ..files import disk
+from ..rig.rig import Rig
+from ..rig.viewer import Viewer
 from .heads import AXES, HeadBox, HeadGrid, Offset
 from .refine import Refined
 

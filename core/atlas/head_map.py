@@ -13,9 +13,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import disk
-from ..arrays import Bools, Floats
-from ..errors import ImageError
+from ..base.arrays import Bools, Floats
+from ..base.errors import ImageError
+from ..files import disk
 from ..image.ghosts import NO_PATH
 from ..solve.channel import Channel
 from ..warp.grid import middles

@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
-from ..messages import Message
-from ..rig import PicturePlace
-from ..viewer import Viewer
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..rig.rig import PicturePlace
+from ..rig.viewer import Viewer
 
 AXES = ("right", "up", "forward")
 IN_WORDS = Message("to the right"), Message("upwards"), Message("forward")

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import disk
-from ..errors import ImageError, RigError
-from ..fingerprint import fingerprint
-from ..rig import Rig
-from ..settings import Settings
+from ..base.errors import ImageError, RigError
+from ..base.fingerprint import fingerprint
+from ..base.steps import within
+from ..files import disk
+from ..rig.rig import Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from ..solve.session import Session
-from ..steps import within
-from ..viewer import Viewer
 from . import head_map
 from .atlas import Atlas, random_heads, write
 from .head_map import HeadMap

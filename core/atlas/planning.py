@@ -4,7 +4,7 @@ from collections.abc import Generator, Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import ImageError, RigError
+from ..base.errors import ImageError, RigError
 from .atlas import INDEX, Atlas, map_name, new, read, write
 from .heads import HeadBox
 from .making import Making, missing

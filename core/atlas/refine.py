@@ -7,14 +7,14 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.steps import within
 from ..light.kept import Kept
-from ..rig import PicturePlace, Rig
-from ..settings import Settings
+from ..rig.rig import PicturePlace, Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from ..solve.coarse import check_light
 from ..solve.session import Session
-from ..steps import within
-from ..viewer import Viewer
 from .head_map import HeadMap, Off, as_bytes, between, head_map, off
 from .heads import AXES, IN_WORDS, HeadBox, HeadGrid, Offset, check_viewer, viewer_at
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.vectors import normalise
 from ..glass.meshes import box_of
 from ..light.display import affine_fit
 from ..light.optics import reflect
-from ..mesh import Mesh
-from ..rig import Rig
-from ..vectors import normalise
+from ..rig.mesh import Mesh
+from ..rig.rig import Rig
 from .behind import STRAIGHT_BENCH
 from .placement import REFERENCE_BENCH, frame
 from .room import plate_outline

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .placement import REFERENCE_BENCH, Placement, Proposal, Wishes, frame
 
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
+from ..base.steps import at, within
 from ..glass.motion import Motion
-from ..rig import Rig
-from ..steps import at, within
+from ..rig.rig import Rig
 from .light import Light, light_of
 from .offset import moved, turned
 from .picture_light import PlanOf, Traced, traced

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
+from ..base.vectors import length_of
 from ..light.display import affine_fit, uv_area
-from ..rig import Mesh, PicturePlace, Viewer
-from ..vectors import length_of
+from ..rig.rig import Mesh, PicturePlace, Viewer
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MIDDLE = np.array([[0.5, 0.5]])

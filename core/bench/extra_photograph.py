@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.steps import within
 from ..glass.motion import Motion
-from ..messages import Message
-from ..rig import Viewer
-from ..steps import within
+from ..rig.rig import Viewer
 from .fit import Fit, condition_of, covariance_of
 from .misalignment import FEWEST, Bench
 from .offset import moved, parameters, turned

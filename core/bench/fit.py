@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
-from ..steps import within
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.steps import within
 from .least_squares import State, Task, settle
 from .misalignment import FEWEST, Bench
 

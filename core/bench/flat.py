@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from ..errors import RigError
+from ..base.arrays import Floats, Ints
+from ..base.errors import RigError
+from ..base.vectors import cross_2d, normalise
 from ..glass.meshes import areas_of, geometric_normals
-from ..mesh import Mesh
-from ..vectors import cross_2d, normalise
+from ..rig.mesh import Mesh
 
 IS_FLAT = 1e-4  # of its size, by which a part may be off its plane
 

@@ -12,16 +12,16 @@ from time import perf_counter
 
 import numpy as np
 
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.steps import within
+from ..base.words import percent
 from ..glass.smoothed import smoothed
 from ..light.kept import Kept
 from ..light.landings import REASON_WORDS, Reason
-from ..messages import Message
-from ..rig import Rig
-from ..settings import Settings
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from ..solve.legibility import READABLE, card_legibility
-from ..steps import within
-from ..words import percent
 from .best_place import Limits, best_place
 from .nearer import nearer, way_to_glass
 from .picture_light import PlanOf, traced

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
-from ..steps import within
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.steps import within
 from .misalignment import FEWEST, Bench
 
 

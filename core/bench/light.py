@@ -11,12 +11,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
-from ..kinds import Kind
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import at
 from ..light.landings import BY_GAPS, REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
-from ..steps import at
+from ..rig.kinds import Kind
 from .flat import IS_FLAT, Outline
 
 RAYS_AT_ONCE = 5000  # that are traced together: so often Esc is heard

@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import finish
 from ..light.kept import Kept
 from ..light.landings import Words, main_landings
 from ..light.plan import Plan
 from ..light.planning import make_plan
 from ..light.trace import trace_all
-from ..rig import Rig
-from ..settings import Settings
-from ..steps import finish
-from ..viewer import Viewer
+from ..rig.rig import Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .offset import Parameter, parameters, with_part
 
 FEWEST = 4  # points: eight numbers, as many as a picture in perspective has

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
 from ..glass.meshes import geometric_normals
 from ..light.optics import reflect
-from ..rig import Display, PicturePlace, Rig
+from ..rig.rig import Display, PicturePlace, Rig
 from .picture_room import plane_of
 
 

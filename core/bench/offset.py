@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.messages import Message
+from ..base.products import turn
 from ..glass.motion import Motion, find_motion
-from ..messages import Message
-from ..products import turn
-from ..rig import ROLES, WAVELENGTH, ConstantIndex, Glass, Mesh, Plate, Rig, Role, Viewer
+from ..rig.rig import ROLES, WAVELENGTH, ConstantIndex, Glass, Mesh, Plate, Rig, Role, Viewer
 
 # standard deviations to expect, in the parameters' units, of a
 # bench that was set up with rulers and squares

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import within
 from ..glass.meshes import areas_of
 from ..light.plan import Plan
-from ..mesh import Mesh
-from ..rig import PicturePlace, Rig
-from ..steps import within
-from ..viewer import Viewer
+from ..rig.mesh import Mesh
+from ..rig.rig import PicturePlace, Rig
+from ..rig.viewer import Viewer
 from .flat import Outline
 from .light import Light, light_of, together
 from .spread import LIGHT_RAYS, points_of, points_over, small_triangles

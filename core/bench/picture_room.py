@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.steps import within
 from ..image.flat_picture import not_flat, way_to_mesh
 from ..light.display import affine_fit
 from ..light.plan import Plan
-from ..rig import PicturePlace, Rig
-from ..steps import within
+from ..rig.rig import PicturePlace, Rig
 from .light import light_of
 from .picture_light import PlanOf, Traced, traced_by_all
 from .room import ROOM, ROUNDING, Fitted, Wanted

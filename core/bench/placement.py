@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.vectors import dot
 from ..light.optics import reflect
-from ..rig import Display, Mesh, PicturePlace, Plate, Rig, Viewer
-from ..vectors import dot
+from ..rig.rig import Display, Mesh, PicturePlace, Plate, Rig, Viewer
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.steps import within
 from ..light.display import affine_fit
-from ..messages import Message
-from ..rig import Display, Plate, Rig
-from ..steps import within
+from ..rig.rig import Display, Plate, Rig
 from .flat import Outline, outline_of
 from .picture_light import PlanOf, Traced, place_in_sight, traced_by_all
 from .spread import MOST

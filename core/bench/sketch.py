@@ -10,15 +10,15 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.messages import Message
+from ..base.steps import Pauses
+from ..base.vectors import length_of
 from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import tracing
 from ..light.ways import NOTHING, Tails, Way, following
-from ..messages import Message
-from ..rig import Rig
-from ..steps import Pauses
-from ..vectors import length_of
+from ..rig.rig import Rig
 from .canvas import CORNERS, MIDDLE, Canvas, canvas_of, outline_of, sight_lines
 from .hatching import grid, hatched
 from .stations import Dimension, Station, dimensions_between, is_placed, mirrored, stations_of

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
+from ..base.messages import Message
 from ..glass.meshes import areas_of
 from ..light.landings import BY_GAPS, Reason
 from ..light.plan import Plan
-from ..messages import Message
-from ..rig import PicturePlace
+from ..rig.rig import PicturePlace
 from .light import Light, light_of
 
 SEVERAL = Message("several parts of the picture")

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import within
 from ..light.optics import reflect
 from ..light.plan import Plan
-from ..rig import Rig, Viewer
-from ..steps import within
+from ..rig.rig import Rig, Viewer
 from .light import Light, light_of
 from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
 from .spread import Spread, points_of, spread_in

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats
-from ..kinds import Kind
+from ..base.arrays import Floats
+from ..base.vectors import length_of, normalise
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.ways import Way
-from ..rig import Mesh, Rig
-from ..vectors import length_of, normalise
+from ..rig.kinds import Kind
+from ..rig.rig import Mesh, Rig
 
 BESIDE = 1.2  # of half the glass's width: so far beside the middle dimension lines run
 LEAST_TURN = 1e-6  # sine of the angle between two lines that count as one

@@ -13,11 +13,11 @@ from itertools import product
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
-from ..rig import Rig
-from ..steps import at, within
-from ..vectors import normalise
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.steps import at, within
+from ..base.vectors import normalise
+from ..rig.rig import Rig
 from .picture_light import PlanOf, Traced
 from .turned import light_turned
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..glass.motion import Motion
-from ..rig import ROLES, Rig
+from ..rig.rig import ROLES, Rig
 from .offset import moved, turned
 from .picture_light import PlanOf, Traced, traced
 

@@ -8,14 +8,14 @@ from math import isqrt
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.vectors import dot
 from ..glass.meshes import areas_of
 from ..glass.quartics import grid
 from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.trace import trace_all
-from ..vectors import dot
 
 
 @dataclass(frozen=True)

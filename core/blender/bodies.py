@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import bpy
 import numpy as np
 
-from ..errors import RigError
-from ..messages import Message, as_message
+from ..base.errors import RigError
+from ..base.messages import Message, as_message
 
 EMPTY = Message("an empty has no surface")
 NO_PART = "NONE"  # as the role of objects that have one, and can have none

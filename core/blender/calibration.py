@@ -10,12 +10,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..base.errors import RigError
 from ..bench.offset import along_with, part_motions, with_offset
-from ..errors import RigError
 from ..image.flat_picture import view_of_picture
 from ..light.display import display_pixel
-from ..rig import ROLES, WAVELENGTH, Display, Rig
-from ..viewer import Viewer
+from ..rig.rig import ROLES, WAVELENGTH, Display, Rig
+from ..rig.viewer import Viewer
 from .kept import Offset
 from .resize import is_animated
 from .scene import Reading, length_of_unit, object_matrix

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import floor, log10
 
+from ..base.messages import Message, as_message, joined
+from ..base.numbers import millimetres
+from ..base.words import percent
 from ..bench.helps import MOVE_TO_GLASS, SMOOTH_GLASS
 from ..bench.spread import MOST
 from ..light.landings import REASON_WORDS, Reason
-from ..messages import Message, as_message, joined
-from ..numbers import millimetres
 from ..solve.legibility import READABLE, illegible
-from ..words import percent
 from .bodies import on_no_place
 from .checklist_mesh import on_mesh, thicken
 from .checklist_parts import (

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 
-from ..messages import Message, joined
+from ..base.messages import Message, joined
 from .checklist_parts import naming, select_part
 from .to_do import ADVICE, PROBLEM, Button, Counts, Entry, Thing
 

@@ -4,8 +4,8 @@ missing, hidden, or too many, and viewers without a camera.
 
 from collections.abc import Iterator
 
-from ..messages import Message, as_sentence
-from ..rig import ROLES
+from ..base.messages import Message, as_sentence
+from ..rig.rig import ROLES
 from .to_do import ADVICE, PROBLEM, Button, Entry, Look, Named, Thing
 
 SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}

@@ -10,9 +10,9 @@ from itertools import chain
 import bpy
 import numpy as np
 
-from ..catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
-from ..errors import RigError
-from ..messages import Message, as_message
+from ..base.errors import RigError
+from ..base.messages import Message, as_message
+from ..rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
 from .bodies import shows_instances_alone
 from .elements import DEFAULT_IOR, mirrors
 from .layout import give_size, size_of

@@ -10,9 +10,9 @@ import numpy as np
 from mathutils import Color
 from numpy.typing import NDArray
 
-from .. import png
-from ..arrays import Floats
-from ..encoding import linear_from_srgb
+from ..base.arrays import Floats
+from ..files import png
+from ..files.encoding import linear_from_srgb
 
 ROUNDED = 1e-5  # by which Blender 4.2's matrix from Rec.709 to itself is off
 # by which linear light may be off: below half a step of sRGB's 8 bits, which is 1.5e-4 in the dark

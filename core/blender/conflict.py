@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
-from ..encoding import linear_from_srgb
+from ..base.arrays import Bools, Floats
+from ..files.encoding import linear_from_srgb
 from .image import pack, set_pixels
 from .result import has_size_of, let_go, replace_image, unpacked_image
 from .rig_names import name_for

@@ -12,8 +12,8 @@ from itertools import chain
 import bpy
 import numpy as np
 
-from ..errors import RigError
-from ..messages import quoted
+from ..base.errors import RigError
+from ..base.messages import quoted
 from .active_rig import settings_of, settings_text
 from .newcomers import part
 from .rigs import active_rig, held_by, mark_of, marked_key, rigs_of, stem

@@ -11,11 +11,11 @@ import bpy
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.vectors import dot
 from ..glass.meshes import geometric_normals
 from ..glass.solids import split_shells
-from ..mesh import Mesh
-from ..vectors import dot
+from ..rig.mesh import Mesh
 from .mesh import column, read_local
 
 

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..arrays import Bools
+from ..base.arrays import Bools
 from ..glass.meshes import components
 from ..glass.weld import coincident
 from .mesh import COPIED, column, has_area

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..catalogue import GLASSES
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.messages import Message, quoted
+from ..base.vectors import normalise
 from ..glass.meshes import geometric_normals
 from ..image.tone import Tone
-from ..messages import Message, quoted
-from ..rig import (
+from ..rig.catalogue import GLASSES
+from ..rig.rig import (
     ROLES,
     ConstantIndex,
     Glass,
@@ -20,7 +21,6 @@ from ..rig import (
     Plate,
     owner,
 )
-from ..vectors import normalise
 from .material import on_thin_walls, read_refraction
 from .moving import Timing, at_frame, ended, number_at
 from .parts import Part

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..arrays import Floats
-from ..viewer import Viewer
+from ..base.arrays import Floats
+from ..rig.viewer import Viewer
 from .own_words import data_name
 from .rigs import active_rig, mark, marked_key, stem
 from .scene import object_matrix

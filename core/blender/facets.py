@@ -5,7 +5,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
 from ..glass.meshes import components
 from .mesh import column
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
 from ..glass.inner_faces import find_bodies
 from ..glass.meshes import components, volume_of
 from ..glass.solids import is_one_sided, turned_beside

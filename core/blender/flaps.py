@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 import bmesh
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..glass.solids import contains
 
 LARGEST = 0.5  # of area and of faces: more than that is the surface, whatever hangs on it

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from ..errors import ImageError
-from ..image_io import FORMATS, SUFFIXES
+from ..base.errors import ImageError
+from ..files.image_io import FORMATS, SUFFIXES
 
 
 @contextmanager

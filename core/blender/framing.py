@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 
 FILLED = 0.8  # of the view's half width and height, by the points: names stand beside them
 SENSOR = 36.0  # mm, half of a 3D view's at its lens, along the longer side

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..encoding import encode, quantised
-from ..png import encoded
+from ..files.encoding import encode, quantised
+from ..files.png import encoded
 from .colour import from_rec709, rec709_from_working, to_rec709
 
 THUMBNAIL = 256  # px, at most: as large as Blender makes them

@@ -9,11 +9,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..disk import is_there, scratch
-from ..errors import ImageError
-from ..image_io import PROFILE_NAME, has_openimageio
-from ..messages import Message
-from ..picture_file import has_header, is_cut, light_said, said_by, upright
+from ..base.errors import ImageError
+from ..base.messages import Message
+from ..files.disk import is_there, scratch
+from ..files.image_io import PROFILE_NAME, has_openimageio
+from ..files.picture_file import has_header, is_cut, light_said, said_by, upright
 from . import colour
 
 PROBES = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [128, 128, 128]])

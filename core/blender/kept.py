@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from numbers import Integral, Real
 from typing import Any
 
-from ..errors import MALFORMED, one_line
-from ..messages import Message, as_message
+from ..base.errors import MALFORMED, one_line
+from ..base.messages import Message, as_message
 
 RECORD_VERSION = 1
 SHOWN = 60  # characters of an unreadable record that its report quotes

@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
 from .mesh import column, mesh_of, uv_layer
 from .rectangle import sides, uv_axes
 from .resize import RESIZED_WITHIN, refuse_held, rescale

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping
 import bpy
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import ImageError, RigError
+from ..base.arrays import Floats
+from ..base.errors import ImageError, RigError
+from ..base.messages import Message
 from ..glass.solids import solids_from_mesh
 from ..light.checks import check_viewer_outside
-from ..messages import Message
-from ..parts import Glass
-from ..viewer import Viewer
+from ..rig.parts import Glass
+from ..rig.viewer import Viewer
 from .bodies import members_of
 from .cuts import SEARCH
 from .lost_data import find_lost, on_lost, placeholders_of

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..glass.meshes import box_of
-from ..rig import Glass
+from ..rig.rig import Glass
 from .parts import Part
 
 

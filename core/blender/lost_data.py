@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
-from ..errors import RigError
-from ..messages import Message, quoted
+from ..base.errors import RigError
+from ..base.messages import Message, quoted
 
 Lost = dict[bpy.types.ID, bpy.types.ID]
 

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..rig import Mesh
+from ..rig.rig import Mesh
 
 
 def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:

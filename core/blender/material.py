@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..messages import Message
+from ..base.messages import Message
 
 REFRACTIVE = {
     "BSDF_GLASS": "Glass BSDF",

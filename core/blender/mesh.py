@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.products import turn
 from ..glass.weld import welded
-from ..products import turn
-from ..rig import Mesh, SurfaceChoice
+from ..rig.rig import Mesh, SurfaceChoice
 
 # twice a triangle's area over its longest edge squared: below it float32 left nothing of its height
 NO_AREA = 1e-12

@@ -10,8 +10,8 @@ from typing import Any
 
 import bpy
 
-from ..errors import ImageError
-from ..messages import Message
+from ..base.errors import ImageError
+from ..base.messages import Message
 from .image import loaded
 from .reports import said_by
 from .temporary import mark

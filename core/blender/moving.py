@@ -13,11 +13,11 @@ from pathlib import Path
 
 import bpy
 
-from .. import disk
-from ..errors import ImageError
-from ..frame_list import MOST
-from ..messages import Message
-from ..picture_file import has_header
+from ..base.errors import ImageError
+from ..base.messages import Message
+from ..files import disk
+from ..files.frame_list import MOST
+from ..files.picture_file import has_header
 
 MOVING = {"SEQUENCE", "MOVIE"}
 SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")

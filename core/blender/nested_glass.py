@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.messages import Message
 from ..glass.meshes import volume_of
 from ..glass.solids import contains, solids_from_mesh
 from ..glass.surfaces import Surface
-from ..messages import Message
-from ..rig import WAVELENGTH, Glass
+from ..rig.rig import WAVELENGTH, Glass
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
 MOST_ASKED = 20_000  # vertices asked for their distance to another solid

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message, joined, quoted
 from ..bench.placement import Proposal
-from ..errors import RigError
-from ..messages import Message, joined, quoted
-from ..rig import ROLES, ConstantIndex, Glass, Rig
+from ..rig.rig import ROLES, ConstantIndex, Glass, Rig
 from .bodies import bodiless, faceless, role_label, tools_of, use_of
 from .elements import DEFAULT_IOR
 from .looked_through import bounds_of, looked_through

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from pathlib import Path
 
-from ..errors import ImageError
+from ..base.errors import ImageError
 from .moving import NAME, Timing, numbered
 
 

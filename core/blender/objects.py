@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
 from .own_words import data_name
 from .rig_names import name_for
 from .rigs import active_rig, elsewhere

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..messages import Message
+from ..base.messages import Message
 from . import shaders
 from .image import PACKED_MARK
 from .rig_record import keep

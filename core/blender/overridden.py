@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import bpy
 from bpy.app.handlers import persistent
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .changes import change, value_of
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..messages import Message
-from ..parts import OwnImage
-from ..rig import Picture, PicturePlace, Viewer
+from ..base.messages import Message
+from ..rig.parts import OwnImage
+from ..rig.rig import Picture, PicturePlace, Viewer
 from .elements import about, tone_of
 from .moving import ended, number_at
 from .shapes import Kept

@@ -4,7 +4,7 @@ translations have "Display", which is a part, as the verb.
 
 import bpy
 
-from ..messages import CONTEXT
+from ..base.messages import CONTEXT
 
 translations = bpy.app.translations
 

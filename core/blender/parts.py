@@ -8,10 +8,10 @@ from functools import cache
 import bpy
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
-from ..messages import Message
-from ..rig import ROLES, Mesh
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..rig.rig import ROLES, Mesh
 from .bodies import check_body, has_no_place, on_no_place, role_label
 from .lost_data import find_lost, on_lost, placeholders_of, refuse_lost
 from .rigs import elsewhere

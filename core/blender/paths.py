@@ -4,8 +4,8 @@ from pathlib import Path
 
 import bpy
 
-from ..disk import is_there
-from ..errors import ImageError
+from ..base.errors import ImageError
+from ..files.disk import is_there
 
 # Blender 4.5 learned to mark paths that may begin with // and warns where the mark is missing
 RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ImageError
-from ..free_memory import check_free
-from ..messages import Message
+from ..base.errors import ImageError
+from ..base.free_memory import check_free
+from ..base.messages import Message
 from ..native import image_passes, loading
 from . import colour
 from .image_file import check_header, check_whole

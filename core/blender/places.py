@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 
-from ..errors import KirikoError
-from ..rig import ROLES, Rig, Viewer
+from ..base.errors import KirikoError
+from ..rig.rig import ROLES, Rig, Viewer
 from .elements import place_of, shown_image
 from .moving import number_at
 from .parts import Part, parts_by_role, read_parts

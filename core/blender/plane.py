@@ -5,10 +5,10 @@ that is solved, and its shape beside that image's.
 import bpy
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
-from ..messages import Message
-from ..words import percent
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.words import percent
 from . import shaders
 from .layout import axis_factors, laid_out, size_of
 from .mesh import used_slots

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..rig import MirrorArray
+from ..rig.rig import MirrorArray
 from .node_values import Value
 from .plate_inputs import LIGHT_INPUTS, PLATE_INPUTS
 from .shaders import cleared

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..rig import MOST_CROSSING_ERROR, MirrorArray
+from ..rig.rig import MOST_CROSSING_ERROR, MirrorArray
 
 
 class Input(NamedTuple):

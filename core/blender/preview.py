@@ -14,8 +14,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import ImageError
-from ..picture_file import has_header
+from ..base.errors import ImageError
+from ..files.picture_file import has_header
 from .colour import to_rec709
 from .image import image_from_pixels, stored_numbers
 from .preview_options import Options

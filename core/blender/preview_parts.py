@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..base.errors import RigError
 from ..bench.offset import part_motions
-from ..errors import RigError
 from ..glass.tessellate import tessellate
-from ..rig import ROLES, Mesh, Rig
+from ..rig.rig import ROLES, Mesh, Rig
 from .made_mesh import mesh_from_triangles
 from .mesh import sharpen_creases
 from .parts import part_name, shown_parts

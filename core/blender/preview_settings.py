@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .preview_options import Options
 from .viewer import frame_of, viewer_of
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..arrays import Floats
-from ..rig import Mesh
+from ..base.arrays import Floats
+from ..rig.rig import Mesh
 
 # of its size: a flat rectangle's UV map misses an affine one by less
 AFFINE = 1e-4

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from ..messages import Message
+from ..base.messages import Message
 from .parts import Part
 from .shapes import CURVED
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .active_rig import has_settings, is_new, keep_as, make_active, replace
 from .changes import put_back
 from .given_glass import take_back

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
 from .mesh import column, mesh_of
 
 # of its size: an object no thicker along an axis of its own is perpendicular to that axis

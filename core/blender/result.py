@@ -8,11 +8,11 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..base.errors import one_line
+from ..base.messages import Message
+from ..base.words import NO_PLATE, summary
 from ..bench.helps import Help, Helps
-from ..errors import one_line
-from ..messages import Message
 from ..solve.solution import Solution
-from ..words import NO_PLATE, summary
 from .image import holds, image_from_pixels, is_in_working_space, or_none, pack, set_pixels
 from .kept import Numbers, Sentences
 from .on_display import is_on_display, put_on_display

@@ -6,8 +6,8 @@ from typing import Any
 
 import bpy
 
-from ..errors import one_line
-from ..messages import Message, joined
+from ..base.errors import one_line
+from ..base.messages import Message, joined
 from ..solve.cost import cost
 from ..solve.solution import Solution
 from .kept import Ladder, Numbers

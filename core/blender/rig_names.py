@@ -4,8 +4,8 @@ name.
 
 import bpy
 
-from ..messages import Message
-from ..rig import Rig
+from ..base.messages import Message
+from ..rig.rig import Rig
 from .own_words import data_name
 from .rigs import NUMBER, active_rig
 

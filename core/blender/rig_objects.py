@@ -7,11 +7,11 @@ from functools import cache
 
 import bpy
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.messages import Message
 from ..bench.placement import lattice
-from ..encoding import quantised
-from ..messages import Message
-from ..png import encoded
+from ..files.encoding import quantised
+from ..files.png import encoded
 from . import shaders
 from .eyes import EYES
 from .image import packed_image

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..rig import Blocker
+from ..rig.rig import Blocker
 from . import shaders
 from .parts import Part
 from .roles import Found, InBlender, Studio

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..rig import Display, Rig
+from ..rig.rig import Display, Rig
 from . import shaders
 from .parts import Part
 from .roles import Found, InBlender, Studio

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..rig import Rig
+from ..rig.rig import Rig
 from . import shaders
 from .elements import read_glass
 from .nested_glass import Interface, interfaces

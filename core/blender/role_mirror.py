@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..rig import Mirror
+from ..rig.rig import Mirror
 from . import shaders
 from .parts import Part
 from .roles import Found, InBlender, Studio

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..rig import MirrorArray, Rig
+from ..rig.rig import MirrorArray, Rig
 from . import shaders
 from .elements import read_plate
 from .parts import Part

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..rig import Rig
+from ..rig.rig import Rig
 from .elements import MaterialReading
 from .parts import Part
 from .shapes import Kept

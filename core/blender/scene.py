@@ -10,11 +10,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import KirikoError, RigError
+from ..base.messages import Message
 from ..bench.offset import with_offset
-from ..errors import KirikoError, RigError
-from ..messages import Message
-from ..rig import ROLES, Picture, Rig, Viewer
+from ..rig.rig import ROLES, Picture, Rig, Viewer
 from .elements import MaterialReading
 from .kept import Offset
 from .lost_data import find_lost, refuse_lost

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, frozen
-from ..fingerprint import fingerprint
+from ..base.arrays import Floats, frozen
+from ..base.fingerprint import fingerprint
 from ..image.tone import Tone
-from ..rig import ROLES, Mesh
+from ..rig.rig import ROLES, Mesh
 from .colour import rec709_from_working
 from .image_file import notes_on
 from .mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots

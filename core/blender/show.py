@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import bpy
 from bpy_extras import anim_utils
 
-from ..errors import RigError
-from ..messages import Message
+from ..base.errors import RigError
+from ..base.messages import Message
 from .visibility import Shown, ways_to
 
 Switch = tuple[bpy.types.bpy_struct, str, str]  # its owner, its name, the words for it

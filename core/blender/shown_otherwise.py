@@ -5,8 +5,8 @@ the artist's own objects. Cycles takes a material's index for a ratio to air and
 the way out, and knows no priorities.
 """
 
-from ..messages import Message
-from ..rig import WAVELENGTH
+from ..base.messages import Message
+from ..rig.rig import WAVELENGTH
 from .nested_glass import interfaces
 from .scene import Reading
 

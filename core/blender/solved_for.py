@@ -7,10 +7,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..arrays import Floats
-from ..fingerprint import counts
-from ..rig import Mesh, Picture, Rig, Viewer
-from ..settings import Settings
+from ..base.arrays import Floats
+from ..base.fingerprint import counts
+from ..rig.rig import Mesh, Picture, Rig, Viewer
+from ..rig.settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
 from .scene import read_drawn
 from .shapes import Kept, Shape

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..messages import Message
+from ..base.messages import Message
 from .material import Groups, feeding, material_output
 from .moving import Timing, timing_of
 

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..messages import Message
+from ..base.messages import Message
 
 # metres in the units a scene can be set to, and how they are written
 LENGTH_UNITS = {

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
-from ..rig import Rig, Viewer
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..rig.rig import Rig, Viewer
 from .rigs import marked_key
 
 MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..errors import ImageError
-from ..messages import Message
+from ..base.errors import ImageError
+from ..base.messages import Message
 from .image import or_none
 from .reports import said_by
 from .viewer import Frame

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 
 # matplotlib's viridis by S. van der Walt and N. Smith (CC0), at every fourth of its length
 ANCHORS = np.array(

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import bpy
 
-from ..messages import Message
+from ..base.messages import Message
 
 
 class Shown:

@@ -10,7 +10,7 @@ again.
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import RigError
+from ..base.errors import RigError
 from .job import MOST, files, refuse_braces, step, whole
 
 SHARES = 10  # tasks

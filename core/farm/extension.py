@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile, ZipInfo
 
-from ..errors import ImageError
+from ..base.errors import ImageError
 
 ROOT = Path(__file__).parent.parent.parent
 MANIFEST = "blender_manifest.toml"

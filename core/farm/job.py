@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from ..errors import RigError
-from ..frame_list import frames_of, in_ranges
+from ..base.errors import RigError
+from ..files.frame_list import frames_of, in_ranges
 
 SPECIFICATION = "jobtemplate-2023-09"
 CHUNKING = "TASK_CHUNKING"  # its extension
@@ -40,7 +40,7 @@ class Job:
 
     blend : name of the file in the bundle
     version : Kiriko's
-    frames : list of them, as core/frame_list.py reads it; '' for the scene as it stands
+    frames : list of them, as core/files/frame_list.py reads it; '' for the scene as it stands
     chunk : frames for a task
     viewers : each alone; none: all of the rig at once
     rigs : those that are solved; none: the one that the file shows

@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from .. import disk, image_io
-from ..errors import MALFORMED, ImageError
-from ..messages import Message
+from ..base.errors import MALFORMED, ImageError
+from ..base.messages import Message
+from ..files import disk, image_io
 
 LOG = "frames.jsonl"
 PARTS = "frames.*.jsonl"  # the logs of tasks

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.steps import Pauses
+from ..base.vectors import length_of, normalise
 from ..native import loading
-from ..steps import Pauses
-from ..vectors import length_of, normalise
 from . import native_fit
 from .curved import FACES_AT_ONCE
 from .meshes import Edges

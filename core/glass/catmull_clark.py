@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
-from ..steps import Pauses
-from ..vectors import normalise
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.steps import Pauses
+from ..base.vectors import normalise
 
 # Chebyshev's iteration for control points: so many steps, and the least eigenvalue of the masks
 # (that of a regular grid; around other vertices none was found to be less)

@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from ..products import combine
-from ..vectors import normalise
+from ..base.arrays import Floats, Ints
+from ..base.products import combine
+from ..base.vectors import normalise
 from .meshes import spheres_of
 from .motion import Motion
 from .quartics import (

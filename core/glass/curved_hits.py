@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..products import combine
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints
+from ..base.products import combine
+from ..base.vectors import dot
 from .curved import EDGE, FACES_AT_ONCE, CurvedFaces
 from .curved_roots import ROOTS, Lines, Roots, Spots, follow
 from .quartics import TO_BEZIER, cross, tangents, value_and_slopes

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints, taken
-from ..products import combine
-from ..steps import Pauses
-from ..vectors import dot, length_of
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.products import combine
+from ..base.steps import Pauses
+from ..base.vectors import dot, length_of
 from .curved import HIGHER, CurvedFaces
 from .quartics import N_TERMS, monomials
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
 from .curved import FACES_AT_ONCE, CurvedFaces
 from .quartics import cross, product, value_and_slopes
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.products import combine
+from ..base.steps import Pauses
+from ..base.vectors import dot, length_of, normalise
 from ..native import loading
-from ..products import combine
-from ..steps import Pauses
-from ..vectors import dot, length_of, normalise
 from . import native_fit
 from .curved import FACES_AT_ONCE, MOST_OFFSET
 from .known import Known

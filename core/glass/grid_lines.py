@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Ints, taken
-from ..steps import Pauses
-from ..vectors import dot, length_of
+from ..base.arrays import Floats, Ints, taken
+from ..base.steps import Pauses
+from ..base.vectors import dot, length_of
 from .vertices import Vertices
 
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..mesh import Mesh
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints
+from ..base.vectors import dot
+from ..rig.mesh import Mesh
 from .meshes import components
 
 

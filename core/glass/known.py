@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..steps import Pauses
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
 from .meshes import Edges
 from .quad_lines import find_quad_lines
 from .quartics import AT

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, columns_of, greatest, in_order, taken
-from ..mesh import SAME_NORMAL
-from ..vectors import dot, normalise
+from ..base.arrays import Bools, Floats, Ints, columns_of, greatest, in_order, taken
+from ..base.vectors import dot, normalise
+from ..rig.mesh import SAME_NORMAL
 
 
 def components(n: int, a: Ints, b: Ints) -> Ints:

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Floats
-from ..products import turn
-from ..rig import Mesh
+from ..base.arrays import Floats
+from ..base.products import turn
+from ..rig.rig import Mesh
 
 FITTED = 64  # vertices from which a motion is found; all others have to follow it
 # of the distances: the loss in products of doubles

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
 from ..native.loading import loaded, n_threads
 from ..native.structures import FitStructure, Made
-from ..steps import Pauses
 from .vertices import Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints
+from ..base.vectors import dot
 from .curved import EDGE, MOST_OFFSET, CurvedFaces
 from .meshes import spheres_of
 from .quartics import N_TERMS, POWERS

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
-from ..vectors import normalise
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.vectors import normalise
 from .agreement import AGREEMENT, Trial
 from .fitted_faces import Faces
 from .quartics import AT, AT_NODES, FROM_NODES, NODES

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Ints
+from ..base.arrays import Bools, Ints
 from .meshes import Edges
 from .vertices import Vertices
 

@@ -6,7 +6,7 @@ from math import perm
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
 
 # of u and v, or x and y: 14 terms
 POWERS = [(a, d - a) for d in range(1, 5) for a in range(d, -1, -1)]

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from ..mesh import Mesh
+from ..base.arrays import Floats, Ints
+from ..rig.mesh import Mesh
 
 FACTOR = 0.5  # of the modifier, its default
 

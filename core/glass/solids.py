@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, in_order, taken
-from ..rig import Mesh
-from ..steps import Pauses, finish
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints, in_order, taken
+from ..base.steps import Pauses, finish
+from ..base.vectors import dot
+from ..rig.rig import Mesh
 from .inner_faces import without_inner
 from .meshes import Edges, box_of, components, find_edges, volume_of
 from .surfaces import Surface, making_surface

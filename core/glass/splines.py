@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
-from ..products import combine
-from ..steps import Pauses
-from ..vectors import length_of, normalise
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.products import combine
+from ..base.steps import Pauses
+from ..base.vectors import length_of, normalise
 from .grid_lines import off_lines
 from .quad_lines import QuadLines
 from .quartics import AT

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..steps import Pauses
-from ..vectors import length_of
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
+from ..base.vectors import length_of
 from .catmull_clark import Quads, finding_points
 from .meshes import components
 from .quad_lines import QuadLines

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, greatest, taken
-from ..steps import Pauses
-from ..vectors import length_of
+from ..base.arrays import Bools, Floats, Ints, greatest, taken
+from ..base.steps import Pauses
+from ..base.vectors import length_of
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
 from .fitted_faces import Faces, fit_faces, made_to_meet

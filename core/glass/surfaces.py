@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, greatest, taken
-from ..mesh import SAME_NORMAL
-from ..rig import Mesh
-from ..steps import Pauses, finish
-from ..vectors import normalise
+from ..base.arrays import Bools, Floats, Ints, greatest, taken
+from ..base.steps import Pauses, finish
+from ..base.vectors import normalise
+from ..rig.mesh import SAME_NORMAL
+from ..rig.rig import Mesh
 from .curved import CurvedFaces
 from .meshes import (
     Edges,

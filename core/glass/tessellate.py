@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..arrays import Ints
-from ..rig import Mesh
-from ..vectors import normalise
+from ..base.arrays import Ints
+from ..base.vectors import normalise
+from ..rig.rig import Mesh
 from .curved import CurvedFaces
 from .curved_hull import edge_turns
 from .quartics import grid

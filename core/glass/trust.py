@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..steps import Pauses
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
 from .agreement import AGREEMENT, Trial
 from .fitted_faces import Faces
 from .grid_lines import look_along_lines

@@ -5,11 +5,11 @@ from math import comb
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.products import solve_symmetric
+from ..base.steps import Pauses
+from ..base.vectors import dot, length_of, normalise
 from ..native import loading
-from ..products import solve_symmetric
-from ..steps import Pauses
-from ..vectors import dot, length_of, normalise
 from . import native_fit
 from .quartics import N_TERMS, POWERS, monomials, slopes, tangents
 from .vertices import Vertices

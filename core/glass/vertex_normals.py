@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, taken
+from ..base.arrays import Bools, Floats, taken
+from ..base.products import solve_symmetric
+from ..base.steps import Pauses
+from ..base.vectors import dot, length_of, normalise
 from ..native import loading
-from ..products import solve_symmetric
-from ..steps import Pauses
-from ..vectors import dot, length_of, normalise
 from .quartics import N_TERMS
 from .vertex_fields import RIDGE, STIFFER, Fields, gradients, system, tangent_planes
 from .vertices import Vertices, seen_across

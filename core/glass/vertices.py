@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, each_once, in_order, taken
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints, each_once, in_order, taken
+from ..base.vectors import dot
 from .curved import FACES_AT_ONCE
 from .meshes import Edges, components
 

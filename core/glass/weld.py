@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints
+from ..base.vectors import dot
 from .meshes import components, volume_of
 
 SAME_ANGLE = 1e-4  # rad: faces around an edge that differ by less lie in the same place

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..map.shares import Shares, add_at
-from ..rig import PicturePlace
-from ..viewer import Viewer
+from ..rig.rig import PicturePlace
+from ..rig.viewer import Viewer
 from .flat_picture import flat_way
 
 # times the weight of a share within the picture: one beside it

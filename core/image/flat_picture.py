@@ -11,10 +11,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
 from ..light.display import affine_fit, uv_area
-from ..rig import Mesh, PicturePlace, Viewer
+from ..rig.rig import Mesh, PicturePlace, Viewer
 
 # of a picture's size: how well one affine map has to give its UV for the short way
 IS_AFFINE = 1e-6

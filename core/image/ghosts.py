@@ -7,12 +7,12 @@ caustic light takes the same surfaces, and shows it turned over: that is another
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses
+from ..base.vectors import cross_2d
 from ..map.pieces import Piece
 from ..map.share_batches import ShareBatches
 from ..map.shares import Shares
-from ..steps import Pauses
-from ..vectors import cross_2d
 
 # an odd number: pixels and paths are mixed to one number, the golden ratio
 MIX = np.uint64(0x9E3779B97F4A7C15)

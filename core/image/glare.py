@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
+from ..base.messages import Message, joined
+from ..base.steps import Pauses
+from ..base.vectors import dot
 from ..light.plan import Plan
 from ..light.trace import tracing
-from ..messages import Message, joined
-from ..steps import Pauses
-from ..vectors import dot
 from .simulation import LUMINANCE
 
 N_RAYS_A_SIDE = 64  # of the viewer's image: a share of a tenth is known to a hundredth

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rig import Picture, Viewer
+from ..rig.rig import Picture, Viewer
 from .picture import POINTS_AT_ONCE, of_square, picture_from_view
 from .pyramid import Pyramid
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..free_memory import available
+from ..base.arrays import Floats
+from ..base.free_memory import available
 from ..map.shares import Shares
 from ..native.image_passes import of_levels
 from ..native.loading import loaded, n_threads

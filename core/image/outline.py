@@ -9,12 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, taken
+from ..base.products import turn
 from ..map import native_divide
 from ..map.pieces import Piece
 from ..native import loading
-from ..products import turn
-from ..rig import PicturePlace, Viewer
+from ..rig.rig import PicturePlace, Viewer
 from .flat_picture import outline_in_view
 
 ON_LINE = 1e-6  # viewer px: a point nearer to the outline is on it, so that rounding does not cut

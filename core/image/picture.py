@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, in_blocks
+from ..base.arrays import Bools, Floats, in_blocks
+from ..base.messages import Message
 from ..glass.meshes import interpolate
 from ..light.hits import Hits
 from ..light.layer_hits import first_hits
 from ..light.ray_engine import Layer
-from ..messages import Message
-from ..rig import PicturePlace, Viewer
+from ..rig.rig import PicturePlace, Viewer
 from .flat_picture import LEAST, FlatWay, flat_way, outline_in_view
 
 POINTS_AT_ONCE = 1 << 16  # their arrays stay in the cache

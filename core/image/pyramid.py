@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, is_frozen
-from ..errors import RigError
+from ..base.arrays import Floats, is_frozen
+from ..base.errors import RigError
 from ..native import image_passes, loading
 from .picture import POINTS_AT_ONCE, PicturePoints
 from .reads import READS, Reads, reads_of

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses
 from ..map.share_batches import ShareBatches
 from ..map.shares import add_at
-from ..steps import Pauses
 
 
 @dataclass(frozen=True)

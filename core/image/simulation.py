@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
+from ..base.vectors import dot
 from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.plate import PlatePath
 from ..light.rays import PlateLight
 from ..light.trace import TRACED_AT_ONCE, trace
-from ..vectors import dot
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
 N_PLATE_RAYS = 4096  # rays from which brightness and blur are told

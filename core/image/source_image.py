@@ -9,14 +9,14 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
 from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.rays import PlateLight
 from ..light.trace import TRACED_AT_ONCE, trace
 from ..map.shares import Shares, add_at
 from ..native import image_passes, loading
-from ..rig import PicturePlace, Viewer
+from ..rig.rig import PicturePlace, Viewer
 from . import native_paint
 from .flat_picture import flat_way
 from .picture import picture_from_view

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.steps import Pauses
 from ..glass.curved_roots import Spots
 from ..glass.meshes import interpolate
 from ..glass.quartics import product
-from ..steps import Pauses
 from .engines import Engine, Found, make_engine, making_engine
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..errors import RigError
+from ..base.errors import RigError
 from ..glass.solids import contains
 from ..glass.surfaces import Surface
-from ..rig import Glass, Viewer
+from ..rig.rig import Glass, Viewer
 from .hits import slab
 
 

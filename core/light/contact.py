@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools
-from ..kinds import Kind
+from ..base.arrays import Bools
+from ..rig.kinds import Kind
 from .hits import Hits
 from .law_display import meet as meet_display
 from .plan import Plan

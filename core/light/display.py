@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
+from ..base.vectors import cross_2d, normalise
 from ..glass.meshes import components, edge_corners, find_edges
 from ..glass.surfaces import Surface
-from ..rig import Display, Mesh
-from ..vectors import cross_2d, normalise
+from ..rig.rig import Display, Mesh
 
 # of its size: how flat, affine and whole a display has to be to count as one rectangle
 DISPLAY_FLATNESS = 1e-6

@@ -5,10 +5,10 @@ A ray ends on the display, on the plane of a flat display beyond the plate, or i
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.products import turn
+from ..base.vectors import dot
 from ..glass.curved import EDGE
-from ..products import turn
-from ..vectors import dot
 from .landings import Reason
 from .plan import Plan
 from .rays import LAND, Rays

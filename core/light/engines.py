@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Ints
+from ..base.arrays import Ints
+from ..base.steps import Pauses, finish
 from ..glass.meshes import Frames
-from ..steps import Pauses, finish
 
 # components of a direction up to here are 0 to the boxes of Blender's BVH
 ALONG_AXIS = 1.01 * 2.0**-23

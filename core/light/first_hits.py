@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.steps import Pauses
 from ..glass.curved_roots import Lines
-from ..steps import Pauses
 from . import layer_hits
 from .contact import NEAR, in_order
 from .hits import Accept, Hits, Search, slab

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
 from ..glass.curved import EDGE, CurvedFaces
 from ..glass.curved_roots import Lines
 

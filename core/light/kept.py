@@ -6,12 +6,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses
 from ..glass.motion import Motion, find_motion, size_of
 from ..glass.solids import making_solids
 from ..glass.surfaces import Surface
-from ..rig import Mesh
-from ..steps import Pauses
+from ..rig.rig import Mesh
 
 Thing = TypeVar("Thing")
 

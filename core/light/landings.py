@@ -6,8 +6,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
-from ..messages import Message
+from ..base.arrays import Bools, Floats, Ints
+from ..base.messages import Message
 from .plate import PlatePath
 
 Words = NDArray[np.uint64]

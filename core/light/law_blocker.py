@@ -1,8 +1,8 @@
 """A blocker: light ends."""
 
-from ..arrays import Ints
+from ..base.arrays import Ints
 from ..glass.surfaces import Surface, make_surface
-from ..rig import Blocker
+from ..rig.rig import Blocker
 from .hits import Hits
 from .kept import Kept
 from .landings import Reason

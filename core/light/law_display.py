@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Ints
+from ..base.arrays import Ints
+from ..base.vectors import dot
 from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface, make_surface
-from ..rig import Display
-from ..vectors import dot
+from ..rig.rig import Display
 from .display import uv_islands
 from .endings import give_reasons, is_on_image
 from .hits import Hits

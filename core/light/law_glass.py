@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Ints, taken
-from ..vectors import dot, normalise
+from ..base.arrays import Ints, taken
+from ..base.vectors import dot, normalise
 from .hits import Hits
 from .meetings import Law, shading_normals
 from .optics import refract

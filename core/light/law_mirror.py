@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..arrays import Ints
+from ..base.arrays import Ints
+from ..base.vectors import dot, normalise
 from ..glass.surfaces import Surface, make_surface
-from ..rig import Mirror
-from ..vectors import dot, normalise
+from ..rig.rig import Mirror
 from .hits import Hits
 from .kept import Kept
 from .meetings import Law, shading_normals

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Ints
-from ..errors import RigError
+from ..base.arrays import Ints
+from ..base.errors import RigError
+from ..base.vectors import dot
 from ..glass.surfaces import Surface, make_surface
-from ..rig import Plate
-from ..vectors import dot
+from ..rig.rig import Plate
 from .endings import end_beyond_plate
 from .hits import Hits
 from .kept import Kept

@@ -4,7 +4,7 @@ from importlib import import_module
 
 import numpy as np
 
-from ..rig import MET_ROLES
+from ..rig.rig import MET_ROLES
 from .meetings import Law
 
 LAWS: dict[int, Law] = {

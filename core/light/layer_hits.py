@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import FLOAT32, Bools, Floats, Ints, taken
+from ..base.arrays import FLOAT32, Bools, Floats, Ints, taken
+from ..base.products import combine
+from ..base.steps import Pauses, finish
+from ..base.vectors import dot
 from ..glass.curved import FACES_AT_ONCE
 from ..glass.curved_hits import are_in_boxes, pass_by
 from ..glass.curved_roots import ROOTS, Lines, Spots
 from ..glass.meshes import spheres_of
-from ..products import combine
-from ..steps import Pauses, finish
-from ..vectors import dot
 from .engines import Found
 from .hits import Accept, Hits, Question, Search, is_within, slab
 from .ray_engine import Layer

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
 from ..glass.curved import CurvedFaces
 from ..glass.curved_hull import making_hull
 from ..glass.surfaces import Surface
-from ..steps import Pauses
 from .ray_engine import FEW_TRIANGLES, Layer
 
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares

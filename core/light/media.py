@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..errors import RigError
-from ..fingerprint import fingerprint
+from ..base.arrays import Bools, Floats, Ints
+from ..base.errors import RigError
+from ..base.fingerprint import fingerprint
 from ..glass.meshes import components
 from ..glass.motion import Motion
 from ..glass.surfaces import Surface
-from ..rig import Glass
+from ..rig.rig import Glass
 
 N_BITS = 52  # of a mask, which has to be exact as a float64
 

@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
-from ..fingerprint import fingerprint
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.fingerprint import fingerprint
+from ..base.vectors import dot, normalise
 from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface
-from ..rig import Mesh
-from ..vectors import dot, normalise
+from ..rig.rig import Mesh
 from .hits import Hits
 from .kept import Kept
 from .plan import Plan

@@ -4,8 +4,8 @@ Directions are unit vectors of travel (n, 3).
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..vectors import dot
+from ..base.arrays import Bools, Floats
+from ..base.vectors import dot
 
 
 def reflect(directions: Floats, normals: Floats) -> Floats:

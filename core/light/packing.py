@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Ints, each_once
+from ..base.arrays import Floats, Ints, each_once
 
 # tuned for time by `dev.py growth` and `dev.py bench`
 MOST_PATCHES = 4096  # with more patches whole parts are looked for

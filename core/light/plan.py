@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
-from ..rig import Rig
-from ..settings import Settings
-from ..viewer import Viewer
+from ..base.arrays import Bools, Floats, Ints
+from ..rig.rig import Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .display import DisplayPlane
 from .media import Media
 from .plate import ArrayFrame

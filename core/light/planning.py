@@ -5,13 +5,13 @@ from functools import cache, partial
 
 import numpy as np
 
-from ..arrays import FLOAT32, Bools, Floats
-from ..fingerprint import fingerprint
-from ..kinds import Kind
-from ..messages import Message
-from ..rig import Rig
-from ..settings import Settings
-from ..steps import Pauses, finish
+from ..base.arrays import FLOAT32, Bools, Floats
+from ..base.fingerprint import fingerprint
+from ..base.messages import Message
+from ..base.steps import Pauses, finish
+from ..rig.kinds import Kind
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from .contact import NEAR
 from .display import display_plane
 from .engines import engine_kind

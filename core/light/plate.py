@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.products import turn
+from ..base.vectors import normalise
 from ..glass.meshes import areas_of
-from ..products import turn
-from ..rig import MirrorArray, Plate
-from ..vectors import normalise
+from ..rig.rig import MirrorArray, Plate
 from .optics import transmittance
 from .slits import fold, is_odd, reflected_share
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .landings import Reason, Words
 from .plate import PlatePath
 

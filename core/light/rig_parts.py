@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..fingerprint import fingerprint
+from ..base.arrays import Bools, Floats, Ints
+from ..base.fingerprint import fingerprint
+from ..base.steps import Pauses
 from ..glass.motion import Motion
 from ..glass.surfaces import Surface
-from ..kinds import Kind
-from ..rig import Rig
-from ..steps import Pauses
+from ..rig.kinds import Kind
+from ..rig.rig import Rig
 from .checks import check_viewer_outside
 from .kept import Kept
 from .media import Media, Solid

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import FLOAT32, Bools, Floats, Ints
+from ..base.arrays import FLOAT32, Bools, Floats, Ints
 from ..glass.surfaces import Surface
-from ..kinds import Kind
-from ..rig import MET_ROLES, Rig, Role
+from ..rig.kinds import Kind
+from ..rig.rig import MET_ROLES, Rig, Role
 from .kept import Kept
 from .laws import LAWS
 from .touching_solids import BULGE

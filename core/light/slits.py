@@ -8,8 +8,8 @@ gives where it does come out. So a layer of any number of mirrors is one fold, e
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..rig import MirrorArray
+from ..base.arrays import Bools, Floats, Ints
+from ..rig.rig import MirrorArray
 
 
 def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.steps import Pauses
 from ..glass.meshes import Frames, boxes_of
 from ..native import loading
-from ..steps import Pauses
 from .native import touching
 from .packing import Packing
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
+from ..base.vectors import normalise
 from ..glass.meshes import boxes_of
 from ..glass.surfaces import Surface
-from ..vectors import normalise
 from .media import Solid
 
 # of its size: so far a curved surface stays, with room to spare, within the box of its facets

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Ints, taken
-from ..kinds import Kind
-from ..steps import Pauses, finish
+from ..base.arrays import Floats, Ints, taken
+from ..base.steps import Pauses, finish
+from ..rig.kinds import Kind
 from .contact import land
 from .endings import end_without_hit
 from .first_hits import find_first_hits

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
-from ..kinds import Kind
-from ..rig import Mesh
-from ..steps import Pauses
-from ..vectors import dot
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
+from ..base.vectors import dot
+from ..rig.kinds import Kind
+from ..rig.rig import Mesh
 from .landings import Landings, Reason, main_landings
 from .laws import ENDS
 from .plan import Plan

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, whole_within
+from ..base.arrays import Bools, Floats, Ints, whole_within
 from ..light.plan import Plan
 
 

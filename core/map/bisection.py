@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words
 from ..light.native import bisecting
 from ..light.plan import Plan

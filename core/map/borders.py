@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Ints, mean_at
+from ..base.arrays import Bools, Ints, mean_at
+from ..base.steps import Pauses
 from ..light.plan import Plan
-from ..steps import Pauses
 from .allowance import Allowance
 from .cut_cells import around_middles, cut_cells, find_sides
 from .doubts import (

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, taken
 
 COUNTED = 1 << 16  # pieces at the least whose shares are counted, if there are more
 

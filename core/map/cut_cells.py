@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Ints
+from ..base.arrays import Bools, Ints
+from ..base.steps import Pauses
 from ..light.plan import Plan
-from ..steps import Pauses
 from .allowance import Allowance
 from .edges import find_borders, lack
 from .known_borders import Borders, key_of, points_of

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from . import native_divide
 from .native_divide import Divided
 from .rasterise import parts_by_rows

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, mean_at, taken
+from ..base.arrays import Bools, Floats, Ints, mean_at, taken
 from ..light.landings import Words
 from ..light.plan import Plan
 from .points import Points, areas, in_triangles, is_seen

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
 from ..light.plan import Plan
 from .allowance import Allowance
 from .bisection import Edges, last_on_branch, n_digits

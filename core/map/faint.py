@@ -20,7 +20,7 @@ from itertools import product
 
 import numpy as np
 
-from ..arrays import Floats, Ints, taken, whole_within
+from ..base.arrays import Floats, Ints, taken, whole_within
 from ..light.landings import Reason
 from ..light.plan import Plan
 from .allowance import Allowance

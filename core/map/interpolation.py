@@ -8,8 +8,8 @@ from functools import cache, reduce
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from ..vectors import cross_2d
+from ..base.arrays import Floats, Ints
+from ..base.vectors import cross_2d
 
 NODES_ALONG = 5  # nodes along a side: quartics
 PARTS = NODES_ALONG - 1  # a cell's side in steps between nodes

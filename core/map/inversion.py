@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..products import turn_covariance
+from ..base.arrays import Floats
+from ..base.products import turn_covariance
 from .cells import INSIDE, THINNEST
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Ints
+from ..base.arrays import Bools, Ints
 from .strips import MOST_STRIPS
 
 

@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
-from ..steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
+from ..base.steps import Pauses
 from . import interpolation
 from .interpolation import PARTS, bilinear
 from .points import Points, in_triangles, is_in_image

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
 from ..light.landings import Reason
 from ..light.plan import Plan
-from ..steps import Pauses
 from .points import is_in_image, is_seen, trace_points
 from .squares import Squares
 from .view_map import MapError, ViewMap

@@ -10,7 +10,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, columns_of
+from ..base.arrays import Floats, columns_of
 from ..native.loading import library, loaded, n_threads
 from ..native.structures import DivisionStructure, Made, SumStructure
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .cells import LEVEL
 
 NOWHERE = 1e300  # px, for edges that do not reach a row

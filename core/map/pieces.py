@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints, mean_at, taken
+from ..base.arrays import Bools, Floats, Ints, mean_at, taken
 from . import interpolation
 from .points import Points
 

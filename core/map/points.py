@@ -5,14 +5,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, columns_of, taken
+from ..base.arrays import Bools, Floats, Ints, columns_of, taken
+from ..base.steps import Pauses, finish
+from ..base.vectors import cross_2d
 from ..light.landings import Words, main_landings
 from ..light.native import following
 from ..light.plan import Plan
 from ..light.trace import TRACED_AT_ONCE, Step, recording, tracing
-from ..steps import Pauses, finish
-from ..vectors import cross_2d
-from ..viewer import Viewer
+from ..rig.viewer import Viewer
 
 RAYS_AT_ONCE = 1 << 14  # traced together where their paths or courses are asked for
 TRIANGLE_SLACK = 1e-9  # of a triangle: slack, so that its corners are in it

@@ -4,9 +4,9 @@ from collections.abc import Generator
 
 import numpy as np
 
-from ..arrays import Bools, Ints, mean_at, taken
+from ..base.arrays import Bools, Ints, mean_at, taken
+from ..base.steps import Pauses
 from ..light.plan import Plan
-from ..steps import Pauses
 from .allowance import Allowance
 from .doubts import CUT
 from .points import Points, trace_points

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .cells import (
     FARTHEST,
     SMALLEST,

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Ints
-from ..free_memory import check_free
+from ..base.arrays import Floats, Ints
+from ..base.free_memory import check_free
+from ..base.messages import Message
 from ..light.plan import Plan
-from ..messages import Message
 from .allowance import Allowance
 from .faint import further_along, light_on_blocks, may_take_more, samples_worth
 from .points import BYTES_OF_POINT, Points, trace_points

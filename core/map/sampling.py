@@ -13,11 +13,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.stages import MAP, Span, section, spans
+from ..base.steps import Pauses, between
 from ..light.landings import Reason
 from ..light.plan import Plan
-from ..stages import MAP, Span, section, spans
-from ..steps import Pauses, between
 from . import interpolation
 from .borders import Cutting, Pieces
 from .doubts import CUT

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..light.landings import Words
 from ..light.native import bisecting
 from ..light.plan import Plan

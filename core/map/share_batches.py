@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints, each_value, taken
+from ..base.arrays import Floats, Ints, each_value, taken
 from . import dividing
 from .dividing import OnDisplay
 from .native_divide import Divided

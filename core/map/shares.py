@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, taken
+from ..base.arrays import Floats, taken
 from ..native import loading
 from . import native_divide
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, taken
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .points import bounds_of
 

@@ -9,7 +9,7 @@ and so on to the dark. Strips between two lit branches are left to the middles o
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
 from ..light.plan import Plan
 from .allowance import Allowance
 from .bisection import Edges, last_on_branch, n_digits

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .cells import area_within, columns_of, signed_area
 from .dividing import OnDisplay, divided
 from .native_divide import Divided

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints, each_value, taken
+from ..base.arrays import Bools, Floats, Ints, each_value, taken
+from ..base.steps import Pauses, at, finish, within
 from ..light.landings import Reason
-from ..steps import Pauses, at, finish, within
 from .cells import count_shares
 from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around

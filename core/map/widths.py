@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Ints, each_once, taken, whole_within
-from ..steps import Pauses
+from ..base.arrays import Floats, Ints, each_once, taken, whole_within
+from ..base.steps import Pauses
 from .points import is_in_image
 
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ..bench.placement import lattice
 from ..image.picture import of_square, picture_from_view
-from ..rig import PicturePlace, Rig
-from ..viewer import Viewer
+from ..rig.rig import PicturePlace, Rig
+from ..rig.viewer import Viewer
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
 

@@ -6,10 +6,10 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..rig import Rig
-from ..settings import Settings
+from ..base.steps import within
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from ..solve.session import Session
-from ..steps import within
 from .errors import psnr
 
 GLARES = (0.0, 0.5, 1.0)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10
 
-from ..drawn_words import in_xml
+from ..base.drawn_words import in_xml
 
 # px
 WIDTH = 760

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..encoding import encode
+from ..base.arrays import Floats
+from ..files.encoding import encode
 
 PERCENTILE = 99.9
 

@@ -13,17 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
 from ..atlas.heads import Offset, check_viewer, viewer_at
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.steps import Pauses, at, within
 from ..bench.picture_room import plane_of
-from ..errors import RigError
 from ..light.kept import Kept
 from ..light.plan import Plan
 from ..light.planning import planning
 from ..map.searches import side_by_side
-from ..rig import Rig, Viewer
-from ..settings import Settings
-from ..steps import Pauses, at, within
+from ..rig.rig import Rig, Viewer
+from ..rig.settings import Settings
 from .head_box import angles_of
 from .places_seen import Look, grid_on, places_of_shown, places_shown
 

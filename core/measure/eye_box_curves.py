@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.numbers import number
+from ..base.steps import Pauses, at
 from ..image.flat_picture import view_of_picture
-from ..numbers import number
-from ..steps import Pauses, at
-from ..viewer import Viewer
+from ..rig.viewer import Viewer
 from .diagram import Curve, linear, points_mm, sheet
 from .eye_box import WAYS, EyeBox, Walk
 from .viewers import arcmin_between

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats, Ints
+from ..base.arrays import Floats, Ints
+from ..base.steps import at
+from ..base.vectors import normalise
 from ..glass.quartics import grid
-from ..steps import at
-from ..vectors import normalise
 from .eye_box import WAYS, EyeBox, Walk
 
 N_TRACED = 3  # parts of an octant's edges between places that are traced

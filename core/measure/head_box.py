@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
 from ..atlas.heads import AXES, HeadBox, Offset, check_viewer, evenly, viewer_at
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.numbers import number
+from ..base.steps import Pauses, at
 from ..bench.picture_room import plane_of
-from ..errors import RigError
 from ..image.flat_picture import view_of_picture
 from ..light.plan import Plan
-from ..numbers import number
-from ..rig import PicturePlace, Rig
-from ..steps import Pauses, at
-from ..viewer import Viewer
+from ..rig.rig import PicturePlace, Rig
+from ..rig.viewer import Viewer
 from .diagram import Curve, draw, from_zero, points_mm, sheet
 from .places_seen import Look, grid_on, places_of_shown, places_shown
 from .viewers import arcmin_between

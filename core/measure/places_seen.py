@@ -23,15 +23,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.steps import Pauses
 from ..image.asked import Way, mapped, way_of
 from ..image.flat_picture import view_of_picture
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..map.points import Tracer, tracer, tracer_of
-from ..rig import PicturePlace
-from ..steps import Pauses
-from ..viewer import Viewer
+from ..rig.rig import PicturePlace
+from ..rig.viewer import Viewer
 from ..warp.settling import derivative, inverse_of
 
 MOST_ROUNDS = 24

@@ -14,20 +14,20 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
-from ..errors import RigError
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.steps import within
 from ..image.seen_image import lattice_shift
 from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.planning import make_plan
 from ..light.trace import trace_all
 from ..map.view_map import MapError
-from ..rig import Display, Rig
-from ..settings import MOST_TOLERANCE, Settings
+from ..rig.rig import Display, Rig
+from ..rig.settings import MOST_TOLERANCE, Settings
 from ..solve.channel import Channel
 from ..solve.session import Session
 from ..solve.solution import Solution
-from ..steps import within
 from .charts import showing
 from .errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors, psnr, rms
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..light.plate import PlatePath, light_by_angle
-from ..rig import MirrorArray
+from ..rig.rig import MirrorArray
 from ..solve.cost import cost
 from .diagram import Curve, linear, log_log
 from .errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors

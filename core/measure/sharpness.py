@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..image.picture import cover_in_view
-from ..rig import Rig
-from ..settings import Settings
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from ..solve.session import Session
 from ..solve.solution import Solution
 from .viewers import WHOLE, displaced

@@ -23,16 +23,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
+from ..base.errors import RigError
+from ..base.steps import at
+from ..base.vectors import dot, normalise
 from ..bench.picture_room import plane_of
-from ..errors import RigError
 from ..light.kept import Kept
 from ..light.planning import planning
-from ..rig import Rig, Viewer
-from ..settings import Settings
+from ..rig.rig import Rig, Viewer
+from ..rig.settings import Settings
 from ..solve.solution import Solution, without_glass
-from ..steps import at
-from ..vectors import dot, normalise
 from .places_seen import Look, grid_of, grid_on, places_seen
 from .viewers import ARCMIN, N_POINTS, displaced
 

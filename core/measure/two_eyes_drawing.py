@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.numbers import number
+from ..base.vectors import length_of
 from ..bench.picture_room import plane_of
-from ..encoding import quantised
-from ..errors import RigError
-from ..numbers import number
-from ..png import encoded
-from ..rig import Rig
-from ..vectors import length_of
+from ..files.encoding import quantised
+from ..files.png import encoded
+from ..rig.rig import Rig
 from .diagram import FONT, text_at
 from .places_seen import grid_of
 from .two_eyes import Sights, TwoEyes

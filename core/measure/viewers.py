@@ -10,7 +10,9 @@ from functools import reduce
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses, at
+from ..base.vectors import dot
 from ..image.asked import mapped, way_of
 from ..image.flat_picture import not_flat, view_of_picture
 from ..image.picture import cover_in_view
@@ -20,11 +22,9 @@ from ..image.reads import reads_at
 from ..image.source_image import Painting, find_strokes
 from ..light.landings import main_landings
 from ..light.trace import trace_all
+from ..rig.viewer import Viewer
 from ..solve.channel import Channel
 from ..solve.solution import Solution
-from ..steps import Pauses, at
-from ..vectors import dot
-from ..viewer import Viewer
 from .errors import psnr
 from .places_seen import grid_of
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.steps import finish, within
 from ..image.source_image import splat
-from ..rig import Rig
-from ..settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
+from ..rig.rig import Rig
+from ..rig.settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
 from ..solve.cost import BUILD
 from ..solve.session import Session
 from ..solve.solution import Solution
-from ..steps import finish, within
 from .charts import pictures
 from .choices import measure_choices
 from .errors import quantisation

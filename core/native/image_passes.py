@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
 from .loading import loaded, n_threads
 from .structures import LevelStructure
 
@@ -55,7 +55,7 @@ def quantise(
     number: NDArray[np.uint8],
     more: NDArray[np.uint32],
 ) -> NDArray[np.uint8]:
-    """The 8-bit numbers of values of any shape, by a table of `core/encoding.py`."""
+    """The 8-bit numbers of values of any shape, by a table of `core/files/encoding.py`."""
     values = np.ascontiguousarray(values)
     out = np.empty(values.shape, np.uint8)
     table = shift, number.ctypes.data, more.ctypes.data

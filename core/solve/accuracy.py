@@ -5,14 +5,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..arrays import FLOAT32, Floats, Ints
+from ..base.arrays import FLOAT32, Floats, Ints
+from ..base.steps import Pauses, at
 from ..glass.meshes import areas_of
 from ..image.picture import of_square, picture_from_view
 from ..light.display import display_pixel
 from ..light.landings import Reason, main_landings
 from ..light.plan import Plan
 from ..light.trace import Step, tracing
-from ..steps import Pauses, at
 from .contradicted import find_contradicted
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 

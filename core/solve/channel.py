@@ -11,7 +11,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses, finish
 from ..image.ghosts import paths_of
 from ..image.glare import Glare, looking_beside
 from ..image.ideal_image import ideal_image
@@ -23,9 +24,8 @@ from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares, add_at
 from ..map.view_map import MapError, ViewMap
-from ..settings import Settings
-from ..steps import Pauses, finish
-from ..viewer import Viewer
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .accuracy import Accuracy
 from .measured import Measured
 from .memory import check_memory

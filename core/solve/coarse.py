@@ -9,12 +9,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import KirikoError, RigError
+from ..base.errors import KirikoError, RigError
+from ..base.steps import at, finish
 from ..light.kept import Kept
-from ..rig import Display, Rig
-from ..settings import Settings
-from ..steps import at, finish
-from ..viewer import Viewer
+from ..rig.rig import Display, Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .picture_coverage import check_seen
 from .session import Session
 from .solution import Solution

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
+from ..base.steps import Pauses
 from ..light.landings import Landings, main_landings
 from ..light.plan import Counts, Plan
 from ..light.planning import planning
 from ..light.trace import tracing
-from ..rig import ROLES, Rig, SurfaceChoice
-from ..steps import Pauses
+from ..rig.rig import ROLES, Rig, SurfaceChoice
 
 # share of a part's smooth faces: where more are left as drawn because they are coarse, it is, too
 MOSTLY = 0.5

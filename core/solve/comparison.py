@@ -7,11 +7,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fingerprint import fingerprint
+from ..base.fingerprint import fingerprint
+from ..base.steps import at, within
 from ..image.ideal_image import ideal_image
-from ..rig import Picture, Rig, Viewer
-from ..settings import Settings
-from ..steps import at, within
+from ..rig.rig import Picture, Rig, Viewer
+from ..rig.settings import Settings
 from .session import Session
 from .solution import Solution, without_glass
 

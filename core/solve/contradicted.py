@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.vectors import dot, length_of, normalise
 from ..glass.meshes import interpolate
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.ray_engine import Layer
 from ..light.trace import Step
-from ..vectors import dot, length_of, normalise
 
 # Cycles turns a normal until light mirrored at it leaves the face at this cosine, or at so much of
 # that at which it came (`ensure_valid_specular_reflection` in its bsdf_util.h)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..settings import LEAST_TOLERANCE, MOST_TOLERANCE
+from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 
 # parts of a solve that the splat needs as well, once for all samples
 BUILD = ("fingerprint", "plan")

@@ -5,12 +5,12 @@ from itertools import product
 
 import numpy as np
 
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.words import percent
 from ..light.landings import Reason
-from ..messages import Message
-from ..rig import Rig
-from ..viewer import Viewer
-from ..words import percent
+from ..rig.rig import Rig
+from ..rig.viewer import Viewer
 from .channel import Traced
 from .picture_coverage import check_seen
 

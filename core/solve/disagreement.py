@@ -19,11 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import within
 from ..image.asked import way_of
-from ..rig import Rig
-from ..settings import Settings
-from ..steps import within
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from .painting import Clock, Placed, count
 
 

@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fingerprint import fingerprint
+from ..base.fingerprint import fingerprint
+from ..base.steps import at, within
 from ..light.landings import BY_GAPS, REASON_WORDS, Reason
 from ..light.plan import Plan
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
-from ..rig import Rig
-from ..settings import Settings
-from ..steps import at, within
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from .accuracy import LEAST_LOST
 from .channel import Channel, Traced
 from .disagreement import Settled, is_comparable, is_sharp

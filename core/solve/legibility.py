@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.words import percent
 from ..image.picture import cover_in_view
 from ..light.kept import Kept
-from ..messages import Message
-from ..rig import Rig
-from ..settings import Settings
-from ..words import percent
+from ..rig.rig import Rig
+from ..rig.settings import Settings
 from .coarse import coarser
 from .session import Session
 from .solution import Solution

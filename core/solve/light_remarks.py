@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.messages import Message
+from ..base.words import percent
 from ..image.glare import Glare
 from ..light.plan import Plan
-from ..messages import Message
-from ..rig import Rig
-from ..words import percent
+from ..rig.rig import Rig
 from .remark import Remark, note
 
 # of the light that the viewer gets: more that comes beside the glass is worth a remark

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
-from ..fingerprint import fingerprint
+from ..base.fingerprint import fingerprint
+from ..base.steps import at
 from ..image.glare import LightBeside, look_beside
 from ..image.simulation import PlateView, plate_view
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..map.view_map import ViewMap
-from ..steps import at
 from .accuracy import Accuracy, measure
 
 

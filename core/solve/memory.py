@@ -7,16 +7,16 @@ factor of 2 from 100 MB on, with the compiled kernel and without it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..free_memory import check_free, is_free
+from ..base.free_memory import check_free, is_free
+from ..base.messages import Message
 from ..map.dividing import SHARES_AT_ONCE
 from ..map.points import BYTES_OF_POINT
 from ..map.share_batches import MOST_KEPT
 from ..map.view_map import ViewMap
-from ..messages import Message
 from ..native.loading import library
-from ..rig import Display, Rig
-from ..settings import Settings
-from ..viewer import Viewer
+from ..rig.rig import Display, Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 
 
 @dataclass(frozen=True)

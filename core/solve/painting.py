@@ -8,7 +8,8 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses, within
 from ..image.asked import Asked, moved_in_view
 from ..image.ghosts import strongest_paths
 from ..image.outline import cut_along_outline
@@ -19,10 +20,9 @@ from ..map.pieces import Piece
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares
 from ..map.view_map import ViewMap
-from ..rig import PicturePlace
-from ..settings import Settings
-from ..steps import Pauses, within
-from ..viewer import Viewer
+from ..rig.rig import PicturePlace
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .channel import shares_of
 from .picture_coverage import of_the_picture
 

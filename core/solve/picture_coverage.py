@@ -3,15 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..errors import RigError
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.steps import Pauses
 from ..image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from ..light.landings import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
-from ..messages import Message
-from ..rig import PicturePlace
-from ..steps import Pauses
-from ..viewer import Viewer
+from ..rig.rig import PicturePlace
+from ..rig.viewer import Viewer
 
 UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
 TOO_FINE = Message("finer than a viewer pixel")

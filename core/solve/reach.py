@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.messages import Message
+from ..base.stages import MAP, spans
+from ..base.steps import at, within
 from ..light.kept import Kept
 from ..light.plan import Aside, Plan
 from ..light.planning import planning
 from ..light.rays import ReachedError
 from ..map.sampling import Sampling
 from ..map.view_map import ViewMap
-from ..messages import Message
-from ..rig import Rig
-from ..settings import Settings
-from ..stages import MAP, spans
-from ..steps import at, within
-from ..viewer import Viewer
+from ..rig.rig import Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 
 UNTRACED = Message("tracing (the optics have not changed)")
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ..messages import Message
-from ..numbers import millimetres
+from ..base.messages import Message
+from ..base.numbers import millimetres
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.messages import Length, Message, joined
+from ..base.numbers import number
+from ..base.words import percent
 from ..image.flat_picture import outline_in_view
 from ..image.picture import cover_in_view
 from ..light.display import display_pixel
@@ -12,12 +15,9 @@ from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Plan
 from ..map.points import areas
 from ..map.view_map import MapError
-from ..messages import Length, Message, joined
-from ..numbers import number
-from ..rig import Rig
-from ..settings import Settings
-from ..viewer import Viewer
-from ..words import percent
+from ..rig.rig import Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp

@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from ..base.messages import Message
+from ..base.words import percent
 from ..glass.meshes import find_edges, geometric_normals
 from ..light.plan import Counts
 from ..map.view_map import MapError
-from ..mesh import SAME_NORMAL
-from ..messages import Message
-from ..rig import Mesh, Rig
-from ..words import percent
+from ..rig.mesh import SAME_NORMAL
+from ..rig.rig import Mesh, Rig
 from .tessellation import Tessellation
 
 # edges between flat faces that meet at less than ROUND: so many stand for a curved surface

@@ -11,18 +11,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import RigError
+from ..base.errors import RigError
+from ..base.stages import AFTER, MAP, TRACING, section, spans
+from ..base.steps import Pauses, at, finish, within
 from ..image.pyramid import Pyramid
 from ..image.pyramids import pyramids_of
 from ..image.source_image import Painting
 from ..light.kept import Kept
 from ..light.plan import Plan
 from ..light.planning import planning
-from ..rig import Rig
-from ..settings import Settings
-from ..stages import AFTER, MAP, TRACING, section, spans
-from ..steps import Pauses, at, finish, within
-from ..viewer import Viewer
+from ..rig.rig import Rig
+from ..rig.settings import Settings
+from ..rig.viewer import Viewer
 from .accuracy import leaks
 from .channel import Traced, weight_beside
 from .dark import why_dark

@@ -7,9 +7,9 @@ from functools import cached_property, reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..rig import ConstantIndex, Rig
-from ..steps import Pauses
+from ..base.arrays import Floats
+from ..base.steps import Pauses
+from ..rig.rig import ConstantIndex, Rig
 from .channel import Channel
 from .disagreement import Settled
 from .remark import Remark

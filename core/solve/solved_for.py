@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
-from ..errors import MALFORMED
-from ..fingerprint import fingerprint
+from ..base.arrays import Floats
+from ..base.errors import MALFORMED
+from ..base.fingerprint import fingerprint
 
 # of the bench's size: the error, in float32, of a place that was left and returned to
 ROUNDING_OF_PLACES = 4 * 2.0**-23

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses, at, within
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.partly import PART
@@ -17,8 +18,7 @@ from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, recording, tracing
 from ..native import loading
-from ..rig import Glass, Mirror, Rig, Viewer
-from ..steps import Pauses, at, within
+from ..rig.rig import Glass, Mirror, Rig, Viewer
 from .coarse_parts import (
     Coarse,
     difference,

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..arrays import Bools, Floats
-from ..kinds import Kind
+from ..base.arrays import Bools, Floats
 from ..light.landings import Landings
 from ..light.plan import Plan
 from ..light.trace import Step
+from ..rig.kinds import Kind
 
 NEAR_OF_GLASS = 1e-3  # of the glass's size
 

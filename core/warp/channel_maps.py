@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.steps import at, within
 from ..solve.channel import Channel
-from ..steps import at, within
 from .mesh import WarpMesh, mesh_error, mesh_grid, mesh_of, quads_of
 from .options import MapOptions
 from .stmap import STMap, of_places, view_stmap, warp_map

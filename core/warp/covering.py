@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, taken
+from ..base.vectors import cross_2d
 from ..image.ghosts import paths_of
 from ..map.outlines import ragged
 from ..map.pieces import Piece
 from ..map.view_map import ViewMap
-from ..vectors import cross_2d
 from .grid import Grid
 
 SLACK = 1e-9  # of a triangle, so that no point on an edge falls between two

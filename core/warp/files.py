@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ..errors import MALFORMED, ImageError
+from ..base.errors import MALFORMED, ImageError
 from .channel_maps import ChannelMaps
 from .images import write_exr, write_png
 from .mesh import write_data, write_obj

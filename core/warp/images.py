@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import image_io, png
+from ..files import image_io, png
 from .stmap import STMap
 
 # outside of every image, so that programs show nothing there

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import disk
-from ..arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..files import disk
 from ..image.ghosts import NO_PATH
 from .grid import Grid, nodes
 from .stmap import STMap

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import RigError
-from ..free_memory import check_free
-from ..messages import Message
-from ..rig import PicturePlace, Rig
+from ..base.errors import RigError
+from ..base.free_memory import check_free
+from ..base.messages import Message
+from ..rig.rig import PicturePlace, Rig
 
 # the files of each format
 FORMATS = {

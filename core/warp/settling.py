@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.steps import Pauses
 from ..light.plan import Plan
 from ..map.points import Tracer, trace_points
-from ..steps import Pauses
 
 
 @dataclass(frozen=True)

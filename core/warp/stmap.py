@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bools, Floats
+from ..base.arrays import Bools, Floats
+from ..base.steps import Pauses, Result
 from ..image.flat_picture import flat_way
 from ..image.picture import picture_from_view
 from ..light.landings import Reason
 from ..map.points import is_in_image, trace_points, tracer
-from ..rig import PicturePlace
+from ..rig.rig import PicturePlace
+from ..rig.viewer import Viewer
 from ..solve.channel import Channel
-from ..steps import Pauses, Result
-from ..viewer import Viewer
 from .grid import Grid, middles
 from .settling import derivative
 from .view_from_display import ViewPlaces, view_from_display

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import disk
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..files import disk
 from .options import NOTHING
 from .stmap import STMap
 

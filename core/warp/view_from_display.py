@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, taken
+from ..base.steps import Pauses, at
 from ..image.ghosts import NO_PATH, strongest_paths
 from ..light.plan import Plan
 from ..map.points import is_in_image, trace_points, tracer
 from ..map.share_batches import ShareBatches
 from ..map.view_map import ViewMap
 from ..solve.channel import shares_of
-from ..steps import Pauses, at
 from .covering import Candidates, candidates
 from .grid import Grid
 from .settling import derivative, inverse_of, settle

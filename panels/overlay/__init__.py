@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import bpy
 
-from ...core.messages import Message
+from ...core.base.messages import Message
 from ...operators import sketcher, telling
 from ...operators.sketcher import Drawing
 from . import batches, colours, lines, words

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.arrays import Floats
+from ...core.base.arrays import Floats
 from ...core.bench.sketch import Sketch
 from ...operators.sketcher import Drawing
 from . import colours

@@ -9,7 +9,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
-from ...core.arrays import Floats
+from ...core.base.arrays import Floats
 from ...core.blender.rigs import active_rig
 from ...core.blender.units import length_of_unit, length_text
 from ...operators.sketcher import Drawing

@@ -26,10 +26,10 @@ from bench.glasses import rig_of
 from kiriko.core.atlas import head_map, making, planning
 from kiriko.core.atlas.atlas import Atlas, random_heads
 from kiriko.core.atlas.heads import HeadBox
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.base.steps import finish
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 
 PIXELS = 256  # a side, of display and viewer
 HEADS = 100

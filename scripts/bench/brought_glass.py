@@ -18,8 +18,8 @@ from mathutils import Matrix
 
 from fuzz.shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
 from kiriko.core.blender.mesh import in_world, read_local
-from kiriko.core.index import ConstantIndex
-from kiriko.core.rig import Glass, Mesh
+from kiriko.core.rig.index import ConstantIndex
+from kiriko.core.rig.rig import Glass, Mesh
 
 SIZE = 0.05  # m
 

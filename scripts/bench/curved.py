@@ -11,7 +11,7 @@ import numpy as np
 
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import (
     bottle,
     icosphere,

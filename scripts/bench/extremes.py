@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from time import process_time
 
-from kiriko.core.errors import KirikoError
+from kiriko.core.base.errors import KirikoError
 from known.extremes import bench as extreme_bench  # noqa: F401 - puts its cases among the others
 from known.extremes import cases as extreme_cases
 from known.extremes import light as extreme_light  # noqa: F401 - likewise

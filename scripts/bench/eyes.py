@@ -39,6 +39,7 @@ import numpy as np
 
 from environments import run_in_newest_blender
 from kiriko.core.atlas.heads import evenly, viewer_at
+from kiriko.core.base.steps import finish
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.eye_box import WAYS, Walk
@@ -48,11 +49,10 @@ from kiriko.core.measure.places_seen import Look, grid_of, places_shown
 from kiriko.core.measure.sharpness import sharpness
 from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
 from kiriko.core.measure.viewers import ViewerReport, displaced, viewer_reports
-from kiriko.core.rig import Rig, Viewer
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig, Viewer
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution, without_glass
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, lattice_image
 
 SIDES = {1: (1, 1), 2: (2, 1), 9: (3, 3), 49: (7, 7)}  # of grids, by the number of viewers

@@ -18,11 +18,11 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
+from kiriko.core.base.steps import finish
 from kiriko.core.blender.scene import read
 from kiriko.core.measure.viewers import displaced
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.registered import registered
 from paper.lattice import measuring_width, shift_in_cycles
 

@@ -35,10 +35,10 @@ from numpy.typing import NDArray
 
 from bench import atlas, farm_jobs, farm_movies
 from environments import as_module, clean_environment, python_path
-from kiriko.core import image_io
-from kiriko.core.settings import Settings
+from kiriko.core.base.steps import finish
+from kiriko.core.files import image_io
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from kiriko.core.warp.channel_maps import ChannelMaps, maps_of
 from kiriko.core.warp.files import names_of, write_maps
 from kiriko.core.warp.options import FORMATS, TIMES, MapOptions

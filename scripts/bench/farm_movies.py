@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bench import farm_jobs
 from environments import as_module, clean_environment, python_path
-from kiriko.core import image_io
+from kiriko.core.files import image_io
 
 FRAMES = 12
 RATE = 30, 1.001  # of the scene: fps and its base

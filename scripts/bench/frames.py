@@ -28,9 +28,9 @@ N = 6  # frames, the first of which traces
 # parts of the work: where they are looked up
 PARTS = {
     "read": ("operators.work", "read"),
-    "write": ("core.image_io", "write"),
-    "encode": ("core.image_io", "quantised"),
-    "check": ("core.image_io", "_is_whole"),
+    "write": ("core.files.image_io", "write"),
+    "encode": ("core.files.image_io", "quantised"),
+    "check": ("core.files.image_io", "_is_whole"),
 }
 
 

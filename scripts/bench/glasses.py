@@ -9,7 +9,7 @@ with a curved face, `beyond` the share that is seen off by more than the toleran
 light is chaotic.
 
 With `--stages`, instead: percent of the time that each stage of a solve takes, and their means,
-from which the shares in core/stages.py are rounded.
+from which the shares in core/base/stages.py are rounded.
 
 With `--rays`, instead: how many rays a viewer pixel takes, of those that take more than one, each
 to the pixel that it starts in: on average, 99 and 99.9 % of them at the most, and the most of all.
@@ -37,17 +37,17 @@ from time import perf_counter, process_time
 import numpy as np
 
 from environments import as_module
+from kiriko.core.base.stages import SHARES, spans
+from kiriko.core.base.steps import finish
 from kiriko.core.image.ghosts import Paths
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.choices import measure_choices
 from kiriko.core.native import loading
-from kiriko.core.rig import Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from kiriko.core.stages import SHARES, spans
-from kiriko.core.steps import finish
 from known.counted_rays import counted_rays
 from known.reference_rigs import glass_rig
 

@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from bench.eyes import growth as by_viewers
-from kiriko.core.rig import Rig
+from kiriko.core.base.steps import finish
+from kiriko.core.rig.rig import Rig
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, lattice_image
 
 PICTURE = 1024

@@ -15,14 +15,14 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from kiriko.core.fingerprint import fingerprint
+from kiriko.core.base.fingerprint import fingerprint
+from kiriko.core.base.steps import finish
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, cube_rig, glass_rig
 
 from .brought_glass import GLASSES, INDICES, made

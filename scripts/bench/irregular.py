@@ -23,12 +23,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from kiriko.core.base.steps import finish
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh, SurfaceChoice
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh, SurfaceChoice
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.tessellation import tessellation
-from kiriko.core.steps import finish
 from known.reference_rigs import icosphere, mean_normals, rig, torus, uv_ellipsoid
 
 from .surface import (

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kiriko.core.base.steps import finish
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.native import plan_structures
 from kiriko.core.light.plan import Plan
@@ -24,9 +25,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import TRACED_AT_ONCE, _following
 from kiriko.core.native import loading
-from kiriko.core.rig import ConstantIndex, Mesh
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import ConstantIndex, Mesh
+from kiriko.core.rig.settings import Settings
 from known.closed_forms import unit
 from known.judges import JUDGES
 from known.reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus

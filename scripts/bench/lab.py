@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kiriko
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
+from kiriko.core.base.steps import finish
+from kiriko.core.base.vectors import dot, normalise
 from kiriko.core.bench.placement import frame, lattice
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.image.simulation import simulate
@@ -23,11 +25,9 @@ from kiriko.core.light.optics import reflect
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import STRAY_PATHS, PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import PRESETS, MirrorArray, Rig, Viewer
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import PRESETS, MirrorArray, Rig, Viewer
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
-from kiriko.core.vectors import dot, normalise
 
 if TYPE_CHECKING:
     import bpy

@@ -22,9 +22,9 @@ from . import brought_glass as glasses
 
 registered()
 
+from kiriko.core.base.steps import finish  # noqa: E402
 from kiriko.core.native import loading  # noqa: E402 - the operators have to be there first
 from kiriko.core.solve.session import Session  # noqa: E402
-from kiriko.core.steps import finish  # noqa: E402
 from kiriko.operators import live  # noqa: E402
 
 

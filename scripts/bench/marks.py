@@ -33,13 +33,13 @@ from time import perf_counter, process_time, thread_time
 import numpy as np
 
 from environments import machine, run_in_newest_blender
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.native import loading
-from kiriko.core.rig import Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from kiriko.core.steps import finish
 from known.reference_rigs import glass_rig
 
 from . import mitsuba_splat

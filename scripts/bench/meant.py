@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known.catmull_clark import (
     LATHE,
     Cage,

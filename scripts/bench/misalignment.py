@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.bench.extra_photograph import extra_photographs
 from kiriko.core.bench.fit import fit
 from kiriko.core.bench.misalignment import Bench, spread
 from kiriko.core.bench.offset import TOLERANCES, Parameter
-from kiriko.core.errors import RigError
-from kiriko.core.rig import MirrorArray
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import MirrorArray
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import cube_rig
 from paper.explain import explain
 from paper.published import PAPER_DX, SOURCE

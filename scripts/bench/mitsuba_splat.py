@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import LEAST_LLVM, MISSING_LLVM
-from kiriko.core.rig import WAVELENGTH, Mesh, Rig
+from kiriko.core.rig.rig import WAVELENGTH, Mesh, Rig
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ if dr.detail.llvm_version()[0] < LEAST_LLVM:
 
 # m, along the ray: spawn_ray's own is so large that it moves landings by 0.12 display px
 OFFSET = 1e-6
-MOST_EVENTS = 32  # as in core.settings.Settings
+MOST_EVENTS = 32  # as in core.rig.settings.Settings
 
 
 def threads() -> int:

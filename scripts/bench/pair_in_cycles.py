@@ -16,14 +16,14 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
+from kiriko.core.base.steps import finish
 from kiriko.core.blender.scene import Reading, read
 from kiriko.core.measure.two_eyes import two_eyes
 from kiriko.core.measure.viewers import ARCMIN
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import without_glass
-from kiriko.core.steps import finish
 from known.sights import in_front_of, line_of_sight, raised, seen_as_one
 from paper import lattice
 

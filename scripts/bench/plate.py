@@ -20,13 +20,13 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from kiriko.core.base.vectors import dot
 from kiriko.core.light.optics import transmittance
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import ArrayFrame, Crossing, PlatePath, array_frame
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import PRESETS, MirrorArray, Plate
-from kiriko.core.settings import Settings
-from kiriko.core.vectors import dot
+from kiriko.core.rig.rig import PRESETS, MirrorArray, Plate
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, rectangle
 
 Floats = NDArray[np.float64]

@@ -26,15 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import machine
+from kiriko.core.base.steps import finish
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.landings import Landings
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import Picture, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Picture, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig
 
 from . import mitsuba_splat

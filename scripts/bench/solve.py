@@ -18,13 +18,13 @@ from time import perf_counter, process_time
 import numpy as np
 
 from environments import as_module
+from kiriko.core.base.steps import finish
 from kiriko.core.light.engines import make_engine
 from kiriko.core.measure.timing import peak_memory
 from kiriko.core.native import loading
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, rig
 
 PICTURE = 1024

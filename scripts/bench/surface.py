@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.reference_rigs import mean_normals, rig, torus, uv_ellipsoid, wavy_slab
 

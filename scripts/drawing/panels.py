@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
 from kiriko.core.image.flat_picture import view_of_picture
 
 from .solved import DISPLAY_PX, VIEW_PX, Solved

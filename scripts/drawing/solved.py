@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
+from kiriko.core.base.steps import finish
 from kiriko.core.image.outline import cut_along_outline
 from kiriko.core.map.shares import Shares
 from kiriko.core.measure.diagram import COLOURS
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.channel import Channel
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import cube_rig
 
 VIEW_PX = 18

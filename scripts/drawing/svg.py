@@ -9,7 +9,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
 
 # px of the drawing
 PANEL_SIDE = 250

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
 from kiriko.core.bench.behind import propose_behind
 from kiriko.core.bench.placement import Placement, Wishes, place
 from kiriko.core.blender.shaders import show_picture

@@ -32,6 +32,7 @@ import bpy
 import numpy as np
 
 from environments import as_module
+from kiriko.core.base.steps import finish
 from kiriko.core.blender import preview as blender_preview
 from kiriko.core.blender import scene as blender_scene
 from kiriko.core.blender.image import pixels_from_image
@@ -41,11 +42,10 @@ from kiriko.core.light.native import plan_structures
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import Step, trace_all, tracing
 from kiriko.core.native import loading
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.contradicted import find_contradicted
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.both_ways import find_parted
 from known.registered import registered
 from sanitise_kernel import NOT_HERE, sanitised

@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
+from kiriko.core.base.errors import RigError
 from kiriko.core.bench.misalignment import Bench
-from kiriko.core.errors import RigError
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.seen_image import lattice_shift
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import WAVELENGTH, PicturePlace, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import WAVELENGTH, PicturePlace, Rig
+from kiriko.core.rig.settings import Settings
 
 from .solves import solve
 from .suspects import CONDITIONS, Photograph, Setup, Suspect, as_planned

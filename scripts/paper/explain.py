@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
 from kiriko.core.bench.offset import Parameter
-from kiriko.core.rig import Rig
+from kiriko.core.rig.rig import Rig
 
 from .experiment import Experiment
 from .explanations import (

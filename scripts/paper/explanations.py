@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
 
 from .experiment import Experiment
 from .published import PAPER_DX

@@ -10,14 +10,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from kiriko.core import image_io
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
+from kiriko.core.base.steps import finish
+from kiriko.core.files import image_io
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.planning import make_plan
-from kiriko.core.rig import PRESETS, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import PRESETS, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import Solution
-from kiriko.core.steps import finish
 
 from .published import PAPER_SECONDS, SPP
 from .solves import converged, solve

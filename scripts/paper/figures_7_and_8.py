@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kiriko.core import image_io
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
+from kiriko.core.files import image_io
 from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
-from kiriko.core.rig import Rig
+from kiriko.core.rig.rig import Rig
 from kiriko.core.solve.solution import without_glass
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
+from kiriko.core.base.vectors import normalise
 from kiriko.core.light.optics import reflect
-from kiriko.core.rig import Mesh, Rig
-from kiriko.core.vectors import normalise
+from kiriko.core.rig.rig import Mesh, Rig
 
 # m of air between the display and the half glass before it, so that the two are not in one place
 GAP = 1e-6

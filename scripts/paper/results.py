@@ -11,7 +11,7 @@ from pathlib import Path
 
 import kiriko
 from environments import machine
-from kiriko.core import disk
+from kiriko.core.files import disk
 
 from .figure_5 import figure_5
 from .figures_7_and_8 import figures_7_and_8, lattice_table, points_csv

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.base.steps import finish
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from kiriko.core.steps import finish
 
 # of a converged solve: viewer pixels each way times as many, tolerance in display px
 FINER = 2

@@ -15,8 +15,8 @@ from kiriko.core.bench.offset import Parameter, moved, parameters
 from kiriko.core.glass.motion import Motion
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import without_glass
 
 from .infloasion import GAP, face_of, half_before, infloasion, mirrored

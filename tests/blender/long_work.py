@@ -44,7 +44,7 @@ POINTS = {
         "core.blender.image.set_pixels",
         "core.blender.image.packed_image",
         "core.blender.objects.surface_object",
-        "core.disk.together",
+        "core.files.disk.together",
         "operators.viewer_images.give",
     ),
 }
@@ -89,7 +89,7 @@ def broken(point: str, error: BaseException, nth: int = 1) -> Iterator[None]:
 def errors() -> list[BaseException]:
     """Faults: foreseen ones and ones that nobody foresaw, with texts of several lines."""
     return [
-        part("core.errors").RigError("Said in one sentence."),
+        part("core.base.errors").RigError("Said in one sentence."),
         ValueError("an odd\nnumber"),
         KeyboardInterrupt(),
         MemoryError("Unable to allocate 4.00 GiB"),
@@ -177,7 +177,7 @@ def product(name: str) -> object:
         return pixels(bpy.context.scene.kiriko.picture_image).tobytes()
     if name == "export_maps":
         folder = Path(bpy.context.scene.kiriko.report_folder)
-        read = part("core.image_io").read  # for the file has the hour in it, too
+        read = part("core.files.image_io").read  # for the file has the hour in it, too
         return read(folder / "warp.exr")[0].tobytes(), files()["maps.json"]
     rungs = json.loads(files()["report.json"])["rungs"]
     return [{key: value for key, value in rung.items() if "seconds" not in key} for rung in rungs]

@@ -26,11 +26,11 @@ def lattice(scene):
 
 def solved(kiriko, scene, **options):
     """Solve the rig of add_rig; returns reading, solution and the plain source image."""
+    from kiriko.core.base.steps import finish
     from kiriko.core.blender import scene as blender_scene
-    from kiriko.core.settings import Settings
+    from kiriko.core.rig.settings import Settings
     from kiriko.core.solve.session import Session
     from kiriko.core.solve.solution import without_glass
-    from kiriko.core.steps import finish
 
     assert bpy.ops.kiriko.add_rig(display_resolution=(512, 512), **options) == {"FINISHED"}
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
@@ -88,7 +88,7 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
-    from kiriko.core.settings import Settings
+    from kiriko.core.rig.settings import Settings
 
     assert bpy.ops.kiriko.add_rig(
         field=0.05, picture_size=0.03, display_size=0.05, display_resolution=(512, 512)
@@ -224,9 +224,9 @@ def test_rigs_without_a_plate(kiriko, scene, lattice, monkeypatch, name):
 
     `dev.py demo telephone tablet aquarium` has them at the full width.
     """
+    from kiriko.core.base.steps import finish
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.solve.session import Session
-    from kiriko.core.steps import finish
     from known import straight_rigs
 
     monkeypatch.setattr(lattice, "ACROSS", 233)

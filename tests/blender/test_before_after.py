@@ -62,7 +62,7 @@ def test_comparison_is_saved_with_the_images_that_are_chosen(
         for name in ("left", "right"):
             bpy.context.window_manager.kiriko.property_unset(name)
 
-    io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     numbers, _ = io.read(path)
     made = compared.found(scene).comparison
     assert numbers.shape == (64, 64 + 8 + 64, 3)

@@ -94,8 +94,8 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     told, and goes another way there.
     """
     from fuzz.run import compared, how_far
+    from kiriko.core.base.steps import finish
     from kiriko.core.solve.session import Session
-    from kiriko.core.steps import finish
 
     glass = brought(name)
     glass.kiriko.surface = "FACETS"

@@ -92,7 +92,7 @@ def working(scene: bpy.types.Scene, request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def image_io(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    return importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
 
 
 @pytest.fixture

@@ -42,7 +42,7 @@ def one_eye() -> None:
 def solved(kiriko: ModuleType) -> object:
     """Core's own solution of the scene."""
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     settings = work.settings_of(bpy.context.scene)
     return steps.finish(work.session().solve(work.read(bpy.context).rig, settings))
 
@@ -78,7 +78,7 @@ def test_the_image_is_core_s_conflict_in_colours(
 ) -> None:
     """Of places where they are compared, of colours else; the panel tells where the scale ends."""
     reports = importlib.import_module(f"{kiriko.__name__}.core.measure.viewers")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     bpy.context.scene.kiriko.disagreement = way
     bpy.ops.kiriko.solve()
     found = solved(kiriko)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.light.engines import make_engine
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known import rules
 from known.reference_rigs import (
     ball_rig,

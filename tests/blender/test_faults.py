@@ -156,7 +156,7 @@ def test_an_error_at_any_point_is_one_sentence_and_changes_nothing(
         with broken(point, error, nth):
             text = refusal(run(name))
         assert state() == before, (point, error, nth)
-        is_foreseen = isinstance(error, part("core.errors").KirikoError)
+        is_foreseen = isinstance(error, part("core.base.errors").KirikoError)
         assert text == str(error) if is_foreseen else "the scene is as it was" in text
         assert ("Traceback" in capsys.readouterr().err) == (not is_foreseen)
 
@@ -339,7 +339,7 @@ def test_an_error_in_live_is_one_sentence_and_the_image_stays(rig: dict, live: M
                 settle()
             assert state()[1:] == before[1:], (point, error)
             assert is_sentence(live.status()[0])
-            assert live.is_on() == isinstance(error, part("core.errors").KirikoError)
+            assert live.is_on() == isinstance(error, part("core.base.errors").KirikoError)
             if live.is_on():
                 rig["GLASS"].rotation_euler.z += 0.01
                 bpy.context.view_layer.update()

@@ -98,8 +98,8 @@ def test_each_frame_is_that_of_a_solve_by_itself(
     assert run("solve", "--out", folder(tmp_path), "--frames", "1-3", "--format", "EXR_FLOAT") == 0
 
     core = work.__name__.partition(".operators")[0]
-    image_io = importlib.import_module(f"{core}.core.image_io")
-    steps = importlib.import_module(f"{core}.core.steps")
+    image_io = importlib.import_module(f"{core}.core.files.image_io")
+    steps = importlib.import_module(f"{core}.core.base.steps")
     session = importlib.import_module(f"{core}.core.solve.session")
     images = []
     for frame in (1, 2, 3):
@@ -354,7 +354,7 @@ def test_a_disk_that_fills_up_leaves_all_frames_before_whole(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A file of which the disk took half is not there; the sentence tells the frame."""
-    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     put = image_io.put
 
     def filling_up(path: Path, spec: object, pixels: np.ndarray) -> None:
@@ -465,7 +465,7 @@ def test_two_runs_with_placeholders_share_frames_that_they_replace(
     replaces all again, an empty file too.
     """
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
-    finish = importlib.import_module(f"{kiriko.__name__}.core.steps").finish
+    finish = importlib.import_module(f"{kiriko.__name__}.core.base.steps").finish
     files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", range(1, 5))
     assert finish(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 4
     os.utime(files[4], (4e9, 4e9))  # as of a machine whose clock is wrong
@@ -536,6 +536,6 @@ def test_a_run_that_is_stopped_takes_its_placeholder_back(
     assert list(tmp_path.glob(".*")) == []
 
     files[1].touch()
-    steps_of = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps_of = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     assert steps_of.finish(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 2
     assert files[1].stat().st_size > 100

@@ -38,7 +38,7 @@ def test_a_full_disk_leaves_the_file_of_before(rig: dict, tmp_path: Path) -> Non
         bpy.context.scene.kiriko.export_format = form
         run("export")()
         before = files()
-        name = part("core.image_io").named_for("source", form).name
+        name = part("core.files.image_io").named_for("source", form).name
         size = len(before[name])
         for room in (0, 100, size // 2, size - 13):
             with full_disk(room):
@@ -57,7 +57,7 @@ def test_what_the_system_refuses_leaves_the_files_of_before(
     """A file that cannot be made, filled or renamed: all are as before, in a report all of them."""
     before = files()
     full = OSError(errno.ENOSPC, "No space left on device")
-    calls = ((part("core.disk"), "_temporary"), (Path, "replace"), (Path, "write_text"))
+    calls = ((part("core.files.disk"), "_temporary"), (Path, "replace"), (Path, "write_text"))
     for (owner, call), name in zip(
         (*calls[:2], *calls[1:]), ("export", "export", "report", "report"), strict=True
     ):
@@ -96,7 +96,7 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
     for room in (0, 100, 300, 500, 2000, size // 2, size - 40):
         with full_disk(room):
             text = refusal(lambda: bpy.ops.kiriko.preview(samples=1))
-            with pytest.raises(part("core.errors").ImageError, match="make room") as caught:
+            with pytest.raises(part("core.base.errors").ImageError, match="make room") as caught:
                 module.render_map(bpy.context.scene, reading)
         assert "make room" in text
         assert f"'{tempfile.gettempdir()}'" in text
@@ -214,7 +214,7 @@ def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
 def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> None:
     """Before it was read the solve is refused; in the middle of a solve it makes no difference."""
     path = tmp_path / "mine.png"
-    part("core.image_io").write(path, np.random.default_rng(1).random((8, 8, 3)), "PNG8")
+    part("core.files.image_io").write(path, np.random.default_rng(1).random((8, 8, 3)), "PNG8")
     rig["PICTURE"].kiriko.image = image = bpy.data.images.load(str(path))
     content = path.read_bytes()
     path.unlink()
@@ -227,7 +227,7 @@ def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> Non
     solved = asked("solve").steps(bpy.context)
     next(solved)
     path.unlink()
-    part("core.steps").finish(solved)
+    part("core.base.steps").finish(solved)
     after = product("solve")
     path.write_bytes(content)
 

@@ -95,12 +95,12 @@ def bend_the_scene(kiriko, solution):
 
 def refuse_late(kiriko, solution):
     move_something()
-    raise kiriko.core.errors.RigError("The rig is not to be solved today: try tomorrow.")
+    raise kiriko.core.base.errors.RigError("The rig is not to be solved today: try tomorrow.")
 
 
 def refuse_with(text):
     def refuse(kiriko, solution):
-        raise kiriko.core.errors.RigError(text)
+        raise kiriko.core.base.errors.RigError(text)
 
     return refuse
 
@@ -132,7 +132,7 @@ def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
     import importlib
 
     solve = importlib.import_module(f"{kiriko.__name__}.operators.solve")
-    importlib.import_module(f"{kiriko.__name__}.core.errors")
+    importlib.import_module(f"{kiriko.__name__}.core.base.errors")
     right = solve.write_solution
     monkeypatch.setattr(
         solve,

@@ -9,12 +9,12 @@ import pytest
 
 from bench import brought_glass as glasses
 from bench import irregular
-from kiriko.core.kinds import Kind
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.mesh import Mesh
 from kiriko.core.native import loading
-from kiriko.core.settings import Settings
+from kiriko.core.rig.kinds import Kind
+from kiriko.core.rig.mesh import Mesh
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.remarks import _on_doubted
 from known.both_ways import find_parted
 from known.reference_rigs import glass_rig

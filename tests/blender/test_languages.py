@@ -227,9 +227,9 @@ def test_the_terminal_stays_english(
 def test_sentences_of_several_parts_read_as_japanese(kiriko: ModuleType) -> None:
     """A sentence that is put together has its particles, and its clauses end alike."""
     texts = kiriko.languages.texts_of("ja_JP")
-    words = importlib.import_module(f"{EXTENSION}.core.words")
+    words = importlib.import_module(f"{EXTENSION}.core.base.words")
     helps = importlib.import_module(f"{EXTENSION}.core.bench.helps")
-    message = importlib.import_module(f"{EXTENSION}.core.messages").Message
+    message = importlib.import_module(f"{EXTENSION}.core.base.messages").Message
 
     def told(sentence: str) -> str:
         return sentence.told(lambda text: texts.get(text, text))

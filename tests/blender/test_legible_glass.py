@@ -110,7 +110,7 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(
     legible = importlib.import_module(f"{kiriko.__name__}.operators.remedies").legible
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     result = importlib.import_module(f"{kiriko.__name__}.core.blender.result")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     wavy(scene)
     bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", distance=0.2, picture_size=0.04, **SMALL)
     bpy.ops.kiriko.solve()

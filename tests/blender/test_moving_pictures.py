@@ -66,7 +66,7 @@ def solved_frames(
 ) -> tuple[list[dict[str, Any]], list[int]]:
     """Lines of the log of frames that are solved, and their greatest grey, of 255."""
     command = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
-    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     bpy.ops.wm.save_as_mainfile(filepath=str(place / "rig.blend"))
     out = place / "out"
     assert command.run(["solve", "--out", str(out), "--frames", frames]) == 0
@@ -130,7 +130,7 @@ def test_a_frame_of_the_scene_has_the_picture_that_cycles_shows(
 def test_a_frame_without_a_file_is_told_with_its_place(
     read: Callable[[], Any], scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
 ) -> None:
-    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
     add_plane(texture_material(sequence(tmp_path)))
     scene.frame_set(9)
     with pytest.raises(errors.ImageError, match=r"at its frame 9 from .*clip_009\.png: .*\.$"):

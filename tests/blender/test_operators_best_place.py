@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from kiriko.core.base.errors import RigError
 from kiriko.core.blender.resize import give_matrix
-from kiriko.core.errors import RigError
 from panel_layout import Layout
 from small_rigs import cube, small_rig
 

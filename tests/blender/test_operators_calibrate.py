@@ -57,8 +57,8 @@ class Bench:
                 "core.bench.lattice.drawn",
                 "core.image.flat_picture",
                 "core.solve.session",
-                "core.steps",
-                "core.image_io",
+                "core.base.steps",
+                "core.files.image_io",
             )
         )
         self.parts = small_rig(viewer_resolution=512, display_resolution=(512, 512), **options)

@@ -23,7 +23,7 @@ STEP = {
 
 @pytest.fixture
 def io(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    return importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
 
 
 @pytest.fixture
@@ -113,7 +113,7 @@ def test_broken_image_file_is_one_sentence(
     io: ModuleType, tmp_path: Path, kiriko: ModuleType
 ) -> None:
     """Reading a file that is missing, or is no image, names it."""
-    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
     (tmp_path / "broken.png").write_bytes(b"no image")
     for name in ("broken.png", "missing.png"):
         with pytest.raises(errors.ImageError, match=name):

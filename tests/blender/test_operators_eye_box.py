@@ -38,7 +38,7 @@ def by_core(kiriko: ModuleType, limit: float, least: float) -> dict:
     steps = of(kiriko, "core.measure.eye_box").eye_box(
         rig, work.settings_of(bpy.context.scene), limit, least
     )
-    return asdict(of(kiriko, "core.steps").finish(steps))
+    return asdict(of(kiriko, "core.base.steps").finish(steps))
 
 
 def points_of(thing: bpy.types.Object, camera: bpy.types.Object) -> np.ndarray:
@@ -215,7 +215,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(
     bpy.ops.kiriko.eye_box()
     work = of(kiriko, "operators.work")
     plan = work.session().plan(work.read(bpy.context).rig, work.settings_of(scene))
-    found = of(kiriko, "core.steps").finish(of(kiriko, "core.measure.head_box").head_box(plan))
+    found = of(kiriko, "core.base.steps").finish(of(kiriko, "core.measure.head_box").head_box(plan))
     served = kept(kiriko)["head_box"]
     assert served["n_viewers"] == 2
     assert served["size_m"] == pytest.approx(found.size_m, abs=1e-9)
@@ -224,7 +224,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(
         for name, value in served[way].items():
             assert value == pytest.approx(getattr(getattr(found, way), name), abs=1e-9), name
     lines = " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
-    number = of(kiriko, "core.numbers").number
+    number = of(kiriko, "core.base.numbers").number
     everyone = served["for_all"]
     assert (
         "Heads over the box of 2 viewers see the picture off by"
@@ -259,7 +259,7 @@ def test_where_blended_is_chosen_it_says_that_it_is_of_sharp(
     blended = kept(kiriko)
     assert words in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
     report = of(kiriko, "operators.beside_report")
-    finish = of(kiriko, "core.steps").finish
+    finish = of(kiriko, "core.base.steps").finish
     rig = of(kiriko, "operators.work").read(bpy.context).rig
     found = finish(report.beside(bpy.context, rig))
     assert any(line.startswith(words) for line in found.lines(scene))

@@ -218,4 +218,4 @@ def test_all_of_a_picture_that_was_fitted_arrives_through_hard_glass(scene, kiri
     steps = light.traced_by_all(
         work.read(bpy.context).rig, lambda rig: work.session().plan(rig, settings), n_grid=400
     )
-    assert kiriko.core.steps.finish(steps).share == 1.0
+    assert kiriko.core.base.steps.finish(steps).share == 1.0

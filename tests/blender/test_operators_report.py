@@ -379,7 +379,7 @@ def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     foreseen or not. The verb that tells nothing else ends with the error.
     """
     module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
-    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
 
     def no_eyes(*_: object, **__: object) -> None:
         raise errors.RigError("The eyes are shut: open them.")

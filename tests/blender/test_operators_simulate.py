@@ -96,7 +96,7 @@ def test_the_operator_says_how_much_is_stray(scene, kiriko):
     source = scene.kiriko.result.source
     source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
     module = importlib.import_module(f"{kiriko.__name__}.operators.simulate")
-    finish = importlib.import_module(f"{kiriko.__name__}.core.steps").finish
+    finish = importlib.import_module(f"{kiriko.__name__}.core.base.steps").finish
     noises = []
     words = re.compile(
         r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise"

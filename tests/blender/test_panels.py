@@ -12,7 +12,7 @@ import blf
 import bpy
 import pytest
 
-from kiriko.core.words import percent, summary
+from kiriko.core.base.words import percent, summary
 from panel_layout import Layout
 from small_rigs import cube, new_object, primitive, record_text, small_rig
 

@@ -98,12 +98,12 @@ def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -
     own = replace(reading.rig.plates[0], array=array, side=side, centre=centre)
 
     # a rig needs glass and a picture: here far away, and no object of the scene
-    shard = core.rig.Mesh(
+    shard = core.rig.rig.Mesh(
         100.0 + np.eye(4, 3), np.array([[0, 3, 1], [1, 3, 2], [2, 3, 0], [0, 1, 2]])
     )
     needed = {
-        "glasses": (core.rig.Glass("Shard", shard),),
-        "pictures": (core.rig.Picture("", np.ones((1, 1, 4))),),
+        "glasses": (core.rig.rig.Glass("Shard", shard),),
+        "pictures": (core.rig.rig.Picture("", np.ones((1, 1, 4))),),
     }
     rig = replace(reading.rig, plates=(own,), **needed)
 
@@ -160,7 +160,7 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
     with preview(core, reading) as shown:
         origins, directions = rays(shown, rig.viewer)
         plan = core.light.planning.make_plan(
-            rig, core.settings.Settings(only_through_glass=False, brightness=True)
+            rig, core.rig.settings.Settings(only_through_glass=False, brightness=True)
         )
         landings = core.light.trace.trace_all(plan, origins, directions, light=light)
         u, v = (landings.xy / [rig.display.width, rig.display.height]).T
@@ -196,7 +196,9 @@ def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, po
     throughput, on both sides, wherever it stands.
     """
     plate = bench(pose)
-    assert_agree(core, read(core, plate, core.rig.MirrorArray(layout, **LAYOUTS[layout])), "folded")
+    assert_agree(
+        core, read(core, plate, core.rig.rig.MirrorArray(layout, **LAYOUTS[layout])), "folded"
+    )
 
 
 @pytest.mark.parametrize("pose", POSES)
@@ -205,7 +207,7 @@ def test_reflected_light_is_the_tracers(core: ModuleType, pose: str) -> None:
     thickness before the plane, with Fresnel's share.
     """
     plate = bench(pose, display_is_behind=False)
-    assert_agree(core, read(core, plate, core.rig.MirrorArray()), "reflected")
+    assert_agree(core, read(core, plate, core.rig.rig.MirrorArray()), "reflected")
 
 
 def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
@@ -216,7 +218,7 @@ def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
     turn = Matrix.Rotation(np.pi / 2, 4, "Y")  # x shows where z did
     plate.data.transform(turn.inverted())
     plate.matrix_world = Matrix.Diagonal((0.5 * SIDE, 0.5 * SIDE, 1, 1)) @ turn
-    assert_agree(core, read(core, plate, core.rig.MirrorArray(), axis=1), "folded")
+    assert_agree(core, read(core, plate, core.rig.rig.MirrorArray(), axis=1), "folded")
 
 
 def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
@@ -226,7 +228,7 @@ def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
     plate = bench("front")
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 64
     # a third is reflected, and leaves no light here
-    reading = read(core, plate, core.rig.MirrorArray(ior=2.5))
+    reading = read(core, plate, core.rig.rig.MirrorArray(ior=2.5))
 
     with preview(core, reading, samples=64) as shown:
         everything = shown.render()[..., 2]
@@ -251,7 +253,7 @@ def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core: ModuleType) ->
     """
     plate = bench("front")
     found = core.blender.preview.render_map(
-        bpy.context.scene, read(core, plate, core.rig.MirrorArray())
+        bpy.context.scene, read(core, plate, core.rig.rig.MirrorArray())
     )
     assert np.abs(found[..., 2] - 1).max() < 1e-6
     assert found[..., :2].min() > 0
@@ -268,7 +270,7 @@ def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(
     scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", 0.001
     plate = small_rig()["PLATE"]
     before = inventory()
-    array = core.rig.MirrorArray(**LAYOUTS["crossed"])
+    array = core.rig.rig.MirrorArray(**LAYOUTS["crossed"])
     with preview(core, read(core, plate, array), fresnel=True) as shown:
         found = {socket.name: socket.default_value for socket in plate_group(shown.scene).inputs}
 

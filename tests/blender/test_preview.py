@@ -45,7 +45,7 @@ def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     by_cycles = core.blender.preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
     plan = core.light.planning.make_plan(
-        reading.rig, core.settings.Settings(only_through_glass=False)
+        reading.rig, core.rig.settings.Settings(only_through_glass=False)
     )
     viewer = reading.rig.viewer
     display = reading.rig.display

@@ -21,7 +21,7 @@ def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
 
 @pytest.fixture
 def errors(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.errors")
+    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
 
 
 def add(data: bpy.types.ID | None, role: str = "NONE", name: str = "thing") -> bpy.types.Object:

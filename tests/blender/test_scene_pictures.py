@@ -23,7 +23,7 @@ def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
 
 @pytest.fixture
 def errors(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.errors")
+    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
 
 
 def new_material(name: str = "paper") -> tuple[bpy.types.Material, Any, Any]:
@@ -561,7 +561,7 @@ def test_a_picture_that_would_not_fit_is_refused(
 
     With its need, the free memory, and the remedy.
     """
-    free_memory = importlib.import_module(f"{kiriko.__name__}.core.free_memory")
+    free_memory = importlib.import_module(f"{kiriko.__name__}.core.base.free_memory")
     add_plane(None).kiriko.image = generated()
     needed = 16.0 * SIZE[0] * SIZE[1]
     monkeypatch.setattr(free_memory, "available", lambda: needed - 1)

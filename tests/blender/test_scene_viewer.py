@@ -33,7 +33,7 @@ def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
 
 @pytest.fixture
 def errors(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.errors")
+    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
 
 
 def add_camera(scene: bpy.types.Scene, kind: str = "perspective") -> bpy.types.Object:

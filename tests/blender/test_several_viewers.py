@@ -366,8 +366,8 @@ def test_a_linked_camera_of_the_same_name_is_told_apart(rig: dict, linked: Calla
 def test_both_ways_to_settle_it_and_weights_reach_the_solve(kiriko: ModuleType, rig: dict) -> None:
     """The image in Blender is that of core for these viewers, to the bit; three ways, three."""
     session = importlib.import_module(f"{kiriko.__name__}.core.solve.session")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
-    settings = importlib.import_module(f"{kiriko.__name__}.core.settings")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
+    settings = importlib.import_module(f"{kiriko.__name__}.core.rig.settings")
     bpy.ops.kiriko.two_eyes()
     found = []
     for way, weight in (("SHARP", 1.0), ("BLENDED", 1.0), ("BLENDED", 4.0)):
@@ -420,7 +420,7 @@ def test_the_chosen_viewer_is_shown_and_the_image_stays(
 def test_the_preview_is_that_of_the_chosen_viewer(kiriko: ModuleType, rig: dict) -> None:
     """Cycles sees what the chosen viewer is predicted to see, and not what the other one is."""
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     ours().viewer.data.stereo.interocular_distance = 0.1
     bpy.ops.kiriko.two_eyes()
     for number in (1, 2):
@@ -444,7 +444,7 @@ def test_each_viewer_is_told_of_the_worst_first(
 ) -> None:
     """A line in the panel for each, with the numbers of core; there is none for one viewer."""
     reports = importlib.import_module(f"{kiriko.__name__}.core.measure.viewers")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     panel = importlib.import_module(f"{kiriko.__name__}.panels.viewers").VIEW3D_PT_kiriko_seen_by
     bpy.ops.kiriko.solve()
@@ -496,7 +496,7 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
 ) -> None:
     """The sentence on eyes that look in different directions stands among what is missing."""
     module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     turned = camera(0.02)
     turned.rotation_euler.z += 0.9
     add(turned)
@@ -524,7 +524,7 @@ def test_two_that_are_no_pair_are_told_why_in_words(
     the other, also where the picture is in their own pixels.
     """
     two_eyes = importlib.import_module(f"{kiriko.__name__}.core.measure.two_eyes")
-    errors = importlib.import_module(f"{kiriko.__name__}.core.errors")
+    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
     above = camera(0.0, "above")
     above.location.z += 0.005
     add(above)
@@ -565,7 +565,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     pixels are the same to 1 %. Of a third viewer, or of one alone, nothing is told.
     """
     two_eyes = importlib.import_module(f"{kiriko.__name__}.core.measure.two_eyes")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.steps")
+    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     bpy.ops.kiriko.two_eyes()
     bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"

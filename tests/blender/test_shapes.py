@@ -61,8 +61,8 @@ def add_bottle():
 
 def totally_reflected(plan, origins, directions):
     """Which rays (n,) leave a face of the glass on the side that they came from?"""
+    from kiriko.core.base.steps import finish
     from kiriko.core.light.trace import tracing
-    from kiriko.core.steps import finish
 
     steps = []
     finish(tracing(plan, origins, directions, steps=steps))
@@ -98,7 +98,7 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     from kiriko.core.blender.preview import render_map
     from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
-    from kiriko.core.settings import Settings
+    from kiriko.core.rig.settings import Settings
 
     glass = make()
     glass.kiriko.use_ior = True
@@ -145,7 +145,7 @@ def test_previews(kiriko, scene, make):
     shown = np.array(image.pixels).reshape(96, 96, 4)[::-1, :, 0]
     work = kiriko.operators.work
     steps = work.session().solve(work.read(bpy.context).rig, work.settings_of(scene))
-    seen = kiriko.core.steps.finish(steps).seen()[..., 0]
+    seen = kiriko.core.base.steps.finish(steps).seen()[..., 0]
     dots = seen > 0.5
 
     assert dots.sum() > 20
@@ -160,12 +160,12 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     Light that was totally reflected again and again makes speckles there, smaller than
     a cut pixel tells: the covered masks agree to 0.99, not to 0.999.
     """
+    from kiriko.core.base.steps import finish
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.light.planning import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.map.sampling import sample
-    from kiriko.core.settings import Settings
-    from kiriko.core.steps import finish
+    from kiriko.core.rig.settings import Settings
     from known.work import is_sampled
 
     add_suzanne().kiriko.use_ior = True

@@ -26,7 +26,7 @@ def test_numbers_are_those_of_the_exported_file(
     shown_pixels: ModuleType, kiriko: ModuleType, tmp_path: Path, gamma: float | None
 ) -> None:
     """Each pixel that is drawn has the three numbers of the 8-bit file, to the last bit."""
-    image_io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    image_io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     pixels = np.random.default_rng(2).normal(0.5, 0.5, (48, 64, 4)).astype(np.float32)
     path = image_io.write(tmp_path / "a.png", pixels[..., :3], "PNG8", gamma=gamma)
     written, _ = image_io.read(path)

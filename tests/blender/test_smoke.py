@@ -243,7 +243,7 @@ def test_an_exported_file_is_the_source_image(
     solved: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, form: str
 ) -> None:
     """A file read back has the source image's numbers, to half a step of its format."""
-    io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     solved.kiriko.export_format = form
     solved.kiriko.export_path = str(tmp_path / "source")
     assert bpy.ops.kiriko.export() == {"FINISHED"}
@@ -320,7 +320,7 @@ def test_a_picture_is_read_in_linear_light(
     scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, form: str
 ) -> None:
     """A picture of one colour, seen through glass of index 1, fills the display with it."""
-    io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     colour = np.array([0.6, 0.3, 0.1])
     picture = small_rig(
         ior=1.0, viewer_resolution=32, display_resolution=(32, 32), display_size=0.01
@@ -343,7 +343,7 @@ def test_pictures_in_several_colour_spaces_are_read(
     scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
 ) -> None:
     """White is white in each of them; Blender converts one after the other, and goes on."""
-    io = importlib.import_module(f"{kiriko.__name__}.core.image_io")
+    io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     picture = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
     path = tmp_path / "white.png"
     io.write(path, np.ones((8, 8, 3)), "PNG8")

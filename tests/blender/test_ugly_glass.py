@@ -791,7 +791,7 @@ def test_a_material_of_nodes_is_the_product_that_is_shown(
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
     glass.data.materials.append(glass_material("slot", 1.6))
-    catalogue = importlib.import_module(f"{kiriko.__name__}.core.catalogue")
+    catalogue = importlib.import_module(f"{kiriko.__name__}.core.rig.catalogue")
     set_by_nodes(glass, glass_material("set", catalogue.GLASSES["Water"].ior))
     assert chosen.glass_product(glass).name == "Water"
     glass.select_set(True)

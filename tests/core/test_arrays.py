@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kiriko.core.arrays import greatest, in_order
+from kiriko.core.base.arrays import greatest, in_order
 
 N = 1000
 

@@ -15,11 +15,11 @@ from kiriko.core.atlas import atlas as atlases
 from kiriko.core.atlas import head_map, making, planning
 from kiriko.core.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
 from kiriko.core.atlas.refine import _Line, _worst_between, map_at, refine
-from kiriko.core.errors import ImageError, RigError
-from kiriko.core.messages import Message
-from kiriko.core.settings import Settings
+from kiriko.core.base.errors import ImageError, RigError
+from kiriko.core.base.messages import Message
+from kiriko.core.base.steps import finish
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.closed_forms import landing, through_slab
 from known.reference_rigs import ball_rig, box, rig
 from known.work import drain

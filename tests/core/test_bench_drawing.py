@@ -16,7 +16,7 @@ from kiriko.core.bench.drawing.outlines import contour, rectangle
 from kiriko.core.bench.drawing.seen import draw_seen
 from kiriko.core.bench.drawing.sheet import SIZES, spread
 from kiriko.core.bench.lattice.drawn import Lattice
-from kiriko.core.rig import Rig
+from kiriko.core.rig.rig import Rig
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere
 from known.reference_rigs import rectangle as a_rectangle
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from kiriko.core.catalogue import DISPLAYS, GLASSES, INCH, PLATES
+from kiriko.core.rig.catalogue import DISPLAYS, GLASSES, INCH, PLATES
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 

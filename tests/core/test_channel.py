@@ -9,8 +9,8 @@ import pytest
 
 from kiriko import core
 from kiriko.core.light.planning import make_plan
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, lattice_image
 from known.work import solve
 

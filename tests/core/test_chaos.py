@@ -11,13 +11,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from kiriko.core import free_memory
-from kiriko.core.errors import RigError
+from kiriko.core.base import free_memory
+from kiriko.core.base.errors import RigError
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
 from known.work import drain, solve
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from kiriko.core.atlas.heads import evenly, viewer_at
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.points import areas
 from kiriko.core.map.sampling import Sampling
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import coarse
 from kiriko.core.solve.session import Session
 from known import reference_rigs

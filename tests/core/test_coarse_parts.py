@@ -11,7 +11,7 @@ from bench.surface import OPTIONS, judged
 from kiriko.core.light.plan import Counts
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.view_map import NO_ERROR
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.accuracy import measure
 from kiriko.core.solve.coarse_parts import coarsest, followed
 from kiriko.core.solve.remarks import remarks_on

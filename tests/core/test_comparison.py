@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.rig import ConstantIndex
-from kiriko.core.settings import Settings
+from kiriko.core.base.steps import finish
+from kiriko.core.rig.rig import ConstantIndex
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.comparison import Comparer, fitted, side_by_side
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import cube_rig
 
 SMALL = {"pixels": 64, "display_pixels": 64}

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import tracing
 from kiriko.core.native import loading
-from kiriko.core.rig import ConstantIndex, Glass
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import accuracy
 from kiriko.core.solve.contradicted import find_contradicted
-from kiriko.core.steps import finish
 from known.reference_rigs import box, icosphere, rig
 
 

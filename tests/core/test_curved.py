@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
+from kiriko.core.base.steps import finish
 from kiriko.core.glass import vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.curved_roots import Lines
@@ -27,9 +28,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known.closed_forms import unit
 from known.reference_rigs import (
     bottle,

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.fingerprint import fingerprint
+from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.display import display_plane, uv_islands
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.reference_rigs import QUAD, QUAD_UV, ball_rig, box, rectangle, rig
 from known.work import solve

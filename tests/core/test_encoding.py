@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kiriko.core import encoding
+from kiriko.core.files import encoding
 
 GAMMAS = (None, 1.0, 1.8, 2.2, 2.4, 3.0, 0.4545)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.rig import MirrorArray
+from kiriko.core.rig.rig import MirrorArray
 from known.reference_rigs import cube_rig
 from paper.experiment import Experiment, dots
 from paper.explain import UNMOVED, ability

@@ -8,8 +8,9 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from kiriko.core import free_memory
-from kiriko.core.errors import RigError
+from kiriko.core.base import free_memory
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map import faint, samples
@@ -19,8 +20,7 @@ from kiriko.core.map.points import Points
 from kiriko.core.map.samples import sample_cells
 from kiriko.core.map.sampling import Sampling, sample
 from kiriko.core.native import loading
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, facetted_rig
 from known.work import drain, solve
 

@@ -8,12 +8,12 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 
-from kiriko.core import image_io
-from kiriko.core.errors import ImageError, RigError
+from kiriko.core.base.errors import ImageError, RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.farm import extension, join
 from kiriko.core.farm.atlas_job import AtlasJob
 from kiriko.core.farm.job import Choice, Job, asset_references, parameter_values
-from kiriko.core.steps import finish
+from kiriko.core.files import image_io
 
 FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)
 RIGS = tuple(Choice(name, name.lower()) for name in ("Rig", "Rig.001"))

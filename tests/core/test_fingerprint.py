@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from kiriko.core.fingerprint import fingerprint
-from kiriko.core.rig import ConstantIndex, Glass, Index, Mesh
+from kiriko.core.base.fingerprint import fingerprint
+from kiriko.core.rig.rig import ConstantIndex, Glass, Index, Mesh
 
 
 @dataclass(frozen=True)

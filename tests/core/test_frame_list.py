@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
-from kiriko.core.frame_list import MOST, frames_of, in_ranges
+from kiriko.core.base.errors import RigError
+from kiriko.core.files.frame_list import MOST, frames_of, in_ranges
 
 
 @pytest.mark.parametrize(

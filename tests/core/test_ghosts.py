@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
 from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of, strongest_paths
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.image.pyramid import Pyramid
@@ -15,7 +15,7 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.pieces import Piece
 from kiriko.core.map.shares import Shares
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, bottle, cube_rig, lattice_image, rig
 from known.work import solve

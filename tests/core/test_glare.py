@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.bench.misalignment import Bench
-from kiriko.core.errors import RigError
 from kiriko.core.image.glare import LightBeside, look_beside, looking_beside
 from kiriko.core.image.simulation import LUMINANCE
 from kiriko.core.light.landings import Reason
@@ -14,9 +15,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.shares import Coverage
 from kiriko.core.measure.choices import measure_choices
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle, rig
 from known.work import solve

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from bench.irregular import CHOICES, coarse, errors, sheared
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import tangent_planes
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.catmull_clark import limit_mesh, ring_cage, uneven_profile
 from known.on_limits import vertices_and_edges

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.glass import curved_hull
 from kiriko.core.glass.curved_hull import making_hull
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.native import growing
 from kiriko.core.native import loading
-from kiriko.core.steps import finish
 from known.reference_rigs import bottle, icosphere
 
 needs_kernel = pytest.mark.skipif(loading.library() is None, reason="the kernel is not there")

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.numbers import millimetres
+from kiriko.core.base.steps import finish
 from kiriko.core.bench import helps
 from kiriko.core.bench.flat import outline_of
 from kiriko.core.bench.helps import Help, what_helps
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
 from kiriko.core.bench.room import Fitted, fit_plate
-from kiriko.core.numbers import millimetres
-from kiriko.core.rig import ConstantIndex, Glass, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import box
 
 SLAB = Glass("slab", box((0.1, 0.02, 0.1)), ConstantIndex(1.0))

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.curved_hull import HULL, edge_turns, making_hull
 from kiriko.core.glass.meshes import areas_of
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.steps import finish
 from known.catmull_clark import LATHE, lathe_cage, limit_mesh
 from known.reference_rigs import icosphere, torus, uv_ellipsoid, wavy_slab
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kiriko.core import disk, image_io, png
-from kiriko.core.errors import ImageError
+from kiriko.core.base.errors import ImageError
+from kiriko.core.files import disk, image_io, png
 
 NAMES = ("a.csv", "b.json", "c.svg")
 

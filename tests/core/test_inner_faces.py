@@ -10,8 +10,8 @@ from kiriko.core.glass.inner_faces import find_bodies, without_inner
 from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import icosphere, rig
 from known.work import solve
 

@@ -11,8 +11,8 @@ import pytest
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import ConstantIndex, Glass
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass
+from kiriko.core.rig.settings import Settings
 from known.judges import (
     JUDGES,
     judge_arrays,

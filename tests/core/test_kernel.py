@@ -15,8 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import build_kernel
-from kiriko.core.arrays import frozen
-from kiriko.core.encoding import quantised
+from kiriko.core.base.arrays import frozen
+from kiriko.core.base.steps import finish
+from kiriko.core.files.encoding import quantised
 from kiriko.core.glass import (
     curved,
     curved_roots,
@@ -59,9 +60,8 @@ from kiriko.core.map.share_batches import Lot
 from kiriko.core.map.shares import Shares
 from kiriko.core.native import loading, structures
 from kiriko.core.native.structures import STRUCTURES
-from kiriko.core.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
+from kiriko.core.rig.settings import Settings
 from known import both_ways as both_ways_module
 from known.both_ways import find_parted
 from known.closed_forms import unit

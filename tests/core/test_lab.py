@@ -7,7 +7,7 @@ import pytest
 
 from bench import lab
 from kiriko.core.bench.placement import lattice
-from kiriko.core.rig import PRESETS, MirrorArray
+from kiriko.core.rig.rig import PRESETS, MirrorArray
 from known.reference_rigs import box, rig
 
 ASKA = PRESETS["ASKA3D-488"]

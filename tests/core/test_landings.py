@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.bench import light as bench_light
 from kiriko.core.bench import misalignment, spread, visible_range
 from kiriko.core.bench.misalignment import Bench
@@ -17,10 +18,9 @@ from kiriko.core.light.trace import trace, trace_all, tracing
 from kiriko.core.map import points
 from kiriko.core.map.points import trace_points
 from kiriko.core.map.sampling import sample
-from kiriko.core.rig import Mesh, MirrorArray
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh, MirrorArray
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import accuracy, tessellation
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, cube_rig, icosphere, rig
 from known.work import drain
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kiriko.core.base.errors import ImageError
 from kiriko.core.bench.lattice.check import check, check_way
 from kiriko.core.bench.lattice.drawn import Lattice
 from kiriko.core.bench.lattice.file import read_points
 from kiriko.core.bench.lattice.match import match
 from kiriko.core.bench.lattice.photograph import _distinct, _grey, find_points
 from kiriko.core.bench.misalignment import Bench
-from kiriko.core.errors import ImageError
-from kiriko.core.rig import MirrorArray
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import MirrorArray
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import without_glass
 from known.reference_rigs import ball_rig, cube_rig, rig, wavy_slab
 from known.work import solve

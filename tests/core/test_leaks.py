@@ -16,8 +16,8 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import icosphere, rig
 
 EVERY = {0: 1, 1: 16}  # of the targets of the smaller and larger meshes

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.bench import helps as helps_module
 from kiriko.core.bench.behind import propose_behind
 from kiriko.core.bench.helps import WORTH_READING, legible_by, with_help
 from kiriko.core.bench.nearer import nearer, way_to_glass
 from kiriko.core.bench.placement import Wishes, rig_of, viewer_of
 from kiriko.core.glass.smoothed import vertex_normals
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.legibility import READABLE, card, card_legibility, likeness
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig
 
 WHOLE = np.ones((64, 64))

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.media import Solid, make_media
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.touching_solids import boxes_touch
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import ConstantIndex, Glass, Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import box, icosphere, rig, torus
 from known.shards import rounded, shards_of
 

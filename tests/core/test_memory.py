@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from environments import link_package
-from kiriko.core import free_memory, image_io, picture_file
-from kiriko.core.errors import RigError
+from kiriko.core.base import free_memory
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
+from kiriko.core.files import image_io, picture_file
 from kiriko.core.native.loading import SWITCH, library
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import memory
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig
 
 GB = "1.2 GB" if library() else "1.3 GB"  # numpy takes more
@@ -28,10 +29,10 @@ import numpy as np
 from dataclasses import replace
 from known.reference_rigs import ball_rig, bottle, box, icosphere, lathed, rig, uv_ellipsoid
 from kiriko.core.solve import memory
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import memory
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
+from kiriko.core.base.steps import finish
 from kiriko.core.map.sampling import sample
 def status(key):  # what getrusage tells begins with what the process had that started this one
     lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
@@ -233,7 +234,8 @@ def test_the_limit_of_the_address_space_counts():
     """What a process with `ulimit -v` says is free can be allocated, and little more."""
     resource = pytest.importorskip("resource")
     code = (
-        "import resource, sys; import numpy as np; from kiriko.core.free_memory import available;"
+        "import resource, sys; import numpy as np;"
+        "from kiriko.core.base.free_memory import available;"
         "resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9,) * 2); free = available();"
         "np.empty(int(free - 5e7), np.uint8)\n"
         "try: np.empty(int(free + 5e7), np.uint8)\n"

@@ -7,8 +7,8 @@ import string
 from collections.abc import Container, Iterator
 from pathlib import Path
 
-from kiriko.core.errors import MeshError, RigError
-from kiriko.core.messages import Length, Message, joined
+from kiriko.core.base.errors import MeshError, RigError
+from kiriko.core.base.messages import Length, Message, joined
 
 ROOT = Path(__file__).parents[2]
 ROOMS = "core", "operators", "panels"

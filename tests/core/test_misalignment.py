@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.bench.extra_photograph import extra_photographs
 from kiriko.core.bench.fit import fit
 from kiriko.core.bench.misalignment import Bench, spread
 from kiriko.core.bench.offset import parameters, part_motions, with_amounts
-from kiriko.core.errors import RigError
 from kiriko.core.glass.motion import find_motion
 from kiriko.core.image.flat_picture import view_of_picture
 from kiriko.core.light import kept
-from kiriko.core.rig import MirrorArray
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import MirrorArray
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, cube_rig, rig
 
 PX = 1942  # viewer px over 50 mm: 1165 over the lattice of 30 mm, as in the paper's photographs

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.bench.offset import turned
 from kiriko.core.glass.motion import find_motion, size_of
 from kiriko.core.light import kept
-from kiriko.core.rig import Mesh
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Mesh
 from known.reference_rigs import box
 
 SQUARE = Mesh(

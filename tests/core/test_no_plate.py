@@ -8,27 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.fingerprint import fingerprint
+from kiriko.core.base.steps import finish
 from kiriko.core.bench.offset import parameters
-from kiriko.core.errors import RigError
-from kiriko.core.fingerprint import fingerprint
 from kiriko.core.image.glare import look_beside
 from kiriko.core.light.landings import REASON_WORDS, Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import (
-    ConstantIndex,
-    Display,
-    Glass,
-    Mesh,
-    Mirror,
-    Picture,
-    Rig,
-    Viewer,
-)
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Display, Glass, Mesh, Mirror, Picture, Rig, Viewer
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.closed_forms import snell, through_ball, through_slab, unit
 from known.reference_rigs import ball_rig, box, icosphere, lattice_image, rectangle
 

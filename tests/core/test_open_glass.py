@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.errors import MeshError, RigError
+from kiriko.core.base.errors import MeshError, RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.light.first_hits import _Sides
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, refract
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import ConstantIndex, Glass, Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.accuracy import leaks, measure
-from kiriko.core.steps import finish
 from known.reference_rigs import ball_rig, box, rectangle, rig
 from known.work import drain, solve
 

@@ -8,7 +8,7 @@ import pytest
 from kiriko.core.image.flat_picture import outline_in_view, view_of_picture
 from kiriko.core.image.outline import cut_along_outline
 from kiriko.core.map.pieces import Piece
-from kiriko.core.rig import Picture
+from kiriko.core.rig.rig import Picture
 from known.polygons import area_and_centroid, clipped
 from known.reference_rigs import ball_rig, box, cube_rig, rectangle, rig
 from known.work import solve

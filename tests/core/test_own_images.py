@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.planning import make_plan
 from kiriko.core.measure.charts import showing
 from kiriko.core.measure.viewers import viewer_reports
 from kiriko.core.native import loading
-from kiriko.core.parts import OwnImage, Picture
-from kiriko.core.settings import Settings
+from kiriko.core.rig.parts import OwnImage, Picture
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from kiriko.core.warp.stmap import warp_map

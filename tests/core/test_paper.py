@@ -6,7 +6,7 @@ import pytest
 from kiriko.core.light.optics import refract
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import without_glass
 from known.reference_rigs import box, cube_rig, rig
 from paper.infloasion import GAP, half_before, infloasion

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.vectors import dot
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light.landings import Landings, Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import Blocker, Mesh, Rig
-from kiriko.core.settings import Settings
-from kiriko.core.vectors import dot
+from kiriko.core.rig.rig import Blocker, Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from known.closed_forms import landing, unit
 from known.reference_rigs import glass_rig, icosphere, rig, split_quads
 from known.union_walk import through_union

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.arrays import frozen, is_frozen
-from kiriko.core.errors import RigError
+from kiriko.core.base.arrays import frozen, is_frozen
+from kiriko.core.base.errors import RigError
 from kiriko.core.image import flat_picture
 from kiriko.core.image import picture as picture_module
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.reads import READS, reads_at, reads_of
-from kiriko.core.rig import Mesh, Picture, PicturePlace, Rig, Viewer
+from kiriko.core.rig.rig import Mesh, Picture, PicturePlace, Rig, Viewer
 from known.reference_rigs import lattice_image, rectangle
 
 

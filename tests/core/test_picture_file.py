@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
-from kiriko.core import image_io, picture_file, png
+from kiriko.core.files import image_io, picture_file, png
 from known.profiles import COLUMNS, fixed, profile, with_code_points
 
 AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)  # chromaticities of ACEScg

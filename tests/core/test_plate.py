@@ -11,9 +11,9 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from bench.plate import MirrorMesh, agreement, plate_frame, random_light
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.kinds import Kind
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, reflect
 from kiriko.core.light.planning import make_plan
@@ -21,10 +21,10 @@ from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame
 from kiriko.core.light.sheets import find_sheets
 from kiriko.core.light.slits import fold
 from kiriko.core.light.trace import trace
-from kiriko.core.rig import PRESETS, MirrorArray, Plate
-from kiriko.core.settings import Settings
+from kiriko.core.rig.kinds import Kind
+from kiriko.core.rig.rig import PRESETS, MirrorArray, Plate
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.closed_forms import unit
 from known.marching import march, turned
 from known.reference_rigs import ball_rig, box, rectangle

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.light.landings import BY_GAPS, REASON_WORDS, Reason
 from kiriko.core.light.optics import reflect, refract
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import _following, trace_all
-from kiriko.core.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.picture_coverage import TOO_FINE
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.closed_forms import unit
 from known.rasterised import to_display, to_view
 from known.reference_rigs import box, icosphere, rectangle, rig, torus, uv_ellipsoid, wavy_slab

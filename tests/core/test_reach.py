@@ -10,8 +10,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import ReachedError
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.sampling import sample
-from kiriko.core.rig import ConstantIndex, Glass
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.reach import out_of_sight, sample_reached
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, box, icosphere, rig

@@ -8,17 +8,17 @@ from types import MappingProxyType, SimpleNamespace
 import numpy as np
 import pytest
 
+from kiriko.core.base.numbers import millimetres
+from kiriko.core.base.words import percent
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.view_map import NO_ERROR
-from kiriko.core.numbers import millimetres
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.accuracy import Accuracy, measure
 from kiriko.core.solve.remarks import BEYOND, remarks_on
 from kiriko.core.solve.remedies import is_facetted
 from kiriko.core.solve.tessellation import Tessellation, tessellation
-from kiriko.core.words import percent
 from known import closed_forms
 from known.extremes.cases import changed, joined
 from known.reference_rigs import (

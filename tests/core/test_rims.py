@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.meshes import find_edges, find_joined, geometric_normals
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertices import find_vertices, seen_across
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.tessellation import tessellation
-from kiriko.core.steps import finish
 from known.closed_forms import unit
 from known.lathes import APERTURE, lathe, lens, lens_normals
 from known.reference_rigs import icosphere, mean_normals, rig

@@ -2,9 +2,8 @@
 
 from dataclasses import fields
 
-import kiriko.core.rig
-from kiriko.core.kinds import Kind
-from kiriko.core.rig import MET_ROLES, ROLES, Blocker, Mirror, Rig
+from kiriko.core.rig.kinds import Kind
+from kiriko.core.rig.rig import MET_ROLES, ROLES, Blocker, Mirror, Rig
 from known.reference_rigs import ball_rig, rectangle
 
 
@@ -44,15 +43,3 @@ def test_numbers_stay_as_files_and_the_kernel_have_them():
         5: "PICTURE",
         6: "BLOCKER",
     }
-
-
-def test_names_of_0_1_stay():
-    """Scripts of 0.1 import all of a rig from kiriko.core.rig."""
-    for name in (
-        *("Blocker", "ConstantIndex", "Display", "Glass", "Mesh", "Mirror", "MirrorArray"),
-        *("PRESETS", "PRESET_SIDES", "Picture", "Plate", "Rig", "Viewer", "WAVELENGTH"),
-        *("SurfaceChoice", "MOST_CROSSING_ERROR", "FLAT", "PERPENDICULAR"),
-        *("Bools", "Floats", "Ints"),
-    ):
-        assert hasattr(kiriko.core.rig, name)
-    assert kiriko.core.rig.ConstantIndex(1.49)(587.6e-9) == 1.49

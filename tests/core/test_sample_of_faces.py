@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.fingerprint import fingerprint
+from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass import surface_fit, surfaces
 from kiriko.core.glass.surfaces import SAMPLE, make_surface
 from known.reference_rigs import mean_normals, torus

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.light import hits, trace
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
@@ -15,8 +16,7 @@ from kiriko.core.map.edges import find_borders
 from kiriko.core.map.points import Points, trace_points
 from kiriko.core.map.searches import ask, traced
 from kiriko.core.native import loading
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, bottle, box, icosphere, rig
 
 

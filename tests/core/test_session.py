@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import rig as rig_module
-from kiriko.core.errors import MeshError, RigError
-from kiriko.core.fingerprint import fingerprint
+from kiriko.core.base.errors import MeshError, RigError
+from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light import ray_engine
@@ -18,10 +17,11 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import dividing, rasterise, share_batches
-from kiriko.core.mesh import FURTHEST
 from kiriko.core.native import loading
-from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh
-from kiriko.core.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
+from kiriko.core.rig import rig as rig_module
+from kiriko.core.rig.mesh import FURTHEST
+from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh
+from kiriko.core.rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import accuracy, painting, reach
 from kiriko.core.solve import tessellation as of_mesh
 from kiriko.core.solve.accuracy import MANY_EVENTS, measure, rounding_error

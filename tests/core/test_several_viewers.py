@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import free_memory
-from kiriko.core.errors import RigError
+from kiriko.core.base import free_memory
+from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map import share_batches
 from kiriko.core.measure.viewers import conflict_in_light, displaced, viewer_reports
 from kiriko.core.native import loading
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known import closed_forms
 from known.reference_rigs import ball_rig, bottle, box, icosphere, lattice_image, rig

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.measure.sharpness import BRIGHT, DARK, TILT, mtf50, sharpness
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, lattice_image
 from known.work import drain

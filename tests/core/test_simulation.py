@@ -12,8 +12,8 @@ from kiriko.core.image.simulation import LUMINANCE, simulate
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Display, MirrorArray
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Display, MirrorArray
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, cube_rig, lattice_image, rectangle, rig
 from known.work import drain, solve
 

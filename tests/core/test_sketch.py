@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.bench.canvas import canvas_of, outline_of, sight_lines
 from kiriko.core.bench.hatching import HATCH, grid, hatched
 from kiriko.core.bench.sketch import OUT_OF_VIEW, sketching
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace
-from kiriko.core.rig import Blocker, PicturePlace, Rig
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Blocker, PicturePlace, Rig
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rectangle, rig
 
 X, Y, Z = np.eye(3)

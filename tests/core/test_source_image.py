@@ -13,8 +13,8 @@ from kiriko.core.image.source_image import MOST_LIGHT, Painting, find_strokes, g
 from kiriko.core.light.planning import make_plan
 from kiriko.core.map.shares import Coverage
 from kiriko.core.native import loading
-from kiriko.core.rig import MirrorArray, PicturePlace
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import MirrorArray, PicturePlace
+from kiriko.core.rig.settings import Settings
 from known.exact_source import exact_source
 from known.rasterised import rasterise
 from known.reference_rigs import ball_rig, box, cube_rig, rig

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.glass import surface_fit
 from kiriko.core.glass.quad_lines import find_quad_lines
 from kiriko.core.glass.splines import looking_for_splines
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Mesh
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Mesh
+from kiriko.core.rig.settings import Settings
 from known.catmull_clark import LATHE, lathe_cage, limit_mesh, ring_cage, uneven_profile
 from known.on_limits import off_limit, vertices_and_edges
 from known.reference_rigs import mean_normals, rig, split_quads, torus

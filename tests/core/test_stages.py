@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core import stages
+from kiriko.core.base import stages
+from kiriko.core.base.stages import AFTER, SHARES, TRACING, section, spans
+from kiriko.core.base.steps import between, finish, within
 from kiriko.core.map import points, view_map
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import picture_coverage
 from kiriko.core.solve.session import Session
-from kiriko.core.stages import AFTER, SHARES, TRACING, section, spans
-from kiriko.core.steps import between, finish, within
 from known.reference_rigs import ball_rig, bottle, cube_rig, icosphere, rig, wavy_slab
 from known.work import drain
 

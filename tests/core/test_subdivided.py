@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.glass import known as known_module
 from kiriko.core.glass.known import looking_for_known
 from kiriko.core.glass.quartics import AT_NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.native import loading
-from kiriko.core.rig import Mesh
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Mesh
 from known.catmull_clark import LATHE, Cage, lathe_cage, limit_mesh, ring_cage
 from known.on_limits import off_limit, vertices_and_edges
 from known.reference_rigs import mean_normals

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kiriko.core.products import combine, solve_symmetric, turn
+from kiriko.core.base.products import combine, solve_symmetric, turn
 
 LIMITS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "MKL_NUM_THREADS"
 # of the processor time, for Embree's threads; with BLAS it
@@ -29,10 +29,10 @@ from kiriko.core.native import loading
 from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
 from kiriko.core.light.planning import make_plan
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.rig import MirrorArray
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
+from kiriko.core.base.steps import finish
 
 def with_mirrors(a_rig):
     return replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.encoding import encode
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
+from kiriko.core.files.encoding import encode
 from kiriko.core.image.tone import Tone
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.steps import finish
 from known.reference_rigs import box, rig
 
 RANDOM = np.random.default_rng(5)

@@ -14,8 +14,8 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig import ConstantIndex, Display, Glass
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Display, Glass
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import box, icosphere, rectangle, rig
 from known.shards import rounded, shards_of
 

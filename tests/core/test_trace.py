@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light import layer_hits
@@ -19,9 +20,8 @@ from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import _following, trace_all
-from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
+from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere, rectangle, rig, rod
 

@@ -9,7 +9,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
+from kiriko.core.base.steps import finish
+from kiriko.core.files.png import encoded
 from kiriko.core.light.landings import Reason
 from kiriko.core.map.points import Points
 from kiriko.core.measure import places_seen as places_seen_module
@@ -17,10 +19,8 @@ from kiriko.core.measure.places_seen import Look, grid_of, places_seen
 from kiriko.core.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
 from kiriko.core.measure.two_eyes_drawing import as_data, as_svg
 from kiriko.core.measure.viewers import displaced
-from kiriko.core.png import encoded
-from kiriko.core.rig import PicturePlace
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.rig import PicturePlace
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, icosphere, rectangle, rig
 from known.work import drain, solve
 

@@ -14,8 +14,8 @@ from kiriko.core.map import interpolation
 from kiriko.core.map.pieces import SWING, quads_of
 from kiriko.core.map.points import Points, is_seen
 from kiriko.core.map.sampling import sample
-from kiriko.core.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
+from kiriko.core.rig.settings import Settings
 from known.rasterised import rasterise
 from known.reference_rigs import (
     ball_rig,

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.base.errors import RigError
 from kiriko.core.bench.visible_range import SURVEY, visible_range
-from kiriko.core.errors import RigError
 from kiriko.core.light import trace
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
-from kiriko.core.rig import Mesh, MirrorArray
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Mesh, MirrorArray
+from kiriko.core.rig.settings import Settings
 from known.reference_rigs import box, cube_rig, rig, split_quads
 from known.work import drain
 

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from kiriko.core import image_io
-from kiriko.core.errors import ImageError
+from kiriko.core.base.errors import ImageError
+from kiriko.core.files import image_io
 from kiriko.core.warp.channel_maps import description, maps_of
 from kiriko.core.warp.files import earlier_files, names_of, remove_earlier, write_maps
 from kiriko.core.warp.images import CHANNELS

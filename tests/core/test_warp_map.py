@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
 from kiriko.core.light.trace import trace
 from kiriko.core.map.pieces import Piece
 from kiriko.core.map.points import in_triangles

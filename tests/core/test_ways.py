@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.kinds import Kind
+from kiriko.core.base.steps import finish
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace
 from kiriko.core.light.ways import NOTHING, Tails, following
 from kiriko.core.native import loading
-from kiriko.core.rig import Blocker, Mirror
-from kiriko.core.settings import Settings
-from kiriko.core.steps import finish
+from kiriko.core.rig.kinds import Kind
+from kiriko.core.rig.rig import Blocker, Mirror
+from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.closed_forms import snell, unit
 from known.reference_rigs import ball_rig, box, rectangle, rig

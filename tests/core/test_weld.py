@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from kiriko.core.glass.meshes import components, find_edges, volume_of
 from kiriko.core.glass.solids import split_shells, turned_beside
 from kiriko.core.glass.weld import coincident, welded
-from kiriko.core.rig import Mesh
+from kiriko.core.rig.rig import Mesh
 from known.reference_rigs import bottle, box, icosphere, split_quads, uv_ellipsoid
 
 

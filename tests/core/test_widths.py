@@ -10,13 +10,13 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from kiriko.core.base.steps import finish
 from kiriko.core.light.landings import Reason
 from kiriko.core.map import widths
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
 from kiriko.core.map.widths import SAMPLES_AT_ONCE, WIDTHS
 from kiriko.core.native import loading
-from kiriko.core.steps import finish
 from known.rasterised import rasterise
 from known.reference_rigs import facetted_rig
 from known.work import solve

@@ -1,7 +1,7 @@
 import pytest
 
-from kiriko.core.numbers import millimetres, number
-from kiriko.core.words import percent, pixels, summary
+from kiriko.core.base.numbers import millimetres, number
+from kiriko.core.base.words import percent, pixels, summary
 
 
 @pytest.mark.parametrize(

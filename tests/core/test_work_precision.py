@@ -13,15 +13,15 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from kiriko.core.errors import RigError
+from kiriko.core.base.errors import RigError
 from kiriko.core.measure import charts, reference, work_precision
 from kiriko.core.measure.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
 from kiriko.core.measure.errors import quantisation
 from kiriko.core.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from kiriko.core.measure.rungs import WorkPrecision
 from kiriko.core.measure.work_precision import Ladders, _splats, measure
-from kiriko.core.rig import MirrorArray
-from kiriko.core.settings import LEAST_TOLERANCE, Settings
+from kiriko.core.rig.rig import MirrorArray
+from kiriko.core.rig.settings import LEAST_TOLERANCE, Settings
 from kiriko.core.solve.cost import cost
 from kiriko.core.solve.session import Session
 from known.reference_rigs import cube_rig

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kiriko.core.arrays import Bools, Floats, Ints
+from kiriko.core.base.arrays import Bools, Floats, Ints
+from kiriko.core.base.steps import finish
 from kiriko.core.light.hits import is_within
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.trace import Step, tracing
 from kiriko.core.native import loading
-from kiriko.core.steps import finish
 
 SAME = 1e-12  # of the rig's size: so close are ways that have been the same so far
 # of the rig's size: so close are two triangles on both sides of an edge that a ray meets

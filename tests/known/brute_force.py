@@ -3,8 +3,8 @@
 import numpy as np
 
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kiriko.core.rig import Mesh
+from kiriko.core.rig.rig import Mesh
 
 # radius and height, m, of a body that ends on its axis
 LATHE = 1e-3 * np.array([(0, -18), (11, -15), (19, -7), (21, 2), (15, 11), (8, 14), (0, 18)])

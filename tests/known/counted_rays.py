@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.light.native import bisecting
-from kiriko.core.rig import Viewer
+from kiriko.core.rig.rig import Viewer
 
 
 @contextmanager

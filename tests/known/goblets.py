@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kiriko.core.rig import ConstantIndex, Glass, Mesh
+from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
 
 # radius and height of its profile, mm: foot, stem and bowl outside, then the bowl inside
 OUTSIDE = [(0, 0), (34, 2), (30, 5), (5, 10), (4, 90), (25, 105), (36, 130), (38, 150), (32, 200)]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.mesh import Mesh
+from kiriko.core.rig.mesh import Mesh
 
 from .reference_rigs import mean_normals, split_quads
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.arrays import Floats
+from kiriko.core.base.arrays import Floats
 from kiriko.core.map.share_batches import Lot, divided, joined
 from kiriko.core.map.shares import Shares, index_type
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from kiriko.core.bench.placement import lattice
-from kiriko.core.rig import ConstantIndex, Display, Glass, Mesh, Picture, Plate, Rig, Viewer
+from kiriko.core.rig.rig import ConstantIndex, Display, Glass, Mesh, Picture, Plate, Rig, Viewer
 
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 QUAD_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])[QUAD]

@@ -11,8 +11,8 @@ from kiriko.core.light import ray_engine
 from kiriko.core.light.kept import Kept
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.planning import make_plan
-from kiriko.core.rig import Glass, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Glass, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.reach import out_of_sight
 
 from .reference_rigs import box, cube_rig, mean_normals, rig, uv_ellipsoid

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.rig import Mesh
+from kiriko.core.rig.rig import Mesh
 
 SAME = 1e-9  # m: corners of a shard that are nearer to each other are one
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kiriko.core.arrays import Bools, Floats, Ints
-from kiriko.core.rig import Mesh
+from kiriko.core.base.arrays import Bools, Floats, Ints
+from kiriko.core.rig.rig import Mesh
 
 from .closed_forms import snell, unit
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kiriko.core.settings import Settings
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 
 

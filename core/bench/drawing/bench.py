@@ -7,9 +7,9 @@ from string import ascii_uppercase
 
 import numpy as np
 
-from ...arrays import Floats
-from ...messages import Message
-from ...rig import WAVELENGTH, Rig, Viewer
+from ...base.arrays import Floats
+from ...base.messages import Message
+from ...rig.rig import WAVELENGTH, Rig, Viewer
 from .datum import Datum, Standing, find_datum, standing
 from .outlines import contour
 from .sheet import (

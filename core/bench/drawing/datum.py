@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Floats
-from ...messages import Message
-from ...rig import Rig, Role, Viewer
-from ...vectors import normalise
+from ...base.arrays import Floats
+from ...base.messages import Message
+from ...base.vectors import normalise
+from ...rig.rig import Rig, Role, Viewer
 from .outlines import Rectangle, rectangle
 
 UPRIGHT = 1e-6  # of 1: a viewer that looks nearer to straight up or down has no way forward

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
+from ...base.vectors import cross_2d, dot, length_of, normalise
 from ...glass.meshes import Edges, edge_corners, find_edges, geometric_normals
-from ...rig import Mesh
-from ...vectors import cross_2d, dot, length_of, normalise
+from ...rig.rig import Mesh
 
 CREASE = np.cos(np.radians(30))  # of the angle between two facets: beyond, their edge is drawn
 

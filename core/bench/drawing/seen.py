@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
+from ...base.messages import Message
 from ...image.flat_picture import view_of_picture
-from ...messages import Message
-from ...rig import Rig, Viewer
+from ...rig.rig import Rig, Viewer
 from ..lattice.drawn import Lattice
 from .datum import Standing, find_datum, standing
 from .sheet import MARGIN, PART, PICTURE, TEXT, THIN, Paper, Sheet, decimal

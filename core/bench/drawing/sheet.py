@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...arrays import Floats
-from ...drawn_words import in_xml
+from ...base.arrays import Floats
+from ...base.drawn_words import in_xml
 
 Paper = Literal["A4", "A3"]
 SIZES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}  # mm, lying

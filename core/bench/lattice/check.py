@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bools, Floats
-from ...errors import ImageError
-from ...messages import Message, joined
+from ...base.arrays import Bools, Floats
+from ...base.errors import ImageError
+from ...base.messages import Message, joined
 from .drawn import Lattice
 from .growth import (
     GROWTH,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bools, Floats, Ints
+from ...base.arrays import Bools, Floats, Ints
 from .windows import Marks, read_between
 
 

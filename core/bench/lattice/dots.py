@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bools, Floats, Ints
-from ...products import solve_symmetric
+from ...base.arrays import Bools, Floats, Ints
+from ...base.products import solve_symmetric
 from .windows import SEARCH, Marks
 
 

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
-from ...errors import ImageError
+from ...base.arrays import Floats
+from ...base.errors import ImageError
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import Floats
-from ...disk import read_bytes
-from ...errors import ImageError
-from ...messages import Message
+from ...base.arrays import Floats
+from ...base.errors import ImageError
+from ...base.messages import Message
+from ...files.disk import read_bytes
 from .check import missing_borders
 from .drawn import Lattice
 from .match import match

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 
 
 @dataclass(frozen=True)

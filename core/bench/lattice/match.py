@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats, Ints
-from ...errors import ImageError
+from ...base.arrays import Floats, Ints
+from ...base.errors import ImageError
 from .drawn import Lattice
 from .growth import GROWTH, largest
 

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...arrays import Floats
-from ...errors import ImageError
-from ...messages import Message
+from ...base.arrays import Floats
+from ...base.errors import ImageError
+from ...base.messages import Message
 from .crossings import RADII_PX, find_crossings
 from .dots import find_dots
 from .drawn import Style

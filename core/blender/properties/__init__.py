@@ -5,7 +5,7 @@ on the scene, what is shown on the window manager.
 import bpy
 from bpy.props import CollectionProperty, PointerProperty
 
-from ...messages import CONTEXT
+from ...base.messages import CONTEXT
 from .. import overridden
 from ..own_words import in_own_words
 from . import view

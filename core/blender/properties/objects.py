@@ -12,8 +12,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...catalogue import PLATES
-from ...rig import MOST_CROSSING_ERROR, ROLES
+from ...rig.catalogue import PLATES
+from ...rig.rig import MOST_CROSSING_ERROR, ROLES
 from ..plane import show
 from .light import KirikoDisplay, KirikoPicture
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from ...messages import CONTEXT
+from ...base.messages import CONTEXT
 from ..rigs import rigs
 
 IMAGES = (

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import Floats, Ints
+from ...base.arrays import Floats, Ints
+from ...base.steps import Pauses
 from ...native.loading import library, loaded, n_threads
 from ...native.structures import HalvingStructure, Made
-from ...steps import Pauses
-from ...viewer import Viewer
+from ...rig.viewer import Viewer
 from ..landings import Words
 from ..plan import Plan
 from ..rays import Rays, ReachedError

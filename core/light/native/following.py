@@ -4,8 +4,8 @@ import ctypes
 
 import numpy as np
 
+from ...base.steps import Pauses
 from ...native.loading import library, loaded, n_threads
-from ...steps import Pauses
 from ..plan import Plan
 from ..rays import Rays
 from .plan_structures import is_whole, left_out, made_of, making_whole

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Bools, Floats, Ints, taken
+from ...base.arrays import Bools, Floats, Ints, taken
+from ...base.steps import Pauses
 from ...native.loading import loaded
 from ...native.structures import NODE, Made, TreeStructure
-from ...steps import Pauses
 
 AT_ONCE = 1 << 17  # boxes that one call makes a tree over, in 0.06 s
 LINE = 64  # bytes that memory hands over together

@@ -5,7 +5,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...arrays import Ints
+from ...base.arrays import Ints
+from ...base.steps import Pauses, finish
 from ...glass.curved import CurvedFaces
 from ...glass.quartics import LOWER, TO_BEZIER
 from ...native.structures import (
@@ -13,7 +14,6 @@ from ...native.structures import (
     LayerStructure,
     Made,
 )
-from ...steps import Pauses, finish
 from ..layer_hits import count_starts
 from ..plan import PlannedLayer
 from ..ray_engine import Layer

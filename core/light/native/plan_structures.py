@@ -6,9 +6,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...arrays import Ints
+from ...base.arrays import Ints
+from ...base.messages import Message
+from ...base.steps import Pauses
 from ...glass.curved import CurvedFaces
-from ...messages import Message
 from ...native.loading import MOST_LAYERS, library
 from ...native.structures import (
     ArrayStructure,
@@ -16,7 +17,6 @@ from ...native.structures import (
     Made,
     PlanStructure,
 )
-from ...steps import Pauses
 from ..plan import Plan, PlannedLayer
 from ..plate import ArrayFrame
 from ..ray_engine import Layer

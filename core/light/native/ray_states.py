@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats, Ints
+from ...base.arrays import Floats, Ints
 from ...native.structures import Made, RayStateStructure
 from ..rays import Rays
 

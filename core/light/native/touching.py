@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...arrays import Bools, Floats, Ints
+from ...base.arrays import Bools, Floats, Ints
+from ...base.steps import Pauses
 from ...glass.meshes import Frames
 from ...native.loading import loaded, n_threads
 from ...native.structures import Made, PathsStructure, ThinPartsStructure
-from ...steps import Pauses
 from .trees import stack_frames
 
 MOST_BUNDLED = 32  # rays

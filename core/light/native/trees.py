@@ -8,15 +8,15 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats, taken
+from ...base.arrays import Floats, taken
+from ...base.products import combine
+from ...base.steps import Pauses, finish
+from ...base.vectors import length_of
 from ...glass.curved import CurvedFaces
 from ...glass.meshes import Frames, boxes_of
 from ...glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ...native.loading import loaded, n_threads
 from ...native.structures import HullStructure, Made
-from ...products import combine
-from ...steps import Pauses, finish
-from ...vectors import length_of
 from ..asked import Asked
 from ..engines import Found
 from ..ray_engine import Layer

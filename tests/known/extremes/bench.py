@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kiriko.core.rig import ConstantIndex, Glass, Mesh, Mirror, Rig
+from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.solve.solution import Solution
 
 from .. import closed_forms

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.errors import KirikoError
+from kiriko.core.base.errors import KirikoError
+from kiriko.core.base.steps import finish
 from kiriko.core.light.landings import Landings
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import Glass, Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import Glass, Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from kiriko.core.steps import finish
 
 from .. import closed_forms
 from ..reference_rigs import box, icosphere, rectangle, rig

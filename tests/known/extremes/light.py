@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kiriko.core.base.steps import finish
+from kiriko.core.base.vectors import dot
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import refract
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import tracing
-from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import Solution
-from kiriko.core.steps import finish
-from kiriko.core.vectors import dot
 
 from .. import closed_forms
 from ..reference_rigs import box, icosphere, rig, uv_ellipsoid

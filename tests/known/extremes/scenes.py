@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from kiriko.core.rig import Mesh, Rig
+from kiriko.core.rig.rig import Mesh, Rig
 
 from .. import closed_forms
 from ..registered import registered

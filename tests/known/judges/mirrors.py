@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 
 from kiriko.core.light.plate import ArrayFrame, PlatePath
-from kiriko.core.rig import MirrorArray
+from kiriko.core.rig.rig import MirrorArray
 
 from .light import PER_RIG
 from .verdicts import Cases, Verdict, far_from, gathered, named

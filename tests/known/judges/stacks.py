@@ -9,8 +9,8 @@ import numpy as np
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
-from kiriko.core.rig import ConstantIndex, Glass, Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
+from kiriko.core.rig.settings import Settings
 
 from .. import closed_forms
 from ..reference_rigs import box, rig

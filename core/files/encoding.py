@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Floats
-from .native import image_passes, loading
+from ..base.arrays import Floats
+from ..native import image_passes, loading
 
 VALUES_AT_ONCE = 1 << 17  # that stay in the processor's nearer memory from step to step
 ONE = 0x3F800000  # bits of the float32 number 1

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from math import isqrt
 from typing import Literal, get_args
 
-from .errors import RigError
-from .fingerprint import ADDED
+from ..base.errors import RigError
+from ..base.fingerprint import ADDED
 from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from .errors import RigError
+from ..base.errors import RigError
 
 MOST_CROSSING_ERROR = np.radians(10.0)
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from .messages import as_message
+from ..base.messages import as_message
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..base.arrays import Floats
+from ..base.errors import ImageError
+from ..base.free_memory import check_free
+from ..base.messages import Message
 from . import image_io, png
-from .arrays import Floats
 from .disk import read_bytes, scratch
 from .encoding import linear_from_srgb
-from .errors import ImageError
-from .free_memory import check_free
-from .messages import Message
 
 JPEG, TIFF, RIFF = b"\xff\xd8\xff", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), b"RIFF"
 GIF, GIF_END = b"GIF8", b";"

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from .errors import RigError
+from ..base.errors import RigError
 
 PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
 MOST = 1_048_574  # the last frame that Blender has

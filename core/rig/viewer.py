@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Floats
-from .errors import RigError
-from .fingerprint import ADDED
+from ..base.arrays import Floats
+from ..base.errors import RigError
+from ..base.fingerprint import ADDED
 from .roles import Part
 
 PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much

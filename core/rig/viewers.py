@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .errors import RigError
+from ..base.errors import RigError
 from .mesh import Mesh
 from .parts import Picture, Plate
 from .viewer import Viewer

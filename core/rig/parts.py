@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, is_dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Floats
-from .errors import MeshError, RigError
-from .fingerprint import ADDED
+from ..base.arrays import Floats
+from ..base.errors import MeshError, RigError
+from ..base.fingerprint import ADDED
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import Mesh
 from .mirror_array import MirrorArray

@@ -5,14 +5,14 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
-from .arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints
+from ..base.errors import RigError
+from ..base.fingerprint import fingerprint
+from ..base.messages import Message, as_message, quoted
 from .catalogue import PLATES
-from .errors import RigError
-from .fingerprint import fingerprint
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
-from .messages import Message, as_message, quoted
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
 from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
 from .roles import Part, Role

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .errors import ImageError
+from ..base.errors import ImageError
 
 PREFIX = ".kiriko-"  # of the names of temporary files and folders
 

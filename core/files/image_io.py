@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..base.errors import ImageError
+from ..base.messages import Message, joined
 from . import png
 from .disk import check_new, together
 from .encoding import encode as encode  # scripts ask for it here
 from .encoding import quantised
-from .errors import ImageError
-from .messages import Message, joined
 
 PROFILE_NAME = "ICCProfile:profile_description"
 # chromaticities: red, green, blue, white

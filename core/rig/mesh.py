@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from .arrays import Bools, Floats, Ints
-from .errors import MeshError
-from .fingerprint import fingerprint
+from ..base.arrays import Bools, Floats, Ints
+from ..base.errors import MeshError
+from ..base.fingerprint import fingerprint
 
 # radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
 SAME_NORMAL = 1e-5
@@ -89,7 +89,7 @@ class Mesh:
         points = self._used_vertices()
         points = points - points.mean(axis=0)
 
-        # without the threads of BLAS (core/products.py); the first
+        # without the threads of BLAS (core/base/products.py); the first
         # axis is the one along which they spread least
         _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", points, points))
         thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)

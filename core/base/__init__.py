@@ -1,0 +1,1 @@
+"""What every room stands on: arrays, vectors, messages, errors, steps of long work."""

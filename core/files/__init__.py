@@ -1,0 +1,1 @@
+"""Files: images, their encodings, and sets of files that are written as a whole."""
