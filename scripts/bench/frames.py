@@ -120,7 +120,7 @@ def main() -> None:
     kiriko = registered()
     part = {
         name: importlib.import_module(f"{kiriko.__name__}.core.{name}")
-        for name in ("blender.movie", "image_io")
+        for name in ("blender.movie", "files.image_io")
     }
     importlib.import_module(f"{kiriko.__name__}.operators.export").use_bundled_modules()
 
@@ -129,7 +129,10 @@ def main() -> None:
         for size in arguments.size:
             folder = Path(scratch) / size
             folder.mkdir()
-            rig(SIZES[size], clip(folder, SIZES[size], part["blender.movie"], part["image_io"]))
+            rig(
+                SIZES[size],
+                clip(folder, SIZES[size], part["blender.movie"], part["files.image_io"]),
+            )
             for form in arguments.form:
                 rows.append((size, form, measured(kiriko, folder, form)))
 

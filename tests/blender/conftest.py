@@ -99,8 +99,8 @@ def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
     of_blender = ("nested_glass", "plate", "preview", "scene")
     of_light = ("planning", "plate", "trace")
     for name in (
-        "rig",
-        "settings",
+        "rig.rig",
+        "rig.settings",
         *(f"blender.{n}" for n in of_blender),
         *(f"light.{n}" for n in of_light),
     ):

@@ -395,7 +395,7 @@ def test_open_shells_are_those_whose_own_edges_do_not_match(core: ModuleType) ->
     """
     cuts, meshes, solids, mesh_file = (
         importlib.import_module(f"{core.__name__}.{name}")
-        for name in ("blender.cuts", "glass.meshes", "glass.solids", "mesh")
+        for name in ("blender.cuts", "glass.meshes", "glass.solids", "rig.mesh")
     )
     closed = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     beside = np.array([[0, 1, 4], [1, 0, 5], [0, 4, 5], [4, 1, 5]])  # closed, on the same edge

@@ -84,7 +84,7 @@ def test_each_frame_comes_back_in_its_own_numbers(
     if name not in movie.available():
         pytest.skip("this Blender has no such encoder")
     scene.view_settings.exposure = 2.0
-    files = written(tmp_path, 5, core("image_io"))
+    files = written(tmp_path, 5, core("files.image_io"))
     before = [b.name for b in bpy.data.scenes]
     path = tmp_path / f"clip{movie.CODECS[name].suffix}"
     movie.encode(path, files, name, SIZE, scene)
@@ -112,7 +112,7 @@ def test_each_pixel_keeps_its_colour(
         pytest.skip("this Blender has no such encoder")
     light = np.zeros((*SIZE[::-1], 3), np.float32)
     light[:, ::2, 0] = light[:, 1::2, 2] = 0.5
-    frame = core("image_io").write(tmp_path / "frame", light, "PNG8")
+    frame = core("files.image_io").write(tmp_path / "frame", light, "PNG8")
     path = tmp_path / f"clip{movie.CODECS[name].suffix}"
     movie.encode(path, [frame], name, SIZE, scene)
     off = np.abs(decoded(path, core("blender.moving"), 1)[0] - np.where(light > 0, 188, 0))
@@ -124,7 +124,7 @@ def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
 ) -> None:
     """Frame by frame, lossless; Blender's own reader tells the rate."""
     scene.render.fps, scene.render.fps_base = 30, 1.001
-    files = written(tmp_path, 60, core("image_io"))
+    files = written(tmp_path, 60, core("files.image_io"))
     path = tmp_path / "clip.mkv"
     movie.encode(path, files, "FFV1", SIZE, scene)
     for k, frame in enumerate(decoded(path, core("blender.moving"), 60), 1):
@@ -151,7 +151,7 @@ def test_a_film_can_give_the_scene_its_rate_and_range(
     assert not bpy.ops.kiriko.use_film.poll()
     scene.render.fps, scene.render.fps_base = rate, base
     path = tmp_path / "film.mkv"
-    movie.encode(path, written(tmp_path, 5, core("image_io")), "FFV1", SIZE, scene)
+    movie.encode(path, written(tmp_path, 5, core("files.image_io")), "FFV1", SIZE, scene)
     scene.render.fps, scene.render.fps_base = 24, 1.0
     clips = len(bpy.data.movieclips)
     bpy.ops.kiriko.open_picture(filepath=str(path))
@@ -182,7 +182,7 @@ def test_signs_in_its_path_are_its_own(
     """Blender from 4.5 on reads braces as templates, of the frame rate or of nothing, and in any
     version # as digits of a frame.
     """
-    files = written(tmp_path, 2, core("image_io"))
+    files = written(tmp_path, 2, core("files.image_io"))
     place = tmp_path / "{a #"
     place.mkdir()
     movie.encode(place / name, files, "FFV1", SIZE, scene)
@@ -194,12 +194,12 @@ def test_a_card_comes_first(
     movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
     """With words over it; the frames come after it."""
-    files = written(tmp_path, 2, core("image_io"))
+    files = written(tmp_path, 2, core("files.image_io"))
     card = core("image.test_card").card(*SIZE)
-    file = core("image_io").write(tmp_path / "card", card, "PNG8")
+    file = core("files.image_io").write(tmp_path / "card", card, "PNG8")
     path = tmp_path / "clip.mkv"
     movie.encode(path, files, "FFV1", SIZE, scene, movie.Card(file, 3, ("Display", "256 x 192")))
-    plain, _ = core("image_io").read(file)
+    plain, _ = core("files.image_io").read(file)
     frames = decoded(path, core("blender.moving"), 5)
     for frame in frames[:3]:
         off = np.abs(frame - 255 * plain) > 1
@@ -223,14 +223,14 @@ def test_every_codec_has_the_card_and_then_the_frames(
     """
     if name not in movie.available():
         pytest.skip("this Blender has no such encoder")
-    files = written(tmp_path, 2, core("image_io"))
+    files = written(tmp_path, 2, core("files.image_io"))
     plain = core("image.test_card").card(*SIZE)
-    file = core("image_io").write(tmp_path / "card", plain, "PNG8")
+    file = core("files.image_io").write(tmp_path / "card", plain, "PNG8")
     path = tmp_path / f"clip{movie.CODECS[name].suffix}"
     movie.encode(path, files, name, SIZE, scene, movie.Card(file, 3, ("Display", "256 x 192")))
     assert movie.n_frames(path) == 5
     frames = decoded(path, core("blender.moving"), 5)
-    wanted = 255 * core("image_io").read(file)[0]
+    wanted = 255 * core("files.image_io").read(file)[0]
     for frame in frames[:3]:
         off = np.abs(frame - wanted)
         assert max(off[:48].mean(), off[144:].mean()) < (1 if ROUNDING[name] else 0.01)
@@ -246,7 +246,7 @@ def test_a_codec_that_cannot_be_is_refused_with_those_that_can(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One that this Blender lacks; odd sides; no encoder at all."""
-    errors = core("errors")
+    errors = core("base.errors")
     movie.check("FFV1", (641, 481))
     with pytest.raises(errors.ImageError, match=r"641 x 480 pixels.*even: choose.*FFV1.*\.$"):
         movie.check("H264", (641, 480))
@@ -281,7 +281,7 @@ def test_the_command_line_makes_a_movie_of_what_is_there_and_of_what_is_not(
     files = [out / f"f_{k:02}.png" for k in range(1, 5)]
     frames = decoded(out / "f.mkv", core("blender.moving"), 7)
     for file, frame in zip(files, frames[3:], strict=True):
-        pixels, _ = core("image_io").read(file)
+        pixels, _ = core("files.image_io").read(file)
         assert np.abs(frame - 255 * pixels).max() < 0.01
     assert run(*asked) == 1
     assert "f.mkv already" in capsys.readouterr().err
@@ -304,7 +304,7 @@ def test_a_movie_is_refused_where_its_frames_do_not_fit(
     assert run(*asked, "--format", "EXR_HALF") == 1
     assert "choose PNG or TIFF" in capsys.readouterr().err
     out.mkdir()
-    core("image_io").write(out / "source_0001", np.zeros((8, 8, 3)), "PNG8")
+    core("files.image_io").write(out / "source_0001", np.zeros((8, 8, 3)), "PNG8")
     assert run(*asked) == 1
     assert "has 8 x 8 pixels, the display 64 x 64" in capsys.readouterr().err
     assert not list(out.glob("*.mkv"))
@@ -324,9 +324,9 @@ def test_a_movie_of_png_files_needs_no_openimageio(
     assert bpy.ops.kiriko.solve_animation(frames="1-2") == {"FINISHED"}
 
     def opened(path: Path) -> None:
-        raise core("errors").ImageError("There is no OpenImageIO.")
+        raise core("base.errors").ImageError("There is no OpenImageIO.")
 
-    monkeypatch.setattr(core("image_io"), "_opened", opened)
+    monkeypatch.setattr(core("files.image_io"), "_opened", opened)
     scene.kiriko.movie_codec = "FFV1"
     assert bpy.ops.kiriko.export_movie(frames="1-2") == {"FINISHED"}
     assert movie.n_frames(tmp_path / "source.mkv") == 2
@@ -340,9 +340,9 @@ def test_a_disk_that_is_full_leaves_no_movie(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A movie that has not all its frames is no movie."""
-    files = written(tmp_path, 3, core("image_io"))
+    files = written(tmp_path, 3, core("files.image_io"))
     monkeypatch.setattr(movie, "n_frames", lambda path: 2)
-    with pytest.raises(core("errors").ImageError, match="has 2 frames in place of 3"):
+    with pytest.raises(core("base.errors").ImageError, match="has 2 frames in place of 3"):
         movie.encode(tmp_path / "clip.mkv", files, "FFV1", SIZE, scene)
 
 
@@ -360,12 +360,12 @@ def test_a_disk_that_fills_up_while_blender_encodes_is_told(
     if name not in movie.available():
         pytest.skip("this Blender has no such encoder")
     resource = pytest.importorskip("resource")
-    files = written(tmp_path, 3, core("image_io"))
+    files = written(tmp_path, 3, core("files.image_io"))
     scenes = len(bpy.data.scenes)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
     try:
-        with pytest.raises(core("errors").ImageError, match=r"movie '.*check the disk"):
+        with pytest.raises(core("base.errors").ImageError, match=r"movie '.*check the disk"):
             movie.encode(tmp_path / f"clip{movie.CODECS[name].suffix}", files, name, SIZE, scene)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

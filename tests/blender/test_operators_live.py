@@ -60,7 +60,8 @@ def plain(live: ModuleType) -> np.ndarray:
     """The source image of the scene as it is, by a session that has never solved anything."""
     work = live.work
     session, steps = (
-        importlib.import_module(f"{EXTENSION}.core.{name}") for name in ("solve.session", "steps")
+        importlib.import_module(f"{EXTENSION}.core.{name}")
+        for name in ("solve.session", "base.steps")
     )
     solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
     return steps.finish(solve).source
@@ -645,7 +646,7 @@ def test_a_picture_may_stay_without_numbers(
     else:
         errors, known = (
             importlib.import_module(f"{EXTENSION}.core.{name}")
-            for name in ("errors", "solve.known")
+            for name in ("base.errors", "solve.known")
         )
 
         def fail(*_: object) -> Iterator[float]:
