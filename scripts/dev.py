@@ -145,6 +145,13 @@ def marks(arguments: argparse.Namespace) -> None:
     run_with_tests("bench.marks", arguments.rest, BENCH)
 
 
+def ablation(arguments: argparse.Namespace) -> None:
+    """Measure the effect of each heuristic and option, switched off one at a time
+    (further options go to scripts/bench/ablation.py).
+    """
+    run_with_tests("bench.ablation", arguments.rest, **ONE_THREAD)
+
+
 def cycles(arguments: argparse.Namespace) -> None:
     """Measure landings beside Cycles on glass as artists bring it
     (further options go to scripts/bench/cycles.py).
@@ -375,6 +382,7 @@ def main() -> None:
         glasses,
         placement,
         marks,
+        ablation,
         cycles,
         farm,
         atlas,

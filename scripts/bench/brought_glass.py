@@ -82,18 +82,23 @@ def vase() -> bpy.types.Object:
     return thing
 
 
-def suzanne() -> bpy.types.Object:
+def suzanne(levels: int = 1) -> bpy.types.Object:
     """The monkey's head, subdivided once."""
     bpy.ops.mesh.primitive_monkey_add()
     thing = bpy.context.object
     smooth(thing.data)
-    add(thing, "SUBSURF", levels=1)
+    add(thing, "SUBSURF", levels=levels)
     return thing
 
 
-def displaced() -> bpy.types.Object:
+def ball(subdivisions: int = 6) -> bpy.types.Object:
+    """A ball 1 m across."""
+    return linked(smooth(mesh_of("icosphere", subdivisions=subdivisions, radius=0.5)), "Ball")
+
+
+def displaced(subdivisions: int = 5) -> bpy.types.Object:
     """A ball with clouds on it."""
-    thing = linked(smooth(mesh_of("icosphere", subdivisions=5, radius=0.5)), "Displaced")
+    thing = ball(subdivisions)
     texture = bpy.data.textures.new("Clouds", "CLOUDS")
     texture.noise_scale = 0.5
     add(thing, "DISPLACE", texture=texture, strength=0.1)
@@ -125,17 +130,17 @@ def remeshed_text() -> bpy.types.Object:
     return thing
 
 
-def ellipsoid() -> bpy.types.Object:
+def ellipsoid(subdivisions: int = 5) -> bpy.types.Object:
     """A ball whose axes differ."""
-    mesh = mesh_of("icosphere", subdivisions=5, radius=0.5)
+    mesh = mesh_of("icosphere", subdivisions=subdivisions, radius=0.5)
     mesh.transform(Matrix.Diagonal((1.0, 0.8, 0.6, 1.0)))
     return linked(smooth(mesh), "Ellipsoid")
 
 
-def bottle() -> bpy.types.Object:
+def bottle(levels: int = 2) -> bpy.types.Object:
     """A hollow body that is turned: its profile is that of the wall."""
     thing = turned(BOTTLE, 64)
-    add(thing, "SUBSURF", levels=2, quality=6)
+    add(thing, "SUBSURF", levels=levels, quality=6)
     return thing
 
 
@@ -179,9 +184,9 @@ def bauble() -> bpy.types.Object:
     return thing
 
 
-def nine_balls() -> bpy.types.Object:
+def nine_balls(subdivisions: int = 4) -> bpy.types.Object:
     """Balls side by side, by two Array modifiers."""
-    thing = linked(smooth(mesh_of("icosphere", subdivisions=4, radius=0.5)), "Balls")
+    thing = ball(subdivisions)
     for offset in ((1.1, 0.0, 0.0), (0.0, 0.0, 1.1)):
         add(thing, "ARRAY", count=3, relative_offset_displace=offset)
     return thing
@@ -210,7 +215,7 @@ def struts() -> bpy.types.Object:
 
 BEVEL = {"extrude": 0.12, "bevel_depth": 0.03, "bevel_resolution": 3}
 GLASSES: dict[str, Callable[[], bpy.types.Object]] = {
-    "ball": lambda: linked(smooth(mesh_of("icosphere", subdivisions=6, radius=0.5)), "Ball"),
+    "ball": ball,
     "cube": cube,
     "ellipsoid": ellipsoid,
     "bottle": bottle,
@@ -233,6 +238,19 @@ OTHERS: dict[str, Callable[[], bpy.types.Object]] = {
     "struts": struts,
     "text, spaced": lambda: text(**BEVEL, space_character=1.2),  # letters that do not overlap
     "wine glass, filled": wine_glass,
+}
+# the surface that was meant, much finer, where the mesh of a glass only stands for it
+MEANT: dict[str, Callable[[], bpy.types.Object]] = {
+    "ball": lambda: ball(8),
+    "ellipsoid": lambda: ellipsoid(8),
+    "bottle": lambda: bottle(4),
+    "wine glass": lambda: wine_glass(4),
+    "Suzanne": lambda: suzanne(4),
+    "text, bevelled": lambda: text(**BEVEL | {"bevel_resolution": 24}, resolution_u=96),
+    "displaced ball": lambda: displaced(8),
+    "scan": lambda: ball(8),
+    "large scan": lambda: ball(8),
+    "nine balls": lambda: nine_balls(6),
 }
 FILLINGS = {"wine glass, filled": (wine, 1.34)}  # and their indices
 INDICES = {"gem": 2.42}  # others are of 1.49
@@ -260,6 +278,21 @@ def made(name: str) -> Mesh:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     thing = (GLASSES | OTHERS)[name]()
     return evaluated(thing, place_of(name, thing))
+
+
+def meant(name: str) -> Mesh | None:
+    """The mesh of the surface that was meant, in the place of the glass; None where nobody knows.
+
+    A glass with flat faces alone is what was meant.
+    """
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    thing = GLASSES[name]()
+    place = place_of(name, thing)
+    if name in MEANT:
+        return evaluated(MEANT[name](), place)
+    drawn = evaluated(thing, place)
+    is_flat = drawn.is_smooth is None or not drawn.is_smooth.any()
+    return drawn if is_flat else None
 
 
 def filled(name: str, mesh: Mesh) -> tuple[Glass, ...]:
@@ -307,10 +340,16 @@ PARTS = (
 
 
 def main() -> None:
-    """Write glasses to a folder, as files that numpy reads: options FOLDER [NAME ...]."""
+    """Write glasses to a folder, as files that numpy reads: options FOLDER [--meant] [NAME ...].
+
+    With --meant the surfaces that were meant, as far as they are known.
+    """
     folder, *names = sys.argv[1:]
-    for name in names or GLASSES:
-        mesh = made(name)
+    is_meant = names[:1] == ["--meant"]
+    for name in names[is_meant:] or GLASSES:
+        mesh = meant(name) if is_meant else made(name)
+        if mesh is None:
+            continue
         np.savez(
             Path(folder, f"{name}.npz"),
             index=INDICES.get(name, 1.49),

@@ -40,11 +40,11 @@ from kiriko.core.rig.rig import Mesh, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from known.reference_rigs import glass_rig
+from known.reference_rigs import finer, glass_rig, zone_plate
 
 from . import mitsuba_splat
 from .mitsuba_splat import Floats, MitsubaSplat, image_from_sums
-from .side_by_side import SPP, Judge, finer, share_apart, zone_plate
+from .side_by_side import SPP, Judge, share_apart
 
 
 def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:

@@ -35,7 +35,7 @@ from kiriko.core.native import loading
 from kiriko.core.rig.rig import Picture, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from known.reference_rigs import ball_rig
+from known.reference_rigs import ball_rig, finer, zone_plate
 
 from . import mitsuba_splat
 from .mitsuba_splat import MitsubaSplat, image_from_sums
@@ -46,7 +46,6 @@ Painted = tuple[Floats, NDArray[np.bool_]]  # source image (H, W, 3), and where 
 LEVELS = 5  # 20 480 triangles
 PICTURE = 1024
 IOR = 1.49
-RINGS = 100  # of the picture: at its middle edges a ring is 6 viewer pixels wide
 SPP = 100
 LADDER = (1, 4, 16, SPP, 256)
 TOLERANCES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.001)
@@ -57,26 +56,11 @@ STEP_ASIDE = 1e-3  # m
 CHECKED = 100_000  # rays whose landings are compared
 
 
-def zone_plate(size: int = PICTURE) -> NDArray[np.float32]:
-    """A picture with fine detail (size, size, 4): rings in each colour that get finer outward."""
-    y, x = (np.mgrid[:size, :size] + 0.5) / size - 0.5
-    phase = np.pi * RINGS * (x * x + y * y)
-    colours = [0.5 + 0.5 * np.cos(phase + shift) for shift in (0, 2, 4)]
-    return np.stack([*colours, np.ones_like(x)], axis=2).astype(np.float32)
-
-
 def as_drawn(rig: Rig) -> Rig:
     """The rig with the triangles as they are and normals interpolated, as Mitsuba has them."""
     return replace(
         rig, glasses=tuple(replace(g, mesh=replace(g.mesh, surface="facets")) for g in rig.glasses)
     )
-
-
-def finer(rig: Rig, times: float) -> Rig:
-    """The rig seen in more viewer pixels."""
-    viewer = rig.viewer
-    width, height = round(times * viewer.width), round(times * viewer.height)
-    return replace(rig, viewers=(replace(viewer, width=width, height=height),))
 
 
 # Errors
@@ -343,7 +327,7 @@ def draw(path: Path, curves: dict[str, Sequence[Rung]]) -> None:
 
 def compare(rounds: int, judge_spp: int, embreex_spp: int) -> dict[str, Sequence[Rung]]:
     """Measure all, print the tables, and return the curves."""
-    rig = ball_rig(LEVELS, ior=IOR, image=zone_plate())
+    rig = ball_rig(LEVELS, ior=IOR, image=zone_plate(PICTURE))
     drawn = as_drawn(rig)
     describe(rig)
     print("\nLandings of Mitsuba against core.light.trace on the same rays:")

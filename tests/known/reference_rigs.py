@@ -291,6 +291,21 @@ def lattice_image(size=512):
     return np.concatenate([lattice(size), np.ones((size, size, 1), np.float32)], axis=2)
 
 
+def zone_plate(size=1024, rings=100):
+    """A picture with fine detail (size, size, 4): rings in each colour that get finer outward."""
+    y, x = (np.mgrid[:size, :size] + 0.5) / size - 0.5
+    phase = np.pi * rings * (x * x + y * y)
+    colours = [0.5 + 0.5 * np.cos(phase + shift) for shift in (0, 2, 4)]
+    return np.stack([*colours, np.ones_like(x)], axis=2).astype(np.float32)
+
+
+def finer(rig, times):
+    """The rig seen in more viewer pixels, so many times as many each way."""
+    viewer = rig.viewer
+    width, height = round(times * viewer.width), round(times * viewer.height)
+    return replace(rig, viewers=(replace(viewer, width=width, height=height),))
+
+
 def rig(
     glass,
     *,

@@ -1,0 +1,570 @@
+"""The heuristics and options of the solver, each with a neutral value, for `dev.py ablation`."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+CORE = "kiriko.core"
+ROOMS = "kernel", "glass", "light", "map", "image", "solve"
+NEVER = 1 << 40  # a count that no solve reaches
+INF = float("inf")
+
+
+@dataclass(frozen=True)
+class Change:
+    """A neutral object in the place of another.
+
+    target : dotted path below kiriko.core of a module's attribute, or of one of its classes'
+    make : the neutral object, given the one that is there
+    """
+
+    target: str
+    make: Callable[[Any], Any]
+
+    def found(self) -> tuple[Any, str, Any]:
+        """The module or class that holds the target, its name there, and the target itself.
+
+        Raises
+        ------
+        AttributeError, ModuleNotFoundError : the target no longer exists
+        """
+        room, module, *path, name = self.target.split(".")
+        holder = importlib.import_module(f"{CORE}.{room}.{module}")
+        for part in path:
+            holder = getattr(holder, part)
+        return holder, name, getattr(holder, name)
+
+    def apply(self) -> list[tuple[Any, str, Any]]:
+        """Put the neutral object wherever the other is bound; what was there before."""
+        holder, name, old = self.found()
+        new = self.make(old)
+        before = []
+        for module in {id(one): one for one in (holder, *_modules())}.values():
+            for here, value in list(vars(module).items()):
+                # equal numbers may be one object: those count under their own name only
+                if value is old and (here == name or not isinstance(old, int | float | tuple)):
+                    before.append((module, here, old))
+                    setattr(module, here, new)
+        return before
+
+
+@dataclass(frozen=True)
+class Row:
+    """A heuristic or an option.
+
+    name : what is switched off
+    changes : that switch it off
+    why : why this is the neutral value
+    protects : rows of other benches that depend on it; it stays whatever is gained here
+    by_numpy : the kernel has its own copy, so that numpy is measured instead
+    """
+
+    name: str
+    changes: tuple[Change, ...]
+    why: str
+    protects: str = ""
+    by_numpy: bool = False
+
+    @property
+    def room(self) -> str:
+        return self.changes[0].target.split(".")[0]
+
+    @property
+    def is_fit(self) -> bool:
+        """Does it only count where surfaces are fitted to meshes?"""
+        _, module = self.changes[0].target.split(".")[:2]
+        return self.room == "glass" and module not in ("curved_hull", "curved_roots")
+
+    @contextmanager
+    def off(self) -> Iterator[None]:
+        """The solver without it."""
+        import_all()
+        before: list[tuple[Any, str, Any]] = []
+        try:
+            for change in self.changes:
+                before += change.apply()
+            yield
+        finally:
+            for holder, name, old in reversed(before):
+                setattr(holder, name, old)
+
+
+def import_all() -> None:
+    """Import all modules of the solver, so that each holds what it imports from the others."""
+    for room in ROOMS:
+        package = importlib.import_module(f"{CORE}.{room}")
+        for found in pkgutil.iter_modules(package.__path__):
+            importlib.import_module(f"{CORE}.{room}.{found.name}")
+
+
+def _modules() -> list[ModuleType]:
+    """The modules of core that are imported."""
+    return [module for name, module in list(sys.modules.items()) if name.startswith(CORE)]
+
+
+def options(target: str, **values: object) -> Change:
+    """Other values of fields of a frozen record."""
+    return Change(target, lambda old: replace(old, **values))
+
+
+def instead(target: str, new: object) -> Change:
+    """Another constant, function or class."""
+    return Change(target, lambda old: new)
+
+
+# Neutral functions
+
+
+def _giving(value: object) -> Callable[..., Generator[int, None, Any]]:
+    """Work that takes no time and returns a value."""
+
+    def work(*arguments: object, **named: object) -> Generator[int, None, Any]:
+        return value
+        yield
+
+    return work
+
+
+class _Silent:
+    """Takes every call, and does nothing."""
+
+    def __init__(self, *arguments: object, **named: object) -> None:
+        pass
+
+    def expect(self, *arguments: object) -> Generator[int, None, None]:
+        return
+        yield
+
+    def take_up(self, *arguments: object) -> None:
+        pass
+
+    end = take_up
+
+
+def _untouched(self: object, places: np.ndarray, met: np.ndarray, rays: np.ndarray) -> Generator:
+    """No bundle of rays passes by anything."""
+    return np.zeros(len(rays), bool)
+    yield
+
+
+def _all_touch(solids: object, surfaces: list, is_closed: object, slack: float) -> np.ndarray:
+    """Any two parts may touch."""
+    return np.ones((len(surfaces), len(surfaces)), bool)
+
+
+def _as_given(v: Any, wanted: object, exact: np.ndarray) -> Generator[int, None, np.ndarray]:
+    """The normals that were given, but for those that are known."""
+    return np.where(np.isnan(exact), v.normal, exact)
+    yield
+
+
+def _no_bevels(v: Any, normal: object, wanted: object) -> np.ndarray:
+    """No edge turns as a bevel does."""
+    return np.zeros(len(v.start), bool)
+
+
+def _no_lines(old: Callable) -> Callable:
+    """Lines that tell nothing: no vertex lies on one."""
+
+    def look(v: Any, size: np.ndarray) -> Generator[int, None, Any]:
+        from kiriko.core.glass.grid_lines import Lines
+
+        nowhere = np.full(len(v.at), np.inf)
+        return Lines(nowhere, nowhere, np.zeros(len(v.at)))
+        yield
+
+    return look
+
+
+def _all_sides(old: Callable) -> Callable:
+    """Sides of cells as if no border were known."""
+
+    def find(points: Any, cells: Any, known: Any) -> Generator[int, None, Any]:
+        return (yield from old(points, cells, type(known).none()))
+
+    return find
+
+
+def _not_coarse(old: Callable) -> Generator[int, None, Any]:
+    from kiriko.core.solve.coarse_parts import Coarse
+
+    return _giving(Coarse())
+
+
+def _no_tessellation(old: Callable) -> Callable:
+    from kiriko.core.solve.tessellation import Tessellation
+
+    return _giving(Tessellation())
+
+
+def _option_rows(
+    target: str, word: str, protects: str = "", by_numpy: bool = False, **neutral: tuple[Any, str]
+) -> list[Row]:
+    """A row for each of some fields of a record, with the neutral value and why it is that."""
+    return [
+        Row(f"{word}: {name}", (options(target, **{name: value}),), why, protects, by_numpy)
+        for name, (value, why) in neutral.items()
+    ]
+
+
+# The tail that layout.md names
+
+TAIL = [
+    Row(
+        "Known limit of Subdivision",
+        (instead("glass.known.MOST_TRIANGLES", -1),),
+        "no mesh is small enough to be looked at",
+        "meant: wine glass, bottle and rings by one level",
+    ),
+    Row(
+        "Known splines",
+        (instead("glass.known.looking_for_splines", _giving(None)),),
+        "no grid is taken for splines",
+        "meant: wine glass by one level",
+    ),
+    Row(
+        "Known limit around poles",
+        (instead("glass.known.looking_for_subdivided", _giving(None)),),
+        "no quads around poles are taken for subdivided ones",
+        "meant: bodies that end on their axis",
+    ),
+    Row(
+        "Faces trusted in part",
+        (options("glass.partly.PART", irregular=INF),),
+        "no face is irregular, so that each is curved or drawn",
+        "irregular: noisy, decimated and scanned meshes",
+    ),
+    Row(
+        "Coarse parts reported",
+        (Change("solve.tessellation.looking_for_coarse", _not_coarse),),
+        "no part is reported as coarse; no image changes",
+    ),
+    Row(
+        "Undecided light reported",
+        (instead("solve.tessellation.undecided", lambda *arguments: 0.0),),
+        "no light is reported as undecided; no image changes",
+    ),
+    Row(
+        "Error of the mesh reported",
+        (Change("solve.accuracy.tessellation", _no_tessellation),),
+        "the error that the mesh leaves open is not measured; no image changes",
+    ),
+    Row(
+        "Lines of the mesh",
+        (Change("glass.trust.look_along_lines", _no_lines),),
+        "no vertex lies on a smooth line: only jumps of normals decide",
+        "irregular: coarse ellipsoids and tori",
+    ),
+    *_option_rows(
+        "glass.agreement.AGREEMENT",
+        "Automatic",
+        protects="irregular: coarse and noisy meshes",
+        trusted=(1e-9, "no jump of normals is small enough"),
+        scattered=(1e-9, "vertices of coarse faces are off any line"),
+        coarse=(0.0, "no face counts as coarse by its turn"),
+        far=(INF, "no face turns far enough to be coarse by this alone"),
+        by_lines=(0.0, "coarse lines make no larger jump trusted"),
+        fine=(0.0, "no face is fine enough for larger jumps"),
+        smooth=(1e-9, "vertices of fine faces are off any line"),
+        on_smooth=(0.2, "as much as is trusted elsewhere"),
+        most_turn=(INF, "a shell of splines may turn as far as it likes"),
+    ),
+    Row(
+        "Automatic: whole shells of splines",
+        (options("glass.agreement.AGREEMENT", off_splines=0.0, rounding=0.0),),
+        "no vertex lies exactly on splines",
+        "meant: wine glass, bottle by two levels",
+    ),
+    Row(
+        "Faint light takes more samples",
+        (options("map.faint.FAINT", times=()),),
+        "no cell takes further samples",
+    ),
+    Row(
+        "Samples spread by density",
+        (options("map.widths.WIDTHS", together=NEVER),),
+        "no part of the display has enough samples: each lights its pixel alone",
+    ),
+    Row(
+        "Samples spread: limit by mixing",
+        (options("map.widths.WIDTHS", mixed=-1.0),),
+        "no light is unmixed, so that density alone decides",
+    ),
+    Row(
+        "Thinning of far triangles",
+        (options("map.thinning.THINNING", per_pixel=NEVER),),
+        "there are never too many shares",
+    ),
+    Row(
+        "Allowance of rays",
+        (options("map.allowance.ALLOWANCE", times_effort=NEVER, apart=0),),
+        "each pixel may take as many rays as it asks for",
+        "extremes: the bound on rays of a pixel",
+    ),
+    Row(
+        "Forecast while pixels are cut",
+        (instead("map.borders.CutAhead", _Silent),),
+        "nothing is forecast; no image changes",
+    ),
+    Row(
+        "Borders known from before",
+        (Change("map.cut_cells.find_sides", _all_sides),),
+        "each border is looked for again by each cell",
+    ),
+    Row(
+        "Things that rays pass by",
+        (instead("light.thin_parts.ThinParts.touch", _untouched),),
+        "no bundle of rays passes by anything",
+        "extremes: thin parts; judge: rays at edges",
+    ),
+    Row(
+        "Solids that touch",
+        (instead("light.planning.find_touching", _all_touch),),
+        "any two solids may touch",
+        "extremes: touching solids",
+    ),
+    Row(
+        "Newton's method for single rays",
+        (instead("glass.curved_roots.FEW_ALONE", 0),),
+        "numpy works on all rays together",
+        by_numpy=True,
+    ),
+    *_option_rows(
+        "light.rescue.RESCUE",
+        "Missed hits",
+        protects="judge: rays at vertices and edges",
+        by_numpy=True,
+        beside=(1, "one ray beside a lost one instead of six"),
+        wider=(0.0, "no slack for rays along a face"),
+    ),
+]
+
+# Cutting, sampling and painting
+
+MAP = [
+    Row(
+        "Cutting: quarters of pixels",
+        (options("map.doubts.CUT", quarterings=0),),
+        "no pixel is quartered",
+    ),
+    Row(
+        "Cutting: second quarters",
+        (options("map.doubts.CUT", quarterings=1),),
+        "no quarter is quartered again",
+    ),
+    *_option_rows(
+        "map.doubts.CUT",
+        "Cutting",
+        least_error_px=(0.0, "quarters are worth their rays only if they reach the tolerance"),
+        of_effort=(NEVER, "Effort does not change which error is worth rays"),
+        new_share=(INF, "no square is sampled because its middles are on new branches"),
+        n_doubtful=(NEVER, "no number of doubtful pixels makes a square chaotic"),
+        gap_share=(1.0, "no part that pieces leave out is large enough to be looked into"),
+        many_branches=(6, "five places cannot be on six branches"),
+        apart_px=(INF, "samples never leave gaps"),
+        least_along=(0, "Effort alone tells how dense samples are"),
+    ),
+    Row(
+        "Cutting: cut instead of sampling where samples leave gaps",
+        (options("map.doubts.CUT", apart_px=-1.0),),
+        "samples always leave gaps, so that all pixels are cut",
+    ),
+    Row(
+        "Strips before the dark",
+        (instead("map.strips.MOST_STRIPS", 0),),
+        "no strip is looked for",
+    ),
+    Row(
+        "Bisection: least digits",
+        (options("map.bisection.BISECTION", least_digits=0),),
+        "the tolerance alone tells how exactly a border is found",
+    ),
+    Row(
+        "Bisection: by tolerance",
+        (options("map.bisection.BISECTION", of_tolerance=INF),),
+        "the least number of digits alone tells how exactly a border is found",
+    ),
+    *_option_rows(
+        "map.subdivision.SUBDIVISION",
+        "Quads of smooth cells",
+        of_tolerance=(0.5, "cells and quads share the tolerance evenly"),
+        cheap_error_px=(INF, "quads keep the tolerance, and no more"),
+        n_places=(1, "one colour for a display pixel that is larger than a viewer pixel"),
+        n_places_few=(1.0, "one colour for a smaller display pixel"),
+        one_place_tolerance_px=(0.0, "one place on curved glass at any tolerance"),
+        most_parts=(1 << 20, "no bound on the quads of a cell"),
+    ),
+    Row(
+        "Squares: first size",
+        (options("map.sampling.REFINEMENT", n_across=4),),
+        "four squares across the view to begin with, a sixteenth of the number",
+        "extremes: small glass",
+    ),
+    Row(
+        "Squares: dark ones whose rays are lost differently",
+        (options("map.sampling.REFINEMENT", dark_side_px=NEVER),),
+        "a dark square is left alone, whatever its rays met",
+    ),
+    *_option_rows(
+        "map.squares.BESIDE",
+        "Beside the display",
+        margin_steps=(0.0, "light between nodes reaches no further than the nodes"),
+        lost_displays=(0.0, "light that is lost was beside the display"),
+    ),
+    Row(
+        "Check of the map",
+        (options("map.measured_error.CHECK", n_places=0),),
+        "the error of the map is not measured; no image changes",
+    ),
+]
+GLASS = [
+    Row(
+        "Normals found from vertices",
+        (instead("glass.surface_fit.finding_normals", _as_given),),
+        "means of the faces around are taken for normals",
+        "surface: orders of convergence",
+    ),
+    *_option_rows(
+        "glass.vertex_normals.NORMALS",
+        "Normals",
+        protects="irregular: uneven, decimated and bevelled meshes",
+        sweeps=(2, "one pair of sweeps"),
+        restless=(INF, "normals count as settled after the last sweep"),
+        moved=(INF, "no found normal has to prove itself"),
+        most_moved=(INF, "none is refused for its distance from the mean"),
+        straight=(INF, "chords contradict no normal"),
+        firm=(INF, "chords contradict no normal of stiffer fields"),
+        gentle=(0.0, "none is looked for again by stiffer fields"),
+    ),
+    Row(
+        "Normals of bevels",
+        (instead("glass.surface_fit.contradicted", _no_bevels),),
+        "no edge turns as a bevel does",
+        "irregular: bevelled meshes",
+    ),
+    *_option_rows(
+        "glass.fitted_faces.FACE",
+        "Fitted faces",
+        protects="irregular: decimated and bevelled meshes",
+        steps=(1, "one step of the fixed point"),
+        least_cosine=(-1.0, "a face may turn away from its facet"),
+        swollen=(INF, "no face is swollen"),
+        untold=(INF, "no face stands out"),
+    ),
+    *_option_rows(
+        "glass.surface_fit.FIT",
+        "Fit",
+        protects="irregular: voxels",
+        least_cosine=(0.0, "normals contradict a facet only behind it"),
+        coplanar=(0.0, "no facets are one flat face"),
+    ),
+    *_option_rows(
+        "glass.grid_lines.LINES",
+        "Lines",
+        protects="irregular: coarse meshes",
+        ends=(1, "one smooth line at a vertex is enough"),
+        spokes=(NEVER, "no vertex is a pole"),
+        straight=(0.0, "no line is straight"),
+    ),
+    *_option_rows(
+        "glass.partly.PART",
+        "In part",
+        protects="irregular: noisy and scanned meshes",
+        least=(0.0, "any weight counts"),
+        chance=(0.0, "no vertex is worth it by chance"),
+    ),
+    Row(
+        "Large meshes judged by a sample",
+        (options("glass.surfaces.SAMPLE", large=NEVER),),
+        "no mesh is large",
+    ),
+    Row(
+        "Least turn of a curved face",
+        (instead("glass.surfaces.LEAST_TURN", 0.0),),
+        "any turn is worth a curved face",
+    ),
+    *_option_rows(
+        "glass.curved_hull.HULL",
+        "Hull",
+        angle=(INF, "no turn divides a face"),
+        uneven=(0.0, "only turns across count"),
+        halvings_at_edges=(0, "faces at straight edges are divided as others are"),
+    ),
+    *_option_rows(
+        "glass.curved_roots.ROOTS",
+        "Roots",
+        protects="tests/core/test_curved.py: silhouettes",
+        by_numpy=True,
+        patience=(12, "no ray is given up early"),
+        walks=(2, "a root wanders over two faces"),
+        corner_turns=(0, "no face around a corner is searched"),
+        few_starts=(4, "all starts for each ray"),
+    ),
+]
+
+IMAGE = [
+    *_option_rows(
+        "image.reads.READS",
+        "Reads",
+        side=(INF, "no footprint is longer than one that two places read"),
+        apart=(1e-9, "places come apart at once"),
+        point_side=(1e9, "each footprint is a point"),
+        most_reads=(4, "four reads along a side at most"),
+    ),
+    Row(
+        "Glare: rays",
+        (instead("image.glare.N_RAYS_A_SIDE", 8),),
+        "a sixty-fourth of the rays; no image changes",
+    ),
+]
+
+SOLVE = [
+    Row(
+        "Leaks: rays",
+        (instead("solve.accuracy.LEAK_SAMPLES", 12),),
+        "a sixty-fourth of the rays; no image changes",
+    ),
+    Row(
+        "Contradicted normals: rays",
+        (instead("solve.accuracy.ODD_SAMPLES", 6),),
+        "a sixty-fourth of the rays; no image changes",
+    ),
+    Row(
+        "Error of the mesh: rays",
+        (instead("solve.tessellation.SAMPLES", 4),),
+        "a sixty-fourth of the rays; no image changes",
+    ),
+    Row(
+        "Shares kept for the next picture",
+        (instead("solve.painting.MOST_PLACED", 0),),
+        "none are kept; no image changes",
+    ),
+]
+
+ROWS = [*TAIL, *MAP, *GLASS, *IMAGE, *SOLVE]
+
+# Records that no solve of these glasses depends on, and the bench that measures them instead
+ELSEWHERE = {
+    "bench": "`dev.py placement` (Add Rig) and `dev.py misalignment` (photographs)",
+    "image.seen_image.DotKnobs": "`dev.py paper`: the lattice as seen",
+    "image.tone.Tone": "the user's choice",
+    "image.reads.COARSE_SIDE": "only at a tolerance of 0.2 px and more",
+    "map.pieces.SWING": "only with Brightness",
+    "solve.accuracy.MANY_EVENTS": "only with more than 64 events",
+    "map.ray_guess.RayGuess": "progress only; it goes",
+    "map.share_guess.ShareGuess": "progress only; it goes",
+    "solve.coarse.Coarse": "`dev.py live`: the first picture",
+    "solve.memory.Bytes": "`dev.py bench`: memory told beforehand",
+    "solve.memory.Numbers": "`dev.py bench`: memory told beforehand",
+    "solve.pace.Pace": "progress only; it goes",
+    "solve.progress.Stages": "progress only; it goes",
+}
