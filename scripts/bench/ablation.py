@@ -277,7 +277,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--only", nargs="+", default=[""], metavar="NAME", help="rows with this in their names"
+        "--only", nargs="+", default=[""], metavar="NAME", help="rooms and rows with this in a name"
     )
     parser.add_argument("--glass", nargs="+", metavar="NAME", help="only these glasses")
     parser.add_argument("--rounds", type=int, default=1, help="solves of each; the fastest counts")
@@ -292,7 +292,7 @@ def main() -> None:
         rows = [
             row
             for row in ROWS
-            if any(word.lower() in row.name.lower() for word in arguments.only)
+            if any(word.lower() in f"{row.room}: {row.name}".lower() for word in arguments.only)
             and (arguments.numpy or not row.by_numpy)
         ]
         if arguments.here:

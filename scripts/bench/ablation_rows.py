@@ -25,10 +25,12 @@ class Change:
 
     target : dotted path below kiriko.core of a module's attribute, or of one of its classes'
     make : the neutral object, given the one that is there
+    fields : of a record that get other values
     """
 
     target: str
     make: Callable[[Any], Any]
+    fields: tuple[str, ...] = ()
 
     def found(self) -> tuple[Any, str, Any]:
         """The module or class that holds the target, its name there, and the target itself.
@@ -113,7 +115,7 @@ def _modules() -> list[ModuleType]:
 
 def options(target: str, **values: object) -> Change:
     """Other values of fields of a frozen record."""
-    return Change(target, lambda old: replace(old, **values))
+    return Change(target, lambda old: replace(old, **values), tuple(values))
 
 
 def instead(target: str, new: object) -> Change:

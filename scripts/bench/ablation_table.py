@@ -54,7 +54,9 @@ def table(rows: Sequence[Row], results: dict[str, dict[str, list]], machine: str
         text += [line_of(row, results.get(row.name, {})) for row in rows if row.room == room]
         text.append("")
     text.append("## Options without a row\n")
-    text.append("Batch sizes, rounding and numbers of other benches.\n")
+    text.append(
+        "Batch sizes, rounding, scales without a neutral value, and other benches' options.\n"
+    )
     text += list(_without_row(rows))
     return "\n".join(text) + "\n"
 
@@ -124,24 +126,27 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
 
 
 def _without_row(rows: Sequence[Row]) -> Iterator[str]:
-    """The option records of the measured rooms, with the fields that no row changes."""
-    changed = {change.target for row in rows for change in row.changes}
-    words = {word for row in rows for word in row.name.replace(":", " ").split()}
+    """The options of records that no row changes, by record; those of `bench` in one line."""
+    changed = {
+        (change.target, name) for row in rows for change in row.changes for name in change.fields
+    }
     yield "| record | options | measured by |\n|---|---|---|"
+    n_bench = []
     for room in (*ROOMS[1:], "bench"):
         for path in sorted((ROOT / "core" / room).rglob("*.py")):
             module = ".".join(path.relative_to(ROOT / "core").with_suffix("").parts)
             for record, constant, fields in records_of(path):
-                left = fields
-                if f"{module}.{constant}" in changed:
-                    left = [name for name in fields if name not in words]
-                if left:
-                    judge = ELSEWHERE.get(f"{module}.{record}") or ELSEWHERE.get(room, "")
+                left = [name for name in fields if (f"{module}.{constant}", name) not in changed]
+                if room == "bench":
+                    n_bench.append(len(left))
+                elif left:
+                    judge = ELSEWHERE.get(f"{module}.{record}", "")
                     yield f"| `{module}.{record}` | {', '.join(left)} | {judge} |"
+    yield f"| {len(n_bench)} records of `bench` | {sum(n_bench)} options | {ELSEWHERE['bench']} |"
 
 
 def records_of(path: Path) -> Iterator[tuple[str, str, list[str]]]:
-    """Option records of a file: class, constant and fields with a number for their default."""
+    """Option records of a file: class, constant, and fields that have a default."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     constants = {
         node.value.func.id: node.targets[0].id
@@ -156,6 +161,6 @@ def records_of(path: Path) -> Iterator[tuple[str, str, list[str]]]:
             fields = [
                 one.target.id
                 for one in node.body
-                if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name)
+                if isinstance(one, ast.AnnAssign) and one.value and isinstance(one.target, ast.Name)
             ]
             yield node.name, constants[node.name], fields
