@@ -7,6 +7,9 @@ each solve a session of its own. The solver as it is runs before and after every
 both sides of a ratio are from one run. Results are added to `docs/ablation.json` one by one;
 `docs/ablation.md` is made of them.
 
+With `--off NAME --run BENCH ...` another bench runs without one row, `--off "Faces trusted in part"
+--run irregular` for instance: that tells whether a row that it protects needs it.
+
 `error` is the RMSE of the source image over the display pixels that are seen by half or more, `as
 seen` the RMSE with each pixel weighted by its light. The reference has four times the viewer
 pixels, a fifth of the tolerance and four times the Effort. `meant` is the same error against a
@@ -19,6 +22,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import runpy
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -54,11 +58,11 @@ TABLE = ROOT / "docs" / "ablation.md"
 TIMES_FINER = 2  # viewer pixels of a reference, each way
 TOLERANCE = 0.02  # display px, of a reference
 EFFORT = 64  # of a reference, for each of its viewer pixels
-EVERY = 4  # rows between two solves without a change
+EVERY = 6  # rows between two solves without a change
 
-# A measurement: error, as seen, error against the surface meant (None where it is not known),
-# rays, CPU seconds
-Numbers = tuple[float, float, float | None, int, float]
+# A measurement: error, as seen, rays, CPU seconds; error and as seen against the surface meant
+# (None where it is not known)
+Numbers = tuple[float, float, int, float, float | None, float | None]
 
 
 class Measured(NamedTuple):
@@ -183,8 +187,8 @@ class Glass:
         """The numbers of a measurement, as far as a row needs them."""
         error, seen = self.as_drawn.errors(found.source)
         is_meant = row.is_fit and self.as_meant is not None
-        meant = self.as_meant.errors(found.source)[0] if is_meant else None
-        return error, seen, meant, found.n_rays, found.seconds
+        meant = self.as_meant.errors(found.source) if is_meant else (None, None)
+        return error, seen, found.n_rays, found.seconds, *meant
 
 
 def measure_glass(name: str, rows: Sequence[Row], rounds: int) -> None:
@@ -227,7 +231,7 @@ def _fits_alike(glass: Glass, row: Row, rounds: int) -> bool:
     save(
         row.name,
         glass.name,
-        *((error, seen, None, one.n_rays, one.seconds) for one in (same, base)),
+        *((error, seen, one.n_rays, one.seconds, None, None) for one in (same, base)),
     )
     return True
 
@@ -272,6 +276,19 @@ def write_table() -> None:
     TABLE.write_text(table(ROWS, load(), machine()), encoding="utf-8")
 
 
+def run_without(arguments: argparse.Namespace) -> None:
+    """Run another bench without a row, in Blender; ends with its exit code."""
+    row = next((row for row in ROWS if row.name == arguments.off), None)
+    if row is None:
+        sys.exit(f"No row is named '{arguments.off}': docs/ablation.md lists them.")
+    if not arguments.here:
+        options = ("--here", "--off", arguments.off, "--run", *arguments.run)
+        sys.exit(run_in_newest_blender("bench.ablation", *options))
+    bench, *sys.argv[1:] = arguments.run
+    with row.off():
+        runpy.run_module(f"bench.{bench}", run_name="__main__")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -285,7 +302,14 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="make the table alone")
     parser.add_argument("--numpy", action="store_true", help="rows of the path without kernel, too")
     parser.add_argument("--here", action="store_true", help="measure the first glass here")
+    parser.add_argument("--off", metavar="NAME", help="the row without which another bench runs")
+    parser.add_argument(
+        "--run", nargs=argparse.REMAINDER, metavar="BENCH", help="that bench, and its options"
+    )
     arguments = parser.parse_args()
+    if arguments.run:
+        run_without(arguments)
+        return
 
     if not arguments.table:
         results = load()

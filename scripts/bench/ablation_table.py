@@ -34,7 +34,7 @@ benches. Verdicts:
 - **open**: too few glasses are measured.
 
 `docs/ablation.json` has the numbers of each glass, without the heuristic and with it: error, error
-as seen, error against the surface meant, rays, CPU seconds.
+as seen, rays, CPU seconds, and both errors against the surface meant.
 """
 FEW = 6
 COLUMNS = (
@@ -64,7 +64,7 @@ def table(rows: Sequence[Row], results: dict[str, dict[str, list]], machine: str
 def line_of(row: Row, found: dict[str, list]) -> str:
     """The line of a row, by its numbers or fault on each glass."""
     numbers = {glass: both for glass, both in found.items() if not isinstance(both, str)}
-    ratios = {glass: ratios_of(row, *both) for glass, both in numbers.items()}
+    ratios = {glass: ratios_of(*both) for glass, both in numbers.items()}
     cells = [_spread([one[k] for one in ratios.values()]) for k in range(4)]
     gains, loses = count_gains(list(ratios.values()))
     n = len(ratios)
@@ -74,11 +74,10 @@ def line_of(row: Row, found: dict[str, list]) -> str:
     return f"| {' | '.join(columns)} |"
 
 
-def ratios_of(row: Row, off: list, on: list) -> tuple[float, float, float, float]:
+def ratios_of(off: list, on: list) -> tuple[float, float, float, float]:
     """Error, error as seen, rays and CPU seconds without the heuristic, by those with it."""
-    is_meant = row.is_fit and on[2] is not None
-    error = 2 if is_meant else 0
-    return tuple(off[k] / on[k] if on[k] else 1.0 for k in (error, error or 1, 3, 4))
+    error, seen = (4, 5) if on[4] is not None else (0, 1)
+    return tuple(off[k] / on[k] if on[k] else 1.0 for k in (error, seen, 2, 3))
 
 
 def count_gains(ratios: Sequence[tuple[float, ...]]) -> tuple[int, int]:
@@ -95,7 +94,7 @@ def verdict_of(row: Row, found: dict[str, list]) -> str:
         return f"stays: {faults[0]}"
     if not found:
         return "numpy only, not measured" if row.by_numpy else "not measured"
-    gains, _ = count_gains([ratios_of(row, *both) for both in found.values()])
+    gains, _ = count_gains([ratios_of(*both) for both in found.values()])
     if gains >= ENOUGH:
         return "stays"
     if (gains == 0 and len(found) >= FEW) or gains + N_GLASSES - len(found) < ENOUGH:
@@ -114,7 +113,7 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
     for found in results.values():
         for glass, both in found.items():
             if not isinstance(both, str):
-                by_glass.setdefault(glass, []).append(both[1][4])
+                by_glass.setdefault(glass, []).append(both[1][3])
     spreads = [
         statistics.pstdev(seconds) / statistics.mean(seconds)
         for seconds in by_glass.values()

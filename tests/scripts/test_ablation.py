@@ -7,8 +7,8 @@ from bench.ablation import TABLE, Wanted, load
 from bench.ablation_rows import CORE, ROWS, Change, Row, import_all, instead, options
 from bench.ablation_table import ENOUGH, FEW, N_GLASSES, line_of, verdict_of
 
-SAME = [0.1, 0.01, None, 1000, 1.0]
-WORSE = [0.2, 0.01, None, 1000, 1.0]
+SAME = [0.1, 0.01, 1000, 1.0, None, None]
+WORSE = [0.2, 0.01, 1000, 1.0, None, None]
 
 
 def bound(old: object, name: str) -> list[str]:
