@@ -368,7 +368,7 @@ MAP = [
         "Cutting",
         least_error_px=(0.0, "quarters are worth their rays only if they reach the tolerance"),
         of_effort=(NEVER, "Effort does not change which error is worth rays"),
-        new_share=(INF, "no square is sampled because its middles are on new branches"),
+        new_share=(2.0, "no square is sampled because its middles are on new branches"),
         n_doubtful=(NEVER, "no number of doubtful pixels makes a square chaotic"),
         gap_share=(1.0, "no part that pieces leave out is large enough to be looked into"),
         many_branches=(6, "five places cannot be on six branches"),
@@ -387,12 +387,12 @@ MAP = [
     ),
     Row(
         "Bisection: least digits",
-        (options("map.bisection.BISECTION", least_digits=0),),
+        (options("map.bisection.BISECTION", least_digits=1),),
         "the tolerance alone tells how exactly a border is found",
     ),
     Row(
         "Bisection: by tolerance",
-        (options("map.bisection.BISECTION", of_tolerance=INF),),
+        (options("map.bisection.BISECTION", of_tolerance=1e9),),
         "the least number of digits alone tells how exactly a border is found",
     ),
     *_option_rows(

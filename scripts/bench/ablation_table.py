@@ -38,7 +38,7 @@ as seen, rays, CPU seconds, and both errors against the surface meant.
 """
 FEW = 6
 COLUMNS = (
-    "switched off", "neutral value", "glasses", "error x", "as seen x", "rays x", "CPU x",
+    "switched off", "neutral value", "error x", "as seen x", "rays x", "CPU x",
     "gains", "loses", "protects", "verdict",
 )  # fmt: skip
 
@@ -63,15 +63,25 @@ def table(rows: Sequence[Row], results: dict[str, dict[str, list]], machine: str
 
 def line_of(row: Row, found: dict[str, list]) -> str:
     """The line of a row, by its numbers or fault on each glass."""
-    numbers = {glass: both for glass, both in found.items() if not isinstance(both, str)}
-    ratios = {glass: ratios_of(*both) for glass, both in numbers.items()}
-    cells = [_spread([one[k] for one in ratios.values()]) for k in range(4)]
-    gains, loses = count_gains(list(ratios.values()))
+    ratios = judged(row, found)
+    cells = [_spread([one[k] for one in ratios]) for k in range(4)]
+    gains, loses = count_gains(ratios)
     n = len(ratios)
     counted = [f"{gains} of {n}", f"{loses} of {n}"] if n else ["", ""]
-    verdict = verdict_of(row, found)
-    columns = [row.name, row.why, str(len(found) or ""), *cells, *counted, row.protects, verdict]
+    columns = [row.name, row.why, *cells, *counted, row.protects, verdict_of(row, found)]
     return f"| {' | '.join(columns)} |"
+
+
+def judged(row: Row, found: dict[str, list]) -> list[tuple[float, float, float, float]]:
+    """The ratios on each glass that has a judge: a surface that changes is judged by the one that
+    was meant alone.
+    """
+    return [
+        ratios_of(*both)
+        for both in found.values()
+        if not isinstance(both, str)
+        and not (row.is_fit and both[1][4] is None and both[0][:2] != both[1][:2])
+    ]
 
 
 def ratios_of(off: list, on: list) -> tuple[float, float, float, float]:
@@ -94,10 +104,11 @@ def verdict_of(row: Row, found: dict[str, list]) -> str:
         return f"stays: {faults[0]}"
     if not found:
         return "numpy only, not measured" if row.by_numpy else "not measured"
-    gains, _ = count_gains([ratios_of(*both) for both in found.values()])
+    ratios = judged(row, found)
+    gains, _ = count_gains(ratios)
     if gains >= ENOUGH:
         return "stays"
-    if (gains == 0 and len(found) >= FEW) or gains + N_GLASSES - len(found) < ENOUGH:
+    if (gains == 0 and len(ratios) >= FEW) or gains + N_GLASSES - len(ratios) < ENOUGH:
         return "protected" if row.protects else "goes"
     return "open"
 

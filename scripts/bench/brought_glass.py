@@ -82,6 +82,18 @@ def vase() -> bpy.types.Object:
     return thing
 
 
+def fine_vase() -> bpy.types.Object:
+    """The vase whose profile is the curve of fourth degree through its points."""
+    profile = np.array(VASE)
+    chords = np.linalg.norm(np.diff(profile, axis=0), axis=1)
+    at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
+    along = np.linspace(0, 1, 65)
+    curves = [np.polynomial.Polynomial.fit(at, x, len(at) - 1)(along) for x in profile.T]
+    thing = turned(list(zip(*curves, strict=True)), 512)
+    add(thing, "SOLIDIFY", thickness=0.002)
+    return thing
+
+
 def suzanne(levels: int = 1) -> bpy.types.Object:
     """The monkey's head, subdivided once."""
     bpy.ops.mesh.primitive_monkey_add()
@@ -245,6 +257,7 @@ MEANT: dict[str, Callable[[], bpy.types.Object]] = {
     "ellipsoid": lambda: ellipsoid(8),
     "bottle": lambda: bottle(4),
     "wine glass": lambda: wine_glass(4),
+    "vase": fine_vase,
     "Suzanne": lambda: suzanne(4),
     "text, bevelled": lambda: text(**BEVEL | {"bevel_resolution": 24}, resolution_u=96),
     "displaced ball": lambda: displaced(8),

@@ -5,7 +5,7 @@ import pytest
 
 from bench.ablation import TABLE, Wanted, load
 from bench.ablation_rows import CORE, ROWS, Change, Row, import_all, instead, options
-from bench.ablation_table import ENOUGH, FEW, N_GLASSES, line_of, verdict_of
+from bench.ablation_table import ENOUGH, FEW, N_GLASSES, judged, line_of, verdict_of
 
 SAME = [0.1, 0.01, 1000, 1.0, None, None]
 WORSE = [0.2, 0.01, 1000, 1.0, None, None]
@@ -93,6 +93,16 @@ def test_the_verdict_is_that_of_the_rule(
     row = Row("row", (instead("map.faint.FAINT", 0),), "", protects)
     numbers = [[WORSE, SAME]] * n_worse + [[SAME, SAME]] * n_same
     assert verdict_of(row, dict(enumerate(numbers))) == verdict
+
+
+def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
+    """How far a fit moves light from today's is no gain: without a judge the glass does not count."""
+    fit = Row("row", (instead("glass.known.MOST_TRIANGLES", -1),), "")
+    drawn = Row("row", (instead("map.faint.FAINT", 0),), "")
+    better = [[0.2, 0.01, 1000, 1.0, 0.05, 0.005], [0.1, 0.01, 1000, 1.0, 0.1, 0.01]]
+    found = {"vase": [WORSE, SAME], "cube": [SAME, SAME], "ball": better}
+    assert judged(fit, found) == [(1.0, 1.0, 1.0, 1.0), (0.5, 0.5, 1.0, 1.0)]
+    assert [one[0] for one in judged(drawn, {"vase": [WORSE, SAME]})] == [2.0]
 
 
 def test_a_row_that_stops_the_solver_stays() -> None:
