@@ -96,7 +96,7 @@ def test_the_verdict_is_that_of_the_rule(
 
 
 def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
-    """How far a fit moves light from today's is no gain: without a judge the glass does not count."""
+    """Without a judge a glass does not count: a distance from today's image is no gain."""
     fit = Row("row", (instead("glass.known.MOST_TRIANGLES", -1),), "")
     drawn = Row("row", (instead("map.faint.FAINT", 0),), "")
     better = [[0.2, 0.01, 1000, 1.0, 0.05, 0.005], [0.1, 0.01, 1000, 1.0, 0.1, 0.01]]
