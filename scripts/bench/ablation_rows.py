@@ -259,6 +259,7 @@ TAIL = [
         "Error of the mesh reported",
         (Change("solve.accuracy.tessellation", _no_tessellation),),
         "the error that the mesh leaves open is not measured; no image changes",
+        "the message that the mesh limits the accuracy",
     ),
     Row(
         "Lines of the mesh",
@@ -457,10 +458,16 @@ GLASS = [
         "glass.fitted_faces.FACE",
         "Fitted faces",
         protects="irregular: decimated and bevelled meshes",
-        steps=(1, "one step of the fixed point"),
         least_cosine=(-1.0, "a face may turn away from its facet"),
         swollen=(INF, "no face is swollen"),
         untold=(INF, "no face stands out"),
+    ),
+    *_option_rows(
+        "glass.fitted_faces.FACE",
+        "Fitted faces",
+        protects="surface: orders of convergence",
+        by_numpy=True,
+        steps=(1, "one step of the fixed point"),
     ),
     *_option_rows(
         "glass.surface_fit.FIT",
@@ -518,9 +525,14 @@ IMAGE = [
         "image.reads.READS",
         "Reads",
         side=(INF, "no footprint is longer than one that two places read"),
+        most_reads=(4, "four reads along a side at most"),
+    ),
+    *_option_rows(
+        "image.reads.READS",
+        "Reads",
+        by_numpy=True,
         apart=(1e-9, "places come apart at once"),
         point_side=(1e9, "each footprint is a point"),
-        most_reads=(4, "four reads along a side at most"),
     ),
     Row(
         "Glare: rays",

@@ -1,12 +1,16 @@
+import re
 import sys
 
 import numpy as np
 import pytest
 
+import environments
 from bench.ablation import TABLE, Wanted, load
 from bench.ablation_rows import CORE, ROWS, Change, Row, import_all, instead, options
 from bench.ablation_table import ENOUGH, FEW, N_GLASSES, judged, line_of, verdict_of
 
+MACRO = re.compile(r"^#define (\w+) (\d[\d.e+-]*)", re.MULTILINE)
+HANDED_OVER = {"most_reads"}  # the kernel's number is only the largest that it takes
 SAME = [0.1, 0.01, 1000, 1.0, None, None]
 WORSE = [0.2, 0.01, 1000, 1.0, None, None]
 
@@ -66,6 +70,23 @@ def test_an_equal_number_of_another_name_stays() -> None:
     assert samples.TILE_CELLS == legibility.VIEWER_PX
     with Row("tile", (Change("map.samples.TILE_CELLS", lambda old: old + 1),), "").off():
         assert samples.TILE_CELLS == legibility.VIEWER_PX + 1
+
+
+def test_options_that_the_kernel_copies_are_measured_by_numpy() -> None:
+    """A field with the number of a kernel's macro of its name changes nothing there."""
+    kernel = environments.ROOT / "core" / "kernel"
+    text = "".join(path.read_text() for path in (*kernel.glob("*.c"), *kernel.glob("*.h")))
+    copied = {name: float(number) for name, number in MACRO.findall(text)}
+    wrong = [
+        row.name
+        for row in ROWS
+        for change in row.changes
+        for name in change.fields
+        if name not in HANDED_OVER
+        and copied.get(name.upper()) == getattr(change.found()[2], name)
+        and not row.by_numpy
+    ]
+    assert wrong == []
 
 
 def test_each_row_has_a_name_of_its_own_and_a_reason() -> None:
