@@ -29,7 +29,8 @@ A heuristic that gains on fewer than {enough} of {n} glasses goes, unless it pro
 benches. Verdicts:
 
 - **stays**: it gains on {enough} glasses or more, or the solver fails without it.
-- **goes**: it gains on none of {few} glasses or more, or on too few of all {n}.
+- **goes**: it can no longer gain on {enough} of {n} glasses.
+- **goes so far**: it gains on none of {few} glasses or more. The other glasses may still save it.
 - **protected**: it does not gain here. The rows that it protects decide.
 - **open**: too few glasses are measured.
 
@@ -108,8 +109,9 @@ def verdict_of(row: Row, found: dict[str, list]) -> str:
     gains, _ = count_gains(ratios)
     if gains >= ENOUGH:
         return "stays"
-    if (gains == 0 and len(ratios) >= FEW) or gains + N_GLASSES - len(ratios) < ENOUGH:
-        return "protected" if row.protects else "goes"
+    is_hopeless = gains + N_GLASSES - len(ratios) < ENOUGH
+    if is_hopeless or (gains == 0 and len(ratios) >= FEW):
+        return "protected" if row.protects else "goes" if is_hopeless else "goes so far"
     return "open"
 
 

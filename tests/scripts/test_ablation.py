@@ -100,7 +100,7 @@ def test_each_row_has_a_name_of_its_own_and_a_reason() -> None:
     ("n_worse", "n_same", "protects", "verdict"),
     [
         (ENOUGH, 0, "", "stays"),
-        (0, FEW, "", "goes"),
+        (0, FEW, "", "goes so far"),
         (0, FEW - 1, "", "open"),
         (0, FEW, "extremes: small glass", "protected"),
         (ENOUGH - 1, N_GLASSES - ENOUGH, "", "open"),
