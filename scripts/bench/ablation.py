@@ -37,15 +37,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import ROOT, as_module, machine, run_in_newest_blender
-from kiriko.core import kernel
-from kiriko.core.fingerprint import fingerprint
+from kiriko.core.base.fingerprint import fingerprint
+from kiriko.core.base.steps import finish
 from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.measure.reference import HALF
-from kiriko.core.rig import Mesh, Rig
-from kiriko.core.settings import Settings
+from kiriko.core.native import loading
+from kiriko.core.rig.rig import Mesh, Rig
+from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from kiriko.core.steps import finish
 from known.reference_rigs import finer, glass_rig, zone_plate
 
 from .ablation_rows import ROWS, Row, import_all
@@ -161,7 +161,7 @@ class Glass:
 
     def measured(self, row: Row | None, rounds: int, by_numpy: bool = False) -> Measured:
         """Some solves with a row switched off, or with nothing switched off."""
-        with row.off() if row else nullcontext(), kernel.off() if by_numpy else nullcontext():
+        with row.off() if row else nullcontext(), loading.off() if by_numpy else nullcontext():
             seconds = []
             for _ in range(rounds):
                 started = process_time()
@@ -193,7 +193,7 @@ class Glass:
 
 def measure_glass(name: str, rows: Sequence[Row], rounds: int) -> None:
     """Measure rows on a glass, and add each to the results."""
-    kernel.use_threads(1)
+    loading.use_threads(1)
     import_all()
     glass = Glass(name)
     solved(glass.rig)  # all is imported and read from disk by now

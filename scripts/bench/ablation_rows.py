@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 CORE = "kiriko.core"
-ROOMS = "kernel", "glass", "light", "map", "image", "solve"
+ROOMS = "light.native", "glass", "light", "map", "image", "solve"
 NEVER = 1 << 40  # a count that no solve reaches
 INF = float("inf")
 
@@ -134,22 +134,6 @@ def _giving(value: object) -> Callable[..., Generator[int, None, Any]]:
         yield
 
     return work
-
-
-class _Silent:
-    """Takes every call, and does nothing."""
-
-    def __init__(self, *arguments: object, **named: object) -> None:
-        pass
-
-    def expect(self, *arguments: object) -> Generator[int, None, None]:
-        return
-        yield
-
-    def take_up(self, *arguments: object) -> None:
-        pass
-
-    end = take_up
 
 
 def _untouched(self: object, places: np.ndarray, met: np.ndarray, rays: np.ndarray) -> Generator:
@@ -314,11 +298,6 @@ TAIL = [
         "extremes: the bound on rays of a pixel",
     ),
     Row(
-        "Forecast while pixels are cut",
-        (instead("map.borders.CutAhead", _Silent),),
-        "nothing is forecast; no image changes",
-    ),
-    Row(
         "Borders known from before",
         (Change("map.cut_cells.find_sides", _all_sides),),
         "each border is looked for again by each cell",
@@ -335,14 +314,8 @@ TAIL = [
         "any two solids may touch",
         "extremes: touching solids",
     ),
-    Row(
-        "Newton's method for single rays",
-        (instead("glass.curved_roots.FEW_ALONE", 0),),
-        "numpy works on all rays together",
-        by_numpy=True,
-    ),
     *_option_rows(
-        "light.rescue.RESCUE",
+        "light.layer_hits.RESCUE",
         "Missed hits",
         protects="judge: rays at vertices and edges",
         by_numpy=True,
@@ -574,11 +547,7 @@ ELSEWHERE = {
     "image.reads.COARSE_SIDE": "only at a tolerance of 0.2 px and more",
     "map.pieces.SWING": "only with Brightness",
     "solve.accuracy.MANY_EVENTS": "only with more than 64 events",
-    "map.ray_guess.RayGuess": "progress only; it goes",
-    "map.share_guess.ShareGuess": "progress only; it goes",
     "solve.coarse.Coarse": "`dev.py live`: the first picture",
     "solve.memory.Bytes": "`dev.py bench`: memory told beforehand",
     "solve.memory.Numbers": "`dev.py bench`: memory told beforehand",
-    "solve.pace.Pace": "progress only; it goes",
-    "solve.progress.Stages": "progress only; it goes",
 }

@@ -74,7 +74,7 @@ def test_an_equal_number_of_another_name_stays() -> None:
 
 def test_options_that_the_kernel_copies_are_measured_by_numpy() -> None:
     """A field with the number of a kernel's macro of its name changes nothing there."""
-    kernel = environments.ROOT / "core" / "kernel"
+    kernel = environments.ROOT / "core" / "native"
     text = "".join(path.read_text() for path in (*kernel.glob("*.c"), *kernel.glob("*.h")))
     copied = {name: float(number) for name, number in MACRO.findall(text)}
     wrong = [
