@@ -2,20 +2,15 @@
 
 import hashlib
 from dataclasses import Field, fields, is_dataclass
-from functools import partial
 
 import numpy as np
 
-# metadata of a field that is newer than fingerprints which files keep: it
-# counts only where it is not at its default
-ADDED = {"is_added": True}
 PLAIN_TYPES = str, bytes, int, float, complex, bool, type(None), np.generic
 
 
-def counts(thing: object, f: Field) -> bool:
-    """Does a field of a dataclass count?"""
-    is_as_before = "is_added" in f.metadata and getattr(thing, f.name) == f.default
-    return f.name != "name" and not is_as_before
+def counted(thing: object) -> list[Field]:
+    """Fields of a dataclass that count: all but its name."""
+    return [f for f in fields(thing) if f.name != "name"]
 
 
 def fingerprint(*things: object) -> str:
@@ -34,9 +29,7 @@ def fingerprint(*things: object) -> str:
     def add(thing: object) -> None:
         if is_dataclass(thing):
             digest.update(type(thing).__name__.encode())
-            for f in filter(partial(counts, thing), fields(thing)):
-                if "is_added" in f.metadata:
-                    digest.update(f.name.encode())
+            for f in counted(thing):
                 add(getattr(thing, f.name))
         elif isinstance(thing, np.ndarray):
             digest.update(f"{thing.dtype}{thing.shape}".encode())

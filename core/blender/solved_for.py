@@ -1,14 +1,14 @@
 """The scene's fingerprint as it stands now, read without putting any mesh into the world."""
 
 from collections.abc import Container
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.fingerprint import counts
+from ..base.fingerprint import counted
 from ..rig.rig import Mesh, Picture, Rig, Viewer
 from ..rig.settings import Settings
 from ..solve.solved_for import SolvedFor, solved_for
@@ -117,5 +117,5 @@ def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
 
 def fields_of(part: Any, without: Container[str]) -> tuple[object, ...]:
     """The fields of a part but for some, with their names."""
-    named = (f.name for f in fields(part) if counts(part, f) and f.name not in without)
+    named = (f.name for f in counted(part) if f.name not in without)
     return (type(part).__name__, *((name, getattr(part, name)) for name in named))

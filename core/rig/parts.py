@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import MeshError, RigError
-from ..base.fingerprint import ADDED
 from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import Mesh
 from .mirror_array import MirrorArray
@@ -102,7 +101,7 @@ class Display(Part):
     mesh: Mesh
     width: int
     height: int
-    black_level: float = field(default=0.0, metadata=ADDED)
+    black_level: float = 0.0
 
     def check_numbers(self, owner: str) -> None:
         """Raise RigError when its black is no darker than its white."""
@@ -214,7 +213,7 @@ class Picture(Part):
     name: str
     image: NDArray[np.float32]
     mesh: Mesh | None = None
-    own: tuple[OwnImage, ...] = field(default=(), metadata=ADDED)
+    own: tuple[OwnImage, ...] = ()
 
     @property
     def place(self) -> PicturePlace:

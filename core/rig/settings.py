@@ -1,11 +1,10 @@
 """How to solve: the user's choices, and their bounds."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import isqrt
 from typing import Literal, get_args
 
 from ..base.errors import RigError
-from ..base.fingerprint import ADDED
 from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]
@@ -53,8 +52,8 @@ class Settings:
     wavelength: float = WAVELENGTH
     suppress_glare: float = 0.0
     ghosts: Ghosts = "mean"
-    only_through_plate: bool = field(default=True, metadata=ADDED)
-    disagreement: Disagreement = field(default="sharp", metadata=ADDED)
+    only_through_plate: bool = True
+    disagreement: Disagreement = "sharp"
 
     @property
     def looks_beside(self) -> bool:

@@ -1,6 +1,6 @@
 """The eye or camera that the source image is made for."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats
 from ..base.errors import RigError
-from ..base.fingerprint import ADDED
 from .roles import Part
 
 PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
@@ -38,7 +37,7 @@ class Viewer(Part):
     window: tuple[float, float, float, float]
     width: int
     height: int
-    weight: float = field(default=1.0, metadata=ADDED)
+    weight: float = 1.0
 
     def __post_init__(self) -> None:
         if np.abs(self.axes @ self.axes.T - np.eye(3)).max() > PERPENDICULAR:
