@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.blender.own_words import in_own_words
+from ..core.blender.translation_context import in_own_words
 from . import (
     add_rig,
     before_after,

@@ -13,19 +13,19 @@ from ..core.base.numbers import number
 from ..core.base.steps import within
 from ..core.base.words import listed, percent, summary
 from ..core.bench.behind import propose_behind
+from ..core.bench.initial_placement import Request, settle
+from ..core.bench.largest_square import SEARCH
 from ..core.bench.placement import Proposal, Wishes, propose, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
 from ..core.bench.spread import MOST, Spread, part_of_picture
-from ..core.bench.squares import SEARCH
-from ..core.bench.standing import Request, settle
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.given_glass import has_place
-from ..core.blender.kept import Numbers, Sentences
-from ..core.blender.look import has_own_faces
+from ..core.blender.inspect_scene import has_own_faces
 from ..core.blender.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
 from ..core.blender.result import legibility_numbers
 from ..core.blender.rig_record import Record
 from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
+from ..core.blender.stored_records import Numbers, Sentences
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.blender.visibility import Shown

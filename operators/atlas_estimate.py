@@ -10,7 +10,7 @@ from ..core.atlas.making import CHECKED
 from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
 from ..core.base.numbers import number
-from ..core.blender.kept import Numbers
+from ..core.blender.stored_records import Numbers
 from ..core.blender.viewer import seats_of
 from . import needed
 

@@ -21,12 +21,12 @@ from ..core.base.messages import Message
 from ..core.base.steps import at, within
 from ..core.bench.picture_room import plane_of
 from ..core.files import disk
-from ..core.light.kept import Kept
+from ..core.light.mesh_cache import Kept
 from ..core.measure import eye_box_curves, head_box, two_eyes_drawing
 from ..core.measure.eye_box import LEAST, LIMIT, Walk
 from ..core.measure.sharpness import sharpness
 from ..core.measure.two_eyes import pair_of, two_eyes
-from ..core.measure.viewers import viewer_reports
+from ..core.measure.viewer_errors import viewer_reports
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen

@@ -10,7 +10,7 @@ from ..core.base.steps import within
 from ..core.base.words import percent
 from ..core.bench.best_place import BestPlace, Limits, best_place
 from ..core.bench.picture_room import plane_of
-from ..core.bench.turned import turn_of
+from ..core.bench.rotated_rig import turn_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.rig.rig import Rig
 from . import automatic, needed, proposal, proposing, work

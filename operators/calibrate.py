@@ -24,9 +24,9 @@ from ..core.bench.lattice.photograph import find_points
 from ..core.bench.misalignment import FEWEST, Bench
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.calibration import keep_offset, put_into_scene
-from ..core.blender.kept import Numbers, Offset, Sentences
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result import write_solution
+from ..core.blender.stored_records import Numbers, Offset, Sentences
 from ..core.blender.viewer import seats_of, viewer_of
 from ..core.files import disk
 from ..core.files.picture_file import read_photograph

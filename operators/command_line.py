@@ -15,8 +15,8 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.blender.kept import Numbers, take_reports
 from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.stored_records import Numbers, take_reports
 from ..core.files import disk, image_io
 from ..core.measure.work_precision import BUDGET
 from ..core.warp.files import SIDECAR

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.atlas import atlas_plan
 from ..core.atlas import making as atlases
-from ..core.atlas import planning
 from ..core.atlas.atlas import Atlas, amount
 from ..core.atlas.heads import AXES, HeadBox
 from ..core.atlas.making import Making
@@ -210,7 +210,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
     """Plan an atlas and make all of it."""
     yield Message("planning the atlas")
     atlas = yield from solve_to_folder.told_in_tenths(
-        planning.planned(
+        atlas_plan.planned(
             making,
             _box(arguments),
             arguments.tolerance,
@@ -228,7 +228,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
 
 def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
     """Make places of an atlas that was planned."""
-    atlas = planning.planned_before(making)
+    atlas = atlas_plan.planned_before(making)
     numbers = arguments.places
     if arguments.share is not None:
         numbers = atlases.share(atlas, *arguments.share)
@@ -238,7 +238,7 @@ def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, 
 
 def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
     """Check an atlas whose places were made, and halve its grid where that is asked for."""
-    atlas = planning.planned_before(making)
+    atlas = atlas_plan.planned_before(making)
     if arguments.halve:
         steps = atlases.halved(making, atlas, arguments.most)
         atlas = yield from solve_to_folder.told_in_tenths(steps)
@@ -379,7 +379,7 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
                 names = export_job.write(target, job, [], overwrite, remedy)
                 return export_job.told(names, target)
 
-            steps = planning.planned(making, box, self.tolerance, self.most, overwrite, remedy)
+            steps = atlas_plan.planned(making, box, self.tolerance, self.most, overwrite, remedy)
             atlas = yield from within(steps, 0.0, PLANNED)
             report(self, "INFO", Message("{atlas}; Esc stops it.", atlas=amount(atlas)))
             atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)

@@ -10,8 +10,8 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import Pauses, at, within
-from ..core.blender.kept import Numbers
 from ..core.blender.objects import surface_object
+from ..core.blender.stored_records import Numbers
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import seats_of
 from ..core.light.plan import Plan

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.bench.room import fit_display
+from ..core.bench.part_sizes import fit_display
 from . import fitting
 
 

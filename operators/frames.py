@@ -25,7 +25,7 @@ from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.farm.join import LOG, logged
 from ..core.files import disk, image_io
-from ..core.light.kept import Kept as KeptGlass
+from ..core.light.mesh_cache import Kept as KeptGlass
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from . import look_over, watch, work

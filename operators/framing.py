@@ -10,9 +10,9 @@ from mathutils import Matrix
 from ..core.base.arrays import Floats
 from ..core.blender.changes import Change, change, put_back
 from ..core.blender.framing import Framed, Window, framed, in_sight, turned
-from ..core.blender.kept import Changed
 from ..core.blender.rigs import elsewhere
 from ..core.blender.screens import place_of, spaces
+from ..core.blender.stored_records import Changed
 from . import work
 from .windows import view_of
 

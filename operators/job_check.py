@@ -11,7 +11,7 @@ from ..core.blender.frames import frame_kept
 from ..core.blender.rigs import active_rig, rigs
 from ..core.farm.job import Job
 from ..core.files.frame_list import frames_of
-from ..core.light.kept import Kept
+from ..core.light.mesh_cache import Kept
 from ..core.solve.coarse import check_light
 from . import work
 from .one_viewer import choose_alone, naming_rig, naming_viewer

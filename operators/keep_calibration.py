@@ -4,7 +4,7 @@ import bpy
 
 from ..core.base.messages import Message
 from ..core.blender.calibration import put_into_scene
-from ..core.blender.kept import Offset
+from ..core.blender.stored_records import Offset
 from . import needed, telling, watch, work
 
 

@@ -17,7 +17,7 @@ from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message
 from ..core.blender import checklist
-from ..core.blender.look import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
+from ..core.blender.inspect_scene import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
 from ..core.blender.shapes import Kept, reshaped
 from ..core.blender.to_do import Entry, Look, is_first
 from ..core.blender.units import length_text

@@ -20,8 +20,8 @@ from ..core.blender.eyes import keep_eyes_apart
 from ..core.blender.facets import n_facets
 from ..core.blender.faults import faults_of
 from ..core.blender.flaps import take_flaps, take_scraps
-from ..core.blender.look import sides_of
-from ..core.blender.mesh import column, mesh_of
+from ..core.blender.inspect_scene import sides_of
+from ..core.blender.read_mesh import column, mesh_of
 from ..core.blender.resize import move_by, scale_by
 from ..core.blender.rigs import active_rig, marked_key
 from ..core.blender.units import length_of_unit, length_text

@@ -10,7 +10,7 @@ from ..core.base.messages import Message
 from ..core.blender.elements import mirrors
 from ..core.blender.plate import be_mirror_array
 from ..core.blender.scene import length_of_unit
-from ..core.light.law_plate import PLATE_FLATNESS
+from ..core.light.interaction_plate import PLATE_FLATNESS
 from . import needed, telling
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

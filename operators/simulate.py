@@ -12,9 +12,9 @@ from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent
 from ..core.blender.image import pixels_from_image
-from ..core.blender.kept import Sentences
 from ..core.blender.result import replace_image
 from ..core.blender.rig_names import name_of_view
+from ..core.blender.stored_records import Sentences
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
 from . import long_work, needed, watch, work

@@ -21,9 +21,9 @@ from ..core.base.steps import Pauses
 from ..core.bench.sketch import Sketch, sketching
 from ..core.blender.places import KeptPlaces, read_places
 from ..core.blender.units import length_of_unit
-from ..core.light.kept import Kept
+from ..core.light.compile_plan import planning
+from ..core.light.mesh_cache import Kept
 from ..core.light.plan import Plan
-from ..core.light.planning import planning
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from . import chosen, needed, telling, windows, work

@@ -12,9 +12,9 @@ import numpy as np
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
-from ..core.blender.kept import Numbers
 from ..core.blender.preview import Preview
 from ..core.blender.result import write_solution, write_viewers
+from ..core.blender.stored_records import Numbers
 from ..core.files import disk, image_io
 from ..core.image.simulation import simulate
 from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES

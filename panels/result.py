@@ -5,8 +5,8 @@ import bpy
 from ..core.base.messages import Message, as_message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent, pixels, shares_in_words
-from ..core.blender.kept import Numbers, Sentences
 from ..core.blender.result_images import images_of, lacks_numbers
+from ..core.blender.stored_records import Numbers, Sentences
 from ..core.solve.legibility import READABLE
 from ..operators import live, needed, watch, work
 from ..operators.telling import in_words

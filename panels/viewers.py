@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from ..core.base.messages import Message
-from ..core.blender.kept import Numbers, Sentences
+from ..core.blender.stored_records import Numbers, Sentences
 from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
 from ..operators import viewer_words
 from ..operators.telling import in_words

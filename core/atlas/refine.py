@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import RigError
 from ..base.steps import within
-from ..light.kept import Kept
+from ..light.mesh_cache import Kept
 from ..rig.rig import PicturePlace, Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer

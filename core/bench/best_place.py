@@ -18,14 +18,14 @@ from ..base.arrays import Floats, Ints
 from ..base.steps import at, within
 from ..glass.motion import Motion
 from ..rig.rig import Rig
+from .largest_square import grid_over
 from .light import Light, light_of
 from .offset import moved, turned
+from .part_sizes import ROOM
 from .picture_light import PlanOf, Traced, traced
 from .picture_room import Plane, plane_of
-from .room import ROOM
-from .squares import grid_over
+from .rotated_rig import light_turned, with_glass_turned
 from .turn_back import axes_around
-from .turned import light_turned, with_glass_turned
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.steps import finish
-from ..light.kept import Kept
+from ..light.compile_plan import make_plan
 from ..light.landings import Words, main_landings
+from ..light.mesh_cache import Kept
 from ..light.plan import Plan
-from ..light.planning import make_plan
 from ..light.trace import trace_all
 from ..rig.rig import Rig
 from ..rig.settings import Settings

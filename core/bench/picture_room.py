@@ -18,10 +18,10 @@ from ..image.flat_picture import not_flat, way_to_mesh
 from ..light.display import affine_fit
 from ..light.plan import Plan
 from ..rig.rig import PicturePlace, Rig
+from .largest_square import Bundle, best_place, grid_over, largest_about
 from .light import light_of
+from .part_sizes import ROOM, ROUNDING, Fitted, Wanted
 from .picture_light import PlanOf, Traced, traced_by_all
-from .room import ROOM, ROUNDING, Fitted, Wanted
-from .squares import Bundle, best_place, grid_over, largest_about
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from ..base.messages import Message
 from ..base.steps import Pauses
 from ..base.vectors import length_of
 from ..light.landings import REASON_WORDS, Reason, main_landings
+from ..light.light_paths import NOTHING, Tails, Way, following
 from ..light.plan import Plan
 from ..light.trace import tracing
-from ..light.ways import NOTHING, Tails, Way, following
 from ..rig.rig import Rig
 from .canvas import CORNERS, MIDDLE, Canvas, canvas_of, outline_of, sight_lines
 from .hatching import grid, hatched

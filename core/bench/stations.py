@@ -10,9 +10,9 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.vectors import length_of, normalise
+from ..light.light_paths import Way
 from ..light.optics import reflect
 from ..light.plan import Plan
-from ..light.ways import Way
 from ..rig.kinds import Kind
 from ..rig.rig import Mesh, Rig
 

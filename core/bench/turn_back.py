@@ -19,7 +19,7 @@ from ..base.steps import at, within
 from ..base.vectors import normalise
 from ..rig.rig import Rig
 from .picture_light import PlanOf, Traced
-from .turned import light_turned
+from .rotated_rig import light_turned
 
 
 @dataclass(frozen=True)

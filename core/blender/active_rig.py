@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-from .kept import fields_of, text_of
 from .rigs import active_rig, rig_of, rigs
+from .stored_records import fields_of, text_of
 
 WITHOUT_TEXT = bpy.types.ID | bpy.types.bpy_prop_collection  # a list of viewers is one of cameras
 OF_SCENE = {"rig", "followed", "followed_uid", "looking"}  # settings that no rig has for itself

@@ -16,9 +16,9 @@ from ..image.flat_picture import view_of_picture
 from ..light.display import display_pixel
 from ..rig.rig import ROLES, WAVELENGTH, Display, Rig
 from ..rig.viewer import Viewer
-from .kept import Offset
 from .resize import is_animated
 from .scene import Reading, length_of_unit, object_matrix
+from .stored_records import Offset
 
 # px of display and viewer: so near, in single precision, everything has to come to be as fitted
 FITTED_WITHIN_PX = 0.1

@@ -11,7 +11,7 @@ from math import floor, log10
 from ..base.messages import Message, as_message, joined
 from ..base.numbers import millimetres
 from ..base.words import percent
-from ..bench.helps import MOVE_TO_GLASS, SMOOTH_GLASS
+from ..bench.measured_remedies import MOVE_TO_GLASS, SMOOTH_GLASS
 from ..bench.spread import MOST
 from ..light.landings import REASON_WORDS, Reason
 from ..solve.legibility import READABLE, illegible

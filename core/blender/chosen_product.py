@@ -15,8 +15,8 @@ from ..base.messages import Message, as_message
 from ..rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
 from .bodies import shows_instances_alone
 from .elements import DEFAULT_IOR, mirrors
+from .inspect_parts import each_material, evaluated, materials_as_shown
 from .layout import give_size, size_of
-from .look_parts import each_material, evaluated, materials_as_shown
 from .material import is_refractive, material_output, read_refraction, shaders
 from .resize import RESIZED_WITHIN, give_side, has_side
 from .units import length_of_unit, length_text

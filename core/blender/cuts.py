@@ -16,7 +16,7 @@ from ..base.vectors import dot
 from ..glass.meshes import geometric_normals
 from ..glass.solids import split_shells
 from ..rig.mesh import Mesh
-from .mesh import column, read_local
+from .read_mesh import column, read_local
 
 
 @dataclass(frozen=True)

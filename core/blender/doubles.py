@@ -6,7 +6,7 @@ import numpy as np
 from ..base.arrays import Bools
 from ..glass.meshes import components
 from ..glass.weld import coincident
-from .mesh import COPIED, column, has_area
+from .read_mesh import COPIED, column, has_area
 
 
 def doubled_polygons(mesh: bpy.types.Mesh) -> Bools:

@@ -12,10 +12,10 @@ from mathutils import Matrix
 
 from ..base.arrays import Floats
 from ..rig.viewer import Viewer
-from .own_words import data_name
 from .rigs import active_rig, mark, marked_key, stem
 from .scene import object_matrix
 from .screens import spaces
+from .translation_context import data_name
 from .viewer import orthonormal_axes
 from .viewer_list import add, take_out
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
 from ..glass.meshes import components
-from .mesh import column
+from .read_mesh import column
 
 LEAST, MOST = np.radians([0.05, 12.0])  # between facets; faces of one flat facet have less
 ALIKE = 4.0  # times as large may a neighbour on the same curve be: a bevel's facet is larger

@@ -9,7 +9,7 @@ from ..base.arrays import Bools, Floats, Ints
 from ..glass.inner_faces import find_bodies
 from ..glass.meshes import components, volume_of
 from ..glass.solids import is_one_sided, turned_beside
-from .mesh import column, has_area, read_local
+from .read_mesh import column, has_area, read_local
 
 MOUTH = 1 / 3  # of a mesh's width: a hole that is wider was meant, as the mouth of a vessel is
 BENT = 0.01  # between unit normals; those of files are rounded to 1e-3 or less

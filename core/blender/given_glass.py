@@ -4,9 +4,9 @@ is removed.
 
 import bpy
 
-from .kept import fields_of, text_of
 from .rig_record import keep
 from .rigs import rig_of, rigs_of
+from .stored_records import fields_of, text_of
 from .viewport_look import draw_as_solid
 
 GIVEN_MARK = "kiriko_given"  # on the material

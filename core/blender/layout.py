@@ -5,7 +5,7 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.errors import RigError
-from .mesh import column, mesh_of, uv_layer
+from .read_mesh import column, mesh_of, uv_layer
 from .rectangle import sides, uv_axes
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 

@@ -12,10 +12,10 @@ import bpy
 from . import local_view
 from .changes import Change, change, put_back
 from .framing import Window, image_framed
-from .kept import Changed
 from .preview_settings import BOUNCES
 from .rigs import elsewhere
 from .screens import spaces
+from .stored_records import Changed
 from .viewer import frame_of, no_camera, viewer_of
 from .world_light import is_dark
 

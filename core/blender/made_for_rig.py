@@ -7,7 +7,6 @@ import bpy
 from ..solve.solved_for import OF_NO_SCENE
 from .changes import value_of
 from .image import is_out_of_date, read_anew
-from .kept import Changed
 from .objects import OBJECT_MARK
 from .on_display import MATERIAL_MARK
 from .result import SOURCE
@@ -15,6 +14,7 @@ from .result_images import images_of
 from .rig_names import name_for
 from .rig_record import KEPT_MARK
 from .rigs import RIG_MARK, active_rig, mark_of, rigs_of
+from .stored_records import Changed
 
 DATA = ("meshes", "cameras", "materials", "images")  # kinds that Add Rig makes beside objects
 RESULT = "kiriko.result."  # path of the panel's numbers in the scene

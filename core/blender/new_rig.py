@@ -17,10 +17,10 @@ from ..rig.rig import ROLES, ConstantIndex, Glass, Rig
 from .bodies import bodiless, faceless, role_label, tools_of, use_of
 from .elements import DEFAULT_IOR
 from .looked_through import bounds_of, looked_through
-from .mesh import in_world, read_local
 from .objects import Workbench, ball_mesh
 from .overridden import overridden, take_away
 from .parts import Part, parts_by_role, read_parts
+from .read_mesh import in_world, read_local
 from .rig_names import RIG
 from .rig_objects import in_units, make_display, make_picture, make_plate, make_viewer
 from .rig_record import Record

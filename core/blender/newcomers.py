@@ -17,8 +17,8 @@ from .active_rig import (
     settings_of,
     settings_text,
 )
-from .kept import Changed
 from .rigs import active_rig, held_by, mark, mark_of, marked_key, rigs, stem, take_in
+from .stored_records import Changed
 from .viewer_list import bring_back_by_itself, have_viewer
 
 NO_RESULT = [["kiriko.result.summary", "", ""]]  # as a rig notes that the scene had none before

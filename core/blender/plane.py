@@ -11,9 +11,9 @@ from ..base.messages import Message
 from ..base.words import percent
 from . import shaders
 from .layout import axis_factors, laid_out, size_of
-from .mesh import used_slots
 from .moving import Timing, at_frame, is_moving, number_at, set_timing, whole
 from .picture import UNREADABLE, check_at, check_readable
+from .read_mesh import used_slots
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
 from .rig_record import keep

@@ -14,8 +14,8 @@ from ..bench.offset import part_motions
 from ..glass.tessellate import tessellate
 from ..rig.rig import ROLES, Mesh, Rig
 from .made_mesh import mesh_from_triangles
-from .mesh import sharpen_creases
 from .parts import part_name, shown_parts
+from .read_mesh import sharpen_creases
 from .roles import InBlender, Studio, in_blender
 from .scene import Reading, object_matrix
 from .temporary import mark

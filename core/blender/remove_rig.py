@@ -11,7 +11,6 @@ from ..base.errors import RigError
 from .active_rig import has_settings, is_new, keep_as, make_active, replace
 from .changes import put_back
 from .given_glass import take_back
-from .kept import Changed
 from .made_for_rig import (
     RESULT,
     has_result,
@@ -22,6 +21,7 @@ from .made_for_rig import (
 )
 from .rigs import RIG_MARK, active_rig, let_go, mark, marked_key, rig_of, rigs, rigs_of
 from .screens import spaces
+from .stored_records import Changed
 from .viewer import camera_at
 from .viewer_list import bring_back, have_viewer, is_there, take_out
 from .viewer_render import remove_unused

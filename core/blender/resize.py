@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from ..base.arrays import Floats
 from ..base.errors import RigError
-from .mesh import column, mesh_of
+from .read_mesh import column, mesh_of
 
 # of its size: an object no thicker along an axis of its own is perpendicular to that axis
 FLAT_AXIS = 1e-5

@@ -11,15 +11,15 @@ import numpy as np
 from ..base.errors import one_line
 from ..base.messages import Message
 from ..base.words import NO_PLATE, summary
-from ..bench.helps import Help, Helps
+from ..bench.measured_remedies import Help, Helps
 from ..solve.solution import Solution
 from .image import holds, image_from_pixels, is_in_working_space, or_none, pack, set_pixels
-from .kept import Numbers, Sentences
 from .on_display import is_on_display, put_on_display
 from .result_images import images_of
 from .result_numbers import numbers_of
 from .rig_names import name_for
 from .scene import Reading
+from .stored_records import Numbers, Sentences
 
 SOURCE = "Kiriko Source"
 

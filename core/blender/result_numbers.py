@@ -10,8 +10,8 @@ from ..base.errors import one_line
 from ..base.messages import Message, joined
 from ..solve.cost import cost
 from ..solve.solution import Solution
-from .kept import Ladder, Numbers
 from .scene import Reading
+from .stored_records import Ladder, Numbers
 from .units import length_text
 
 

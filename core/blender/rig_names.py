@@ -6,8 +6,8 @@ import bpy
 
 from ..base.messages import Message
 from ..rig.rig import Rig
-from .own_words import data_name
 from .rigs import NUMBER, active_rig
+from .translation_context import data_name
 
 RIG = Message("Kiriko Rig")
 

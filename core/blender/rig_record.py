@@ -9,8 +9,8 @@ import bpy
 
 from .active_rig import begin, keep_as, replace
 from .changes import Change, change, put_back
-from .kept import Changed
 from .rigs import RIG_MARK, active_rig, is_copy, let_go, mark, take_in
+from .stored_records import Changed
 from .viewer_list import bring_back, have_viewer, set_aside
 
 OF_GLASS = ("rigs", "taken_as", "changed")  # marks of an object that a rig has taken in

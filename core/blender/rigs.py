@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 import bpy
 
-from .kept import Changed, fields_of, text_of
+from .stored_records import Changed, fields_of, text_of
 
 RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
 NUMBER = re.compile(r"\.\d{3,}$")

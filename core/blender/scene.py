@@ -16,16 +16,16 @@ from ..base.messages import Message
 from ..bench.offset import with_offset
 from ..rig.rig import ROLES, Picture, Rig, Viewer
 from .elements import MaterialReading
-from .kept import Offset
 from .lost_data import find_lost, refuse_lost
-from .own_pixels import read_in_own_pixels
 from .parts import Part, parts_by_role, read_parts
 from .rectangle import flat_size
 from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
 from .shapes import Kept
+from .stored_records import Offset
 from .units import length_of_unit
 from .viewer import Seat, is_deleted, no_camera, read_viewer, seats_of, shown_first
+from .viewer_image import read_in_own_pixels
 from .visibility import is_placed
 
 

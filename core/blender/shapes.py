@@ -14,10 +14,10 @@ from ..image.tone import Tone
 from ..rig.rig import ROLES, Mesh
 from .colour import rec709_from_working
 from .image_file import notes_on
-from .mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .moving import Reel, at_frame, stamp_of
 from .picture import check_readable, decoded, stored_pixels
 from .plane import chosen_image
+from .read_mesh import LocalMesh, in_world, mesh_of, read_local, sharpen_creases, used_slots
 from .texture import Texture, read_texture
 
 MAPPED = {role.name for role in ROLES if role.is_mapped}  # roles whose UV map counts

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .active_rig import shown_settings
-from .mesh import column, uv_layer
 from .moving import number_at
 from .plane import image_of, texture_showing
+from .read_mesh import column, uv_layer
 
 
 class ShownImage(NamedTuple):

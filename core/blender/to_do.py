@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..bench.helps import Help
+from ..bench.measured_remedies import Help
 
 PROBLEM, ADVICE = "ERROR", "INFO"  # as Blender's icons are called
 SOLVE = "kiriko.solve"

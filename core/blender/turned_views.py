@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 
 from .framing import Window, image_framed
-from .kept import Changed
 from .screens import areas_of, place_of, window_showing
+from .stored_records import Changed
 from .viewer import frame_of
 
 TURNED_MARK = "kiriko_turned"  # on a screen

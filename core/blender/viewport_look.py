@@ -10,8 +10,8 @@ import bpy
 
 from . import shaders
 from .changes import put_back
-from .kept import Changed
 from .on_display import MATERIAL_MARK
+from .stored_records import Changed
 
 GLASS = 0.3  # alpha of glass in Solid: its shape is seen as well as the picture in it
 SEE_THROUGH = 0.5  # alpha of a material up to which it is left as it is

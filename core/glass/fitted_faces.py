@@ -11,7 +11,7 @@ from ..base.vectors import dot, length_of, normalise
 from ..native import loading
 from . import native_fit
 from .curved import FACES_AT_ONCE, MOST_OFFSET
-from .known import Known
+from .exact_limit import Known
 from .meshes import Edges
 from .quartics import (
     AT,

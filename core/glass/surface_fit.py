@@ -17,8 +17,8 @@ from ..base.steps import Pauses
 from ..base.vectors import length_of
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
+from .exact_limit import Known, looking_for_known
 from .fitted_faces import Faces, fit_faces, made_to_meet
-from .known import Known, looking_for_known
 from .meshes import Edges, areas_of, components
 from .partly import in_parts
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, NODES, by_term

@@ -5,8 +5,8 @@ import numpy as np
 from ..base.arrays import Ints
 from ..base.vectors import normalise
 from ..rig.rig import Mesh
+from .bounding_shell import edge_turns
 from .curved import CurvedFaces
-from .curved_hull import edge_turns
 from .quartics import grid
 from .surfaces import make_surface
 

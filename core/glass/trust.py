@@ -41,7 +41,7 @@ class Trusted(NamedTuple):
 
 class Parts(NamedTuple):
     """The flat face (t,) that each triangle is a part of; of each curved face (n,) the whole shell,
-    -1 where there is none, and whether it is known to be the surface meant (known.py).
+    -1 where there is none, and whether it is known to be the surface meant (exact_limit.py).
 
     is_sample : the triangles are patches of a larger mesh, judged as one piece
     """

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arrays import Bools
 from ..rig.kinds import Kind
 from .hits import Hits
-from .law_display import meet as meet_display
+from .interaction_display import meet as meet_display
 from .plan import Plan
 from .rays import Rays
 

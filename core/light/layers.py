@@ -4,8 +4,8 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.steps import Pauses
+from ..glass.bounding_shell import making_hull
 from ..glass.curved import CurvedFaces
-from ..glass.curved_hull import making_hull
 from ..glass.surfaces import Surface
 from .ray_engine import FEW_TRIANGLES, Layer
 

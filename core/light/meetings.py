@@ -12,13 +12,13 @@ from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface
 from ..rig.rig import Mesh
 from .hits import Hits
-from .kept import Kept
+from .mesh_cache import Kept
 from .plan import Plan
 from .rays import Rays
 
 
 class Law(NamedTuple):
-    """The effect of a kind of part on light, as its file `law_<role>.py` has it.
+    """The effect of a kind of part on light, as its file `interaction_<role>.py` has it.
 
     meet : takes the plan, the rays, the numbers of those that meet such a part, their hits, and the
         hits of each layer at the same rays; says how these rays go on

@@ -13,9 +13,9 @@ from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .display import DisplayPlane
 from .media import Media
+from .near_misses import ThinParts
 from .plate import ArrayFrame
 from .ray_engine import Layer
-from .thin_parts import ThinParts
 
 
 @dataclass(frozen=True, eq=False)

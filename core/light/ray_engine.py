@@ -11,13 +11,13 @@ import numpy as np
 from ..base.arrays import FLOAT32, Bools, Floats, Ints
 from ..base.steps import finish
 from ..base.vectors import dot, normalise
+from ..glass.bounding_shell import Hull, making_hull
 from ..glass.curved import CurvedFaces
 from ..glass.curved_hits import find_roots
-from ..glass.curved_hull import Hull, making_hull
 from ..glass.curved_roots import Lines, Spots
 from ..glass.meshes import Frames, box_of
 from ..glass.motion import Motion
-from .asked import Asked
+from .engine_triangles import Asked
 from .engines import Found
 from .hits import Hits, is_within
 

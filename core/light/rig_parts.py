@@ -13,10 +13,10 @@ from ..glass.surfaces import Surface
 from ..rig.kinds import Kind
 from ..rig.rig import Rig
 from .checks import check_viewer_outside
-from .kept import Kept
 from .media import Media, Solid
+from .mesh_cache import Kept
 from .plan import Counts, Parts, Triangles
-from .sheets import Sheet, find_sheets
+from .thin_surfaces import Sheet, find_sheets
 
 
 @dataclass(frozen=True, eq=False)

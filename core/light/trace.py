@@ -12,8 +12,8 @@ from .contact import land
 from .endings import end_without_hit
 from .first_hits import find_first_hits
 from .hits import Hits, Search
+from .interactions import ENDS, LAWS
 from .landings import Landings, Words, join
-from .laws import ENDS, LAWS
 from .native import following, plan_structures, ray_states
 from .plan import Plan
 from .rays import PlateLight, Rays, ReachedError

@@ -15,9 +15,8 @@ import numpy as np
 from ..base.arrays import Bools, Ints, mean_at
 from ..base.steps import Pauses
 from ..light.plan import Plan
-from .allowance import Allowance
 from .cut_cells import around_middles, cut_cells, find_sides
-from .doubts import (
+from .cut_quality import (
     CUT,
     Doubts,
     has_gaps,
@@ -31,6 +30,7 @@ from .doubts import (
 from .known_borders import Borders
 from .points import Points, trace_points
 from .quarters import lack_quarters, quartered
+from .ray_budget import Allowance
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,10 @@ import numpy as np
 from ..base.arrays import Bools, Ints
 from ..base.steps import Pauses
 from ..light.plan import Plan
-from .allowance import Allowance
 from .edges import find_borders, lack
 from .known_borders import Borders, key_of, points_of
 from .points import Points
+from .ray_budget import Allowance
 from .searches import traced
 
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, taken
 from ..light.plan import Plan
-from .allowance import Allowance
 from .bisection import Edges, last_on_branch, n_digits
 from .points import Points
+from .ray_budget import Allowance
 from .searches import Search, ask, side_by_side
 from .strips import find_strips
 

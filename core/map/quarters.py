@@ -7,9 +7,9 @@ import numpy as np
 from ..base.arrays import Bools, Ints, mean_at, taken
 from ..base.steps import Pauses
 from ..light.plan import Plan
-from .allowance import Allowance
-from .doubts import CUT
+from .cut_quality import CUT
 from .points import Points, trace_points
+from .ray_budget import Allowance
 
 
 def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowance) -> Pauses[Bools]:

@@ -3,7 +3,8 @@
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
 mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
 bisection have an end there. Cells whose light falls where the display is faint take further ones
-(faint.py), and all samples of a cell count alike. On the display each lights a square (widths.py).
+(importance.py), and all samples of a cell count alike. On the display each lights a square
+(kernel_width.py).
 """
 
 from collections.abc import Generator, Iterator
@@ -15,9 +16,9 @@ from ..base.arrays import Floats, Ints
 from ..base.free_memory import check_free
 from ..base.messages import Message
 from ..light.plan import Plan
-from .allowance import Allowance
-from .faint import further_along, light_on_blocks, may_take_more, samples_worth
+from .importance import further_along, light_on_blocks, may_take_more, samples_worth
 from .points import BYTES_OF_POINT, Points, trace_points
+from .ray_budget import Allowance
 from .view_map import ViewMap
 
 TILE_CELLS = 64  # cells each way, after which the random places begin anew

@@ -20,7 +20,7 @@ from ..light.landings import Reason
 from ..light.plan import Plan
 from . import interpolation
 from .borders import Cutting, Pieces
-from .doubts import CUT
+from .cut_quality import CUT
 from .interpolation import CHECKS, COLUMN, PARTS, ROW
 from .measured_error import checked
 from .points import Paths, Points, is_seen, trace_points

@@ -13,8 +13,8 @@ from ..base.arrays import Floats
 from ..light.landings import Words
 from ..light.native import bisecting
 from ..light.plan import Plan
-from .allowance import Allowance
 from .points import Points, trace_points
+from .ray_budget import Allowance
 
 T = TypeVar("T")
 Asked = TypeVar("Asked")

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints, each_value, taken
 from . import dividing
+from .decimation import Thinning, in_pixels
 from .dividing import OnDisplay
 from .native_divide import Divided
 from .shares import Shares
-from .thinning import Thinning, in_pixels
 
 FEW_SHARES = 1 << 14
 LOTS_AT_ONCE = 8  # of cells, divided side by side: a step of the work

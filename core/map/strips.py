@@ -11,9 +11,9 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
 from ..light.plan import Plan
-from .allowance import Allowance
 from .bisection import Edges, last_on_branch, n_digits
 from .points import Points
+from .ray_budget import Allowance
 from .searches import Search, ask
 
 MOST_STRIPS = (

@@ -12,13 +12,13 @@ from ..base.arrays import Bools, Floats, Ints, each_value, taken
 from ..base.steps import Pauses, at, finish, within
 from ..light.landings import Reason
 from .cells import count_shares
+from .decimation import THINNING, Thinning
+from .kernel_width import widths
 from .lookup import Lookup, filled
 from .pieces import Piece, polygons, quads_of, squares_around
 from .points import Points
 from .squares import CORNERS, Squares
 from .subdivision import n_parts
-from .thinning import THINNING, Thinning
-from .widths import widths
 
 QUADS_AT_ONCE = 1 << 14
 

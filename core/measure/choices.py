@@ -10,7 +10,7 @@ from ..base.steps import within
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..solve.session import Session
-from .errors import psnr
+from .image_errors import psnr
 
 GLARES = (0.0, 0.5, 1.0)
 

@@ -18,9 +18,9 @@ from ..base.arrays import Floats
 from ..base.errors import RigError
 from ..base.steps import Pauses, at, within
 from ..bench.picture_room import plane_of
-from ..light.kept import Kept
+from ..light.compile_plan import planning
+from ..light.mesh_cache import Kept
 from ..light.plan import Plan
-from ..light.planning import planning
 from ..map.searches import side_by_side
 from ..rig.rig import Rig, Viewer
 from ..rig.settings import Settings

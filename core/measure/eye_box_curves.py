@@ -17,7 +17,7 @@ from ..image.flat_picture import view_of_picture
 from ..rig.viewer import Viewer
 from .diagram import Curve, linear, points_mm, sheet
 from .eye_box import WAYS, EyeBox, Walk
-from .viewers import arcmin_between
+from .viewer_errors import arcmin_between
 
 NAMES = ("left", "right", "up", "down", "nearer", "farther")  # of WAYS
 FILE = "eye_box.svg"

@@ -26,7 +26,7 @@ from ..rig.rig import PicturePlace, Rig
 from ..rig.viewer import Viewer
 from .diagram import Curve, draw, from_zero, points_mm, sheet
 from .places_seen import Look, grid_on, places_of_shown, places_shown
-from .viewers import arcmin_between
+from .viewer_errors import arcmin_between
 
 FILE = "head_box.svg"
 N_POINTS = 7  # each way, of the picture

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.steps import Pauses
-from ..image.asked import Way, mapped, way_of
 from ..image.flat_picture import view_of_picture
+from ..image.inverse_lookup import Way, mapped, way_of
 from ..light.landings import Reason
 from ..light.plan import Plan
 from ..map.points import Tracer, tracer, tracer_of

@@ -18,9 +18,9 @@ from ..base.arrays import Bools, Floats
 from ..base.errors import RigError
 from ..base.steps import within
 from ..image.seen_image import lattice_shift
+from ..light.compile_plan import make_plan
 from ..light.landings import main_landings
 from ..light.plan import Plan
-from ..light.planning import make_plan
 from ..light.trace import trace_all
 from ..map.view_map import MapError
 from ..rig.rig import Display, Rig
@@ -29,7 +29,7 @@ from ..solve.channel import Channel
 from ..solve.session import Session
 from ..solve.solution import Solution
 from .charts import showing
-from .errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors, psnr, rms
+from .image_errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors, psnr, rms
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
 

@@ -15,7 +15,7 @@ from ..light.plate import PlatePath, light_by_angle
 from ..rig.rig import MirrorArray
 from ..solve.cost import cost
 from .diagram import Curve, linear, log_log
-from .errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors
+from .image_errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors
 from .rungs import Rung, WorkPrecision
 
 NAMES = ("report.csv", "report.json", "report.svg")

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from .choices import Choice
-from .errors import ImageErrors, MapErrors
+from .image_errors import ImageErrors, MapErrors
 
 Size = tuple[int, int]  # (width, height), px
 

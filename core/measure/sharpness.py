@@ -14,7 +14,7 @@ from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..solve.session import Session
 from ..solve.solution import Solution
-from .viewers import WHOLE, displaced
+from .viewer_errors import WHOLE, displaced
 
 TILT = np.radians(5.0)  # of the edge, from the picture's height
 PARTS = 4  # of a pixel, by which the edge is sampled

@@ -28,13 +28,13 @@ from ..base.errors import RigError
 from ..base.steps import at
 from ..base.vectors import dot, normalise
 from ..bench.picture_room import plane_of
-from ..light.kept import Kept
-from ..light.planning import planning
+from ..light.compile_plan import planning
+from ..light.mesh_cache import Kept
 from ..rig.rig import Rig, Viewer
 from ..rig.settings import Settings
 from ..solve.solution import Solution, without_glass
 from .places_seen import Look, grid_of, grid_on, places_seen
-from .viewers import ARCMIN, N_POINTS, displaced
+from .viewer_errors import ARCMIN, N_POINTS, displaced
 
 MOST_APART = np.cos(np.radians(45.0))  # between where two eyes look, or their sides point
 TIRES_FROM = 15.0  # arcmin of vertical disparity; the source is above

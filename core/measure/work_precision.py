@@ -22,7 +22,7 @@ from ..solve.session import Session
 from ..solve.solution import Solution
 from .charts import pictures
 from .choices import measure_choices
-from .errors import quantisation
+from .image_errors import quantisation
 from .reference import N_CHECKED, Reference, make_reference, times_finer
 from .rungs import Rung, WorkPrecision
 from .timing import clocked, median_seconds, peak_memory, timed

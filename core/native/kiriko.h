@@ -23,7 +23,7 @@
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
 #define MOST_BUNDLED 32     /* rays */
-#define MOST_UNITS 4096     /* that are told apart in thin_parts.py */
+#define MOST_UNITS 4096     /* that are told apart in near_misses.py */
 #define N_LEVELS 5          /* of boxes there */
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */
 #define WIDER 1e-6          /* for a ray that met nothing, as in rescue.py */
@@ -69,7 +69,7 @@ typedef struct {
     double *to_bezier;      /* (15, 14) */
 } Curved;
 
-/* The triangles in front of curved faces: asked.py's Asked. */
+/* The triangles in front of curved faces: engine_triangles.py's Asked. */
 typedef struct {
     float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
     int64_t *owner;         /* (p,) by position */
@@ -234,7 +234,7 @@ typedef struct {
     double ridge[N_TERMS];
 } Fit;
 
-/* Triangles in boxes of several levels, of which the last hold one each, as thin_parts.py has them. */
+/* Triangles in boxes of several levels, of which the last hold one each, as near_misses.py has them. */
 typedef struct {
     const double *boxes[N_LEVELS];     /* (n, 2, 3) of each level */
     const int64_t *children[N_LEVELS]; /* (n + 1,) the first box of the next level in each */

@@ -1,4 +1,4 @@
-/* The first true hit of a ray in a layer: ray by ray what core/light/ray_engine.py and asked.py do for many at once. */
+/* The first true hit of a ray in a layer: ray by ray what core/light/ray_engine.py and engine_triangles.py do for many at once. */
 
 #include "kiriko.h"
 #include "tree.h"

@@ -1,8 +1,8 @@
-/* What bundles of rays passed by: bundle by bundle what core/light/thin_parts.py does for many at once. */
+/* What bundles of rays passed by: bundle by bundle what core/light/near_misses.py does for many at once. */
 
 #include "kiriko.h"
 
-#define WIDEST 0.0625 /* as in thin_parts.py */
+#define WIDEST 0.0625 /* as in near_misses.py */
 #define BUNDLES_EACH_TURN 16
 
 /* The rays of a bundle between two of their events, and the cone around them: along each axis the upper and the lower

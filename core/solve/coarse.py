@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import KirikoError, RigError
 from ..base.steps import at, finish
-from ..light.kept import Kept
+from ..light.mesh_cache import Kept
 from ..rig.rig import Display, Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer

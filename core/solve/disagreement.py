@@ -21,7 +21,7 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.steps import within
-from ..image.asked import way_of
+from ..image.inverse_lookup import way_of
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from .painting import Clock, Placed, count

@@ -15,7 +15,7 @@ from ..base.errors import RigError
 from ..base.messages import Message
 from ..base.words import percent
 from ..image.picture import cover_in_view
-from ..light.kept import Kept
+from ..light.mesh_cache import Kept
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from .coarse import coarser

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.steps import Pauses, within
-from ..image.asked import Asked, moved_in_view
 from ..image.ghosts import strongest_paths
+from ..image.inverse_lookup import Asked, moved_in_view
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
 from ..image.reads import Reads, reads_at

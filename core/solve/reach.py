@@ -10,9 +10,9 @@ import numpy as np
 from ..base.messages import Message
 from ..base.stages import MAP, spans
 from ..base.steps import at, within
-from ..light.kept import Kept
+from ..light.compile_plan import planning
+from ..light.mesh_cache import Kept
 from ..light.plan import Aside, Plan
-from ..light.planning import planning
 from ..light.rays import ReachedError
 from ..map.sampling import Sampling
 from ..map.view_map import ViewMap

@@ -17,9 +17,9 @@ from ..base.steps import Pauses, at, finish, within
 from ..image.pyramid import Pyramid
 from ..image.pyramids import pyramids_of
 from ..image.source_image import Painting
-from ..light.kept import Kept
+from ..light.compile_plan import planning
+from ..light.mesh_cache import Kept
 from ..light.plan import Plan
-from ..light.planning import planning
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
@@ -27,7 +27,13 @@ from .accuracy import leaks
 from .channel import Traced, weight_beside
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
-from .known import (
+from .memory import check_memory, check_traced
+from .painting import PASS, Clock, finished, paint, place
+from .picture_coverage import check_seen
+from .reach import UNTRACED, sample_reached
+from .remarks import remarks_on
+from .solution import Solution
+from .solve_cache import (
     Optics,
     Place,
     channels_of,
@@ -39,12 +45,6 @@ from .known import (
     uncovered,
     unmeasured,
 )
-from .memory import check_memory, check_traced
-from .painting import PASS, Clock, finished, paint, place
-from .picture_coverage import check_seen
-from .reach import UNTRACED, sample_reached
-from .remarks import remarks_on
-from .solution import Solution
 
 
 class Session:

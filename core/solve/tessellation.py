@@ -11,10 +11,10 @@ from ..base.steps import Pauses, at, within
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.partly import PART
+from ..light.compile_plan import planning
 from ..light.landings import Landings, Words, main_landings
 from ..light.native import trees
 from ..light.plan import Plan, PlannedLayer
-from ..light.planning import planning
 from ..light.ray_engine import Layer
 from ..light.trace import Step, recording, tracing
 from ..native import loading

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..base.steps import at, within
 from ..solve.channel import Channel
-from .mesh import WarpMesh, mesh_error, mesh_grid, mesh_of, quads_of
 from .options import MapOptions
 from .stmap import STMap, of_places, view_stmap, warp_map
 from .tables import ffmpeg_command
 from .view_from_display import paths_shown, view_from_display
+from .warp_mesh import WarpMesh, mesh_error, mesh_grid, mesh_of, quads_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from pathlib import Path
 from ..base.errors import MALFORMED, ImageError
 from .channel_maps import ChannelMaps
 from .images import write_exr, write_png
-from .mesh import write_data, write_obj
 from .options import FORMATS, MapOptions
 from .tables import write_npz, write_pgm
+from .warp_mesh import write_data, write_obj
 
 SIDECAR = "maps.json"
 CONVENTION = (

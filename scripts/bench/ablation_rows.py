@@ -84,7 +84,7 @@ class Row:
     def is_fit(self) -> bool:
         """Does it only count where surfaces are fitted to meshes?"""
         _, module = self.changes[0].target.split(".")[:2]
-        return self.room == "glass" and module not in ("curved_hull", "curved_roots")
+        return self.room == "glass" and module not in ("bounding_shell", "curved_roots")
 
     @contextmanager
     def off(self) -> Iterator[None]:
@@ -207,19 +207,19 @@ def _option_rows(
 TAIL = [
     Row(
         "Known limit of Subdivision",
-        (instead("glass.known.MOST_TRIANGLES", -1),),
+        (instead("glass.exact_limit.MOST_TRIANGLES", -1),),
         "no mesh is small enough to be looked at",
         "meant: wine glass, bottle and rings by one level",
     ),
     Row(
         "Known splines",
-        (instead("glass.known.looking_for_splines", _giving(None)),),
+        (instead("glass.exact_limit.looking_for_splines", _giving(None)),),
         "no grid is taken for splines",
         "meant: wine glass by one level",
     ),
     Row(
         "Known limit around poles",
-        (instead("glass.known.looking_for_subdivided", _giving(None)),),
+        (instead("glass.exact_limit.looking_for_subdivided", _giving(None)),),
         "no quads around poles are taken for subdivided ones",
         "meant: bodies that end on their axis",
     ),
@@ -273,27 +273,27 @@ TAIL = [
     ),
     Row(
         "Faint light takes more samples",
-        (options("map.faint.FAINT", times=()),),
+        (options("map.importance.FAINT", times=()),),
         "no cell takes further samples",
     ),
     Row(
         "Samples spread by density",
-        (options("map.widths.WIDTHS", together=NEVER),),
+        (options("map.kernel_width.WIDTHS", together=NEVER),),
         "no part of the display has enough samples: each lights its pixel alone",
     ),
     Row(
         "Samples spread: limit by mixing",
-        (options("map.widths.WIDTHS", mixed=-1.0),),
+        (options("map.kernel_width.WIDTHS", mixed=-1.0),),
         "no light is unmixed, so that density alone decides",
     ),
     Row(
         "Thinning of far triangles",
-        (options("map.thinning.THINNING", per_pixel=NEVER),),
+        (options("map.decimation.THINNING", per_pixel=NEVER),),
         "there are never too many shares",
     ),
     Row(
         "Allowance of rays",
-        (options("map.allowance.ALLOWANCE", times_effort=NEVER, apart=0),),
+        (options("map.ray_budget.ALLOWANCE", times_effort=NEVER, apart=0),),
         "each pixel may take as many rays as it asks for",
         "extremes: the bound on rays of a pixel",
     ),
@@ -304,13 +304,13 @@ TAIL = [
     ),
     Row(
         "Things that rays pass by",
-        (instead("light.thin_parts.ThinParts.touch", _untouched),),
+        (instead("light.near_misses.ThinParts.touch", _untouched),),
         "no bundle of rays passes by anything",
         "extremes: thin parts; judge: rays at edges",
     ),
     Row(
         "Solids that touch",
-        (instead("light.planning.find_touching", _all_touch),),
+        (instead("light.compile_plan.find_touching", _all_touch),),
         "any two solids may touch",
         "extremes: touching solids",
     ),
@@ -329,16 +329,16 @@ TAIL = [
 MAP = [
     Row(
         "Cutting: quarters of pixels",
-        (options("map.doubts.CUT", quarterings=0),),
+        (options("map.cut_quality.CUT", quarterings=0),),
         "no pixel is quartered",
     ),
     Row(
         "Cutting: second quarters",
-        (options("map.doubts.CUT", quarterings=1),),
+        (options("map.cut_quality.CUT", quarterings=1),),
         "no quarter is quartered again",
     ),
     *_option_rows(
-        "map.doubts.CUT",
+        "map.cut_quality.CUT",
         "Cutting",
         least_error_px=(0.0, "quarters are worth their rays only if they reach the tolerance"),
         of_effort=(NEVER, "Effort does not change which error is worth rays"),
@@ -351,7 +351,7 @@ MAP = [
     ),
     Row(
         "Cutting: cut instead of sampling where samples leave gaps",
-        (options("map.doubts.CUT", apart_px=-1.0),),
+        (options("map.cut_quality.CUT", apart_px=-1.0),),
         "samples always leave gaps, so that all pixels are cut",
     ),
     Row(
@@ -475,7 +475,7 @@ GLASS = [
         "any turn is worth a curved face",
     ),
     *_option_rows(
-        "glass.curved_hull.HULL",
+        "glass.bounding_shell.HULL",
         "Hull",
         angle=(INF, "no turn divides a face"),
         uneven=(0.0, "only turns across count"),

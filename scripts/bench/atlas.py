@@ -23,7 +23,7 @@ import numpy as np
 from atlas_reader import Atlas as Reader
 from bench.brought_glass import made
 from bench.glasses import rig_of
-from kiriko.core.atlas import head_map, making, planning
+from kiriko.core.atlas import atlas_plan, head_map, making
 from kiriko.core.atlas.atlas import Atlas, random_heads
 from kiriko.core.atlas.heads import HeadBox
 from kiriko.core.base.steps import finish
@@ -86,7 +86,7 @@ def row(glass: str, pixels: int, n_heads: int, tolerance: float) -> Row:
         rig = rig_for(glass, pixels)
         of = making.Making(Session(), rig, rig.viewer, Settings(), Path(name))
         started = perf_counter()
-        atlas = finish(planning.planned(of, BOX, tolerance, MOST, False, ""))
+        atlas = finish(atlas_plan.planned(of, BOX, tolerance, MOST, False, ""))
         atlas = finish(making.whole(of, atlas, MOST))
         seconds = perf_counter() - started
         n_bytes = sum(path.stat().st_size for path in of.folder.iterdir())

@@ -17,7 +17,7 @@ import numpy as np
 from mathutils import Matrix
 
 from fuzz.shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
-from kiriko.core.blender.mesh import in_world, read_local
+from kiriko.core.blender.read_mesh import in_world, read_local
 from kiriko.core.rig.index import ConstantIndex
 from kiriko.core.rig.rig import Glass, Mesh
 

@@ -9,7 +9,7 @@ from time import process_time
 
 import numpy as np
 
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import (

@@ -40,7 +40,7 @@ from environments import as_module
 from kiriko.core.base.stages import SHARES, spans
 from kiriko.core.base.steps import finish
 from kiriko.core.image.ghosts import Paths
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.measure.choices import measure_choices
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh, Rig

@@ -17,7 +17,7 @@ import numpy as np
 
 from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.base.steps import finish
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig

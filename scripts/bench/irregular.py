@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.base.steps import finish
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh, SurfaceChoice
 from kiriko.core.rig.settings import Settings

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.base.steps import finish
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.native import plan_structures
 from kiriko.core.light.plan import Plan
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import TRACED_AT_ONCE, _following
 from kiriko.core.native import loading

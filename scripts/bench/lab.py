@@ -21,8 +21,8 @@ from kiriko.core.base.vectors import dot, normalise
 from kiriko.core.bench.placement import frame, lattice
 from kiriko.core.image.seen_image import dot_centroids
 from kiriko.core.image.simulation import simulate
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.optics import reflect
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import STRAY_PATHS, PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import PRESETS, MirrorArray, Rig, Viewer

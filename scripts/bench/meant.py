@@ -27,8 +27,8 @@ from mathutils import Matrix
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plan import Plan
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings

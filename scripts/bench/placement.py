@@ -17,9 +17,9 @@ from time import perf_counter
 import numpy as np
 
 from kiriko.core.base.steps import finish
+from kiriko.core.bench.initial_placement import Request, settle
 from kiriko.core.bench.placement import Proposal, Wishes, propose, viewer_of
 from kiriko.core.bench.spread import Spread, spread_of
-from kiriko.core.bench.standing import Request, settle
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

@@ -21,8 +21,8 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from kiriko.core.base.vectors import dot
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.optics import transmittance
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import ArrayFrame, Crossing, PlatePath, array_frame
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import PRESETS, MirrorArray, Plate

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from environments import machine
 from kiriko.core.base.steps import finish
 from kiriko.core.image.source_image import splat
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Landings
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Picture, Rig

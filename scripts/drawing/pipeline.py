@@ -35,7 +35,7 @@ TIP = 'stroke-width="1.5" marker-end="url(#tip)"'
 # noun, its file; the verb that makes the next one, its file
 NOUNS = (
     ("Blender scene", "", "read", "blender/scene.py"),
-    ("Rig", "rig.py", "plan", "light/planning.py"),
+    ("Rig", "rig.py", "plan", "light/compile_plan.py"),
     ("Plan", "light/plan.py", "sample", "map/sampling.py"),
     ("View map", "map/view_map.py", "rasterise", "map/rasterise.py"),
     ("Shares", "map/shares.py", "paint", "image/source_image.py"),

@@ -37,9 +37,9 @@ from kiriko.core.blender import preview as blender_preview
 from kiriko.core.blender import scene as blender_scene
 from kiriko.core.blender.image import pixels_from_image
 from kiriko.core.blender.nested_glass import interfaces
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.native import plan_structures
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import Step, trace_all, tracing
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig

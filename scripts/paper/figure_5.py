@@ -14,7 +14,7 @@ from kiriko.core.base.arrays import Floats
 from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
 from kiriko.core.image.source_image import splat
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.rig import PRESETS, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import Solution

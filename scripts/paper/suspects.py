@@ -13,7 +13,7 @@ import numpy as np
 
 from kiriko.core.bench.offset import Parameter, moved, parameters
 from kiriko.core.glass.motion import Motion
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings

@@ -97,7 +97,7 @@ def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
 def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
     """Its core, with the files that read, trace and render; and an empty scene."""
     of_blender = ("nested_glass", "plate", "preview", "scene")
-    of_light = ("planning", "plate", "trace")
+    of_light = ("compile_plan", "plate", "trace")
     for name in (
         "rig.rig",
         "rig.settings",

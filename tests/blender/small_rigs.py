@@ -94,7 +94,7 @@ def short_reports(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def record_text(fields: dict[str, object]) -> str:
     """Text of a record as Kiriko writes it; `fields` may be parsed from such a text."""
-    kept = importlib.import_module("bl_ext.user_default.kiriko.core.blender.kept")
+    kept = importlib.import_module("bl_ext.user_default.kiriko.core.blender.stored_records")
     own = ("version", "checksum")
     return kept.text_of({name: value for name, value in fields.items() if name not in own})
 

@@ -86,7 +86,7 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     within 0.05 display px rms of the analytic ball.
     """
     from kiriko.core.blender import scene as blender_scene
-    from kiriko.core.light.planning import make_plan
+    from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.rig.settings import Settings
 

@@ -9,7 +9,7 @@ import pytest
 
 from bench import brought_glass as glasses
 from bench import irregular
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.kinds import Kind

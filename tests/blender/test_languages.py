@@ -128,7 +128,7 @@ def test_a_rig_with_names_in_japanese(
     """New parts have names as Blender gives them to new data; no name is looked up, so that such a
     rig solves, and goes as a whole.
     """
-    own_words = importlib.import_module(f"{EXTENSION}.core.blender.own_words")
+    own_words = importlib.import_module(f"{EXTENSION}.core.blender.translation_context")
     stand_in = SimpleNamespace(pgettext_data=lambda text, context: in_japanese(text))
     monkeypatch.setattr(own_words, "translations", stand_in)
     parts = small_rig()
@@ -228,7 +228,7 @@ def test_sentences_of_several_parts_read_as_japanese(kiriko: ModuleType) -> None
     """A sentence that is put together has its particles, and its clauses end alike."""
     texts = kiriko.languages.texts_of("ja_JP")
     words = importlib.import_module(f"{EXTENSION}.core.base.words")
-    helps = importlib.import_module(f"{EXTENSION}.core.bench.helps")
+    helps = importlib.import_module(f"{EXTENSION}.core.bench.measured_remedies")
     message = importlib.import_module(f"{EXTENSION}.core.base.messages").Message
 
     def told(sentence: str) -> str:
@@ -280,7 +280,7 @@ def test_settings_of_materials_are_japanese(
     shader.inputs["Base Color"].default_value = (1, 1, 1, 1)
     small_rig()["GLASS"].data.materials.append(material)
     telling = importlib.import_module(f"{EXTENSION}.operators.telling")
-    kept = importlib.import_module(f"{EXTENSION}.core.blender.kept")
+    kept = importlib.import_module(f"{EXTENSION}.core.blender.stored_records")
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
     assert "Roughness 0.3" in result.notes

@@ -93,7 +93,7 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(
     assert glass.modifiers[0].type == "SMOOTH"
     assert not [text for text in told(look()) if "recognise" in text]
     bpy.ops.kiriko.solve()
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
     legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
     assert legibility == pytest.approx(foretold, abs=0.02)
     shown = drawn("result", "VIEW3D_PT_kiriko_result").texts
@@ -106,7 +106,7 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(
     """Waves strew light over a display that is far behind them. The checklist's button moves it to
     their back, the picture before it, and the legibility becomes what the checklist foretold.
     """
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
     legible = importlib.import_module(f"{kiriko.__name__}.operators.remedies").legible
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     result = importlib.import_module(f"{kiriko.__name__}.core.blender.result")
@@ -156,6 +156,6 @@ def test_clear_glass_needs_no_remedy(
     monkeypatch.setattr(remedies, "legible_by", None)
     bumpy(scene, 0.0)
     bpy.ops.kiriko.add_rig(**SMALL)
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
     assert kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"] > 0.99
     assert not [text for text in told(look()) if "recognise" in text]

@@ -79,7 +79,7 @@ def test_what_an_example_tells_can_be_translated(
     scene: bpy.types.Scene, kiriko: ModuleType, name: str
 ) -> None:
     """The sentence on its display is kept with its values, as by this version's Add Rig."""
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
     bpy.ops.kiriko.open_example(example=name)
     result = bpy.context.scene.kiriko.result
     message = kept.Sentences.read(result.sentences).message(result.summary)

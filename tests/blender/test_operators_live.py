@@ -163,7 +163,7 @@ def test_remedies_follow_the_final_image(live: ModuleType, monkeypatch: pytest.M
     monkeypatch.setattr(importlib.import_module(f"{EXTENSION}.operators.remedies"), "SECONDS", inf)
     rig = follow(live)
     result = bpy.context.scene.kiriko.result
-    kept = importlib.import_module(f"{EXTENSION}.core.blender.kept")
+    kept = importlib.import_module(f"{EXTENSION}.core.blender.stored_records")
     assert "helps" not in kept.Numbers.read(result.details).by_name
     rig["PLATE"].scale *= 0.03 / max(rig["PLATE"].dimensions)
     bpy.context.view_layer.update()
@@ -646,7 +646,7 @@ def test_a_picture_may_stay_without_numbers(
     else:
         errors, known = (
             importlib.import_module(f"{EXTENSION}.core.{name}")
-            for name in ("base.errors", "solve.known")
+            for name in ("base.errors", "solve.solve_cache")
         )
 
         def fail(*_: object) -> Iterator[float]:

@@ -210,7 +210,7 @@ def test_a_mesh_is_read_and_made_ready_once_while_it_is_moved(
     """
     glass = small_rig()["GLASS"]
     shapes = importlib.import_module(f"{kiriko.__name__}.core.blender.shapes")
-    solids = importlib.import_module(f"{kiriko.__name__}.core.light.kept")
+    solids = importlib.import_module(f"{kiriko.__name__}.core.light.mesh_cache")
     looked(sketcher)
     names: list[str] = []
     read, make = shapes.read_shape, solids.making_solids
@@ -265,7 +265,7 @@ def test_glass_of_the_session_is_used(
     """Glass that a solve has made ready is not made again for the overlay."""
     small_rig()
     bpy.ops.kiriko.solve()
-    kept = importlib.import_module(f"{kiriko.__name__}.core.light.kept")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.light.mesh_cache")
     made: list[object] = []
     make = kept.making_solids
     monkeypatch.setattr(kept, "making_solids", lambda mesh: made.append(mesh) or make(mesh))

@@ -223,7 +223,7 @@ def test_the_product_of_an_instance_is_found_without_meshes_as_modifiers_make_th
     own.modifiers.new("Subdivision", "SUBSURF")
     thing = instance_of(own)
     scene.collection.objects.link(thing)
-    look_parts = importlib.import_module(f"{kiriko.__name__}.core.blender.look_parts")
+    look_parts = importlib.import_module(f"{kiriko.__name__}.core.blender.inspect_parts")
     chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
     asked = []
     before = look_parts.evaluated

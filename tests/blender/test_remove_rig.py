@@ -233,7 +233,7 @@ def test_undo_of_add_rig_has_views_see_as_far_as_before(
     Rig; what the artist chose meanwhile stays.
     """
     framing = importlib.import_module(f"{kiriko.__name__}.operators.framing")
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.kept")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
     space = framing.view_of(bpy.context).spaces.active
 
     def sees() -> tuple[float, float]:

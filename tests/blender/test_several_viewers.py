@@ -443,7 +443,7 @@ def test_each_viewer_is_told_of_the_worst_first(
     drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict
 ) -> None:
     """A line in the panel for each, with the numbers of core; there is none for one viewer."""
-    reports = importlib.import_module(f"{kiriko.__name__}.core.measure.viewers")
+    reports = importlib.import_module(f"{kiriko.__name__}.core.measure.viewer_errors")
     steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     panel = importlib.import_module(f"{kiriko.__name__}.panels.viewers").VIEW3D_PT_kiriko_seen_by

@@ -96,7 +96,7 @@ def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
     """
     from kiriko.core.blender import scene as blender_scene
     from kiriko.core.blender.preview import render_map
-    from kiriko.core.light.planning import make_plan
+    from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.rig.settings import Settings
 
@@ -162,7 +162,7 @@ def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
     """
     from kiriko.core.base.steps import finish
     from kiriko.core.blender import scene as blender_scene
-    from kiriko.core.light.planning import make_plan
+    from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.map.sampling import sample
     from kiriko.core.rig.settings import Settings

@@ -462,7 +462,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     """A mesh made of triangles in the world is read as the
     same triangles, normals and shading, in any unit.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.mesh")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.read_mesh")
     making = importlib.import_module(f"{kiriko.__name__}.core.blender.made_mesh")
     thing = ball()
     thing.location = (100.0, 20.0, 3.0)

@@ -661,7 +661,7 @@ def test_only_what_bends_light_is_looked_for_within_glass(kiriko, look, monkeypa
     for _ in range(20):
         bpy.context.scene.collection.objects.link(bpy.data.objects.new("Other", mesh))
     asked = []
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.look")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.inspect_scene")
     own = module.box_of
     monkeypatch.setattr(
         module, "box_of", lambda scene, thing: asked.append(thing) or own(scene, thing)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import measured_error, sampling
-from kiriko.core.map.allowance import ALLOWANCE, Allowance, most_rays
+from kiriko.core.map.ray_budget import ALLOWANCE, Allowance, most_rays
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.atlas import atlas as atlases
-from kiriko.core.atlas import head_map, making, planning
+from kiriko.core.atlas import atlas_plan, head_map, making
 from kiriko.core.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
 from kiriko.core.atlas.refine import _Line, _worst_between, map_at, refine
 from kiriko.core.base.errors import ImageError, RigError
@@ -37,7 +37,7 @@ def maker(of, **settings):
 
 def make(folder, of, box_of_heads=TWO_WAYS, tolerance=0.05, **options):
     making_ = making.Making(Session(), of, of.viewer, Settings(), folder, **options)
-    atlas = drain(planning.planned(making_, box_of_heads, tolerance, 100, False, "set Overwrite"))
+    atlas = drain(atlas_plan.planned(making_, box_of_heads, tolerance, 100, False, "set Overwrite"))
     return making_, atlas
 
 
@@ -192,7 +192,7 @@ def test_work_that_was_stopped_goes_on(ball_atlas):
         drain(making.checked(made_of, atlas))
 
     # by the same command: nothing is planned anew
-    again = drain(planning.planned(made_of, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
+    again = drain(atlas_plan.planned(made_of, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
     assert again == atlas
     assert drain(making.made(made_of, again, range(len(again.grid)))) == 1
     assert lost.read_bytes() == before
@@ -237,9 +237,9 @@ def test_index_of_another_rig_is_not_replaced(ball_atlas):
     made_of, _ = ball_atlas
     other = replace(made_of, rig=ball_rig(2, **SMALL))
     with pytest.raises(ImageError, match="has the atlas of another rig"):
-        drain(planning.planned(other, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
+        drain(atlas_plan.planned(other, TWO_WAYS, 0.05, 100, False, "set Overwrite"))
     with pytest.raises(RigError, match="planned for"):
-        planning.planned_before(other)
+        atlas_plan.planned_before(other)
 
 
 def test_maps_of_another_box_are_not_removed_unasked(tmp_path):
@@ -247,14 +247,14 @@ def test_maps_of_another_box_are_not_removed_unasked(tmp_path):
     made_of, atlas = make(
         tmp_path, rig(box([0.06, 0.02, 0.06]), pixels=16, display_pixels=16), ASIDE, 9
     )
-    drain(planning.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, ""))
-    atlas = drain(planning.planned(made_of, ASIDE, 9.0, 100, False, ""))
+    drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, ""))
+    atlas = drain(atlas_plan.planned(made_of, ASIDE, 9.0, 100, False, ""))
     drain(making.made(made_of, atlas, [0]))
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(ImageError, match="another box: choose another folder or set Overwrite"):
-        drain(planning.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, Message("set Overwrite")))
+        drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, False, Message("set Overwrite")))
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-    drain(planning.planned(made_of, TO_THE_RIGHT, 9.0, 100, True, ""))
+    drain(atlas_plan.planned(made_of, TO_THE_RIGHT, 9.0, 100, True, ""))
     assert {path.name for path in tmp_path.iterdir()} == {"index.json"}
 
 
@@ -271,14 +271,14 @@ def test_source_images_come_and_stay_beside_the_same_maps(tmp_path):
         of_it = making.Making(
             Session(), source, source.viewer, Settings(), tmp_path, save_image=save, **options
         )
-        steps = planning.planned(of_it, box_of_heads, tolerance, 100, overwrite, "set Overwrite")
+        steps = atlas_plan.planned(of_it, box_of_heads, tolerance, 100, overwrite, "set Overwrite")
         return of_it, drain(steps)
 
     def save(path, pixels):
         path.write_bytes(pixels.tobytes())
 
     with pytest.raises(RigError, match="planned without source images"):
-        planning.planned_before(replace(made_of, has_images=True))
+        atlas_plan.planned_before(replace(made_of, has_images=True))
     drain(making.whole(*plan(of, has_images=True), 10, n=1))
     images = contents(tmp_path, "*.png")
     assert len(images) == len(maps) > 1
@@ -296,7 +296,7 @@ def test_source_images_come_and_stay_beside_the_same_maps(tmp_path):
         with pytest.raises(ImageError, match="another picture, or in another light"):
             plan(other, tolerance=8.0, has_images=wanted)
     with pytest.raises(RigError, match="The picture, or its light"):
-        planning.planned_before(replace(made_of, rig=other))
+        atlas_plan.planned_before(replace(made_of, rig=other))
     assert contents(tmp_path) == before
     made_of, atlas = plan(other, tolerance=8.0, overwrite=True, has_images=True)
     assert contents(tmp_path, "*.npz") == maps
@@ -333,7 +333,7 @@ def test_overwriting_removes_maps_that_are_no_part(tmp_path):
     drain(making.whole(made_of, atlas, 10, n=1))
     (tmp_path / "map_mine.npz").write_text("")
     other = replace(made_of, rig=rig(box([0.06, 0.03, 0.06]), pixels=16, display_pixels=16))
-    drain(planning.planned(other, ASIDE, 9.0, 100, True, ""))
+    drain(atlas_plan.planned(other, ASIDE, 9.0, 100, True, ""))
     assert {path.name for path in tmp_path.iterdir()} == {"index.json", "map_mine.npz"}
 
 

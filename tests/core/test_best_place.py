@@ -12,8 +12,8 @@ from kiriko.core.bench.best_place import PLACE_SEARCH, Limits, best_place
 from kiriko.core.bench.offset import moved
 from kiriko.core.bench.picture_light import traced
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
+from kiriko.core.bench.rotated_rig import turn_of, with_glass_turned, with_rest_turned
 from kiriko.core.bench.turn_back import TURN_SEARCH, turn_back
-from kiriko.core.bench.turned import turn_of, with_glass_turned, with_rest_turned
 from kiriko.core.glass.motion import Motion
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.rig.settings import Settings

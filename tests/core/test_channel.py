@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kiriko import core
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, lattice_image

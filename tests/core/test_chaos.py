@@ -13,7 +13,7 @@ import pytest
 
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample

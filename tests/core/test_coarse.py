@@ -10,8 +10,8 @@ import pytest
 
 from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.base.errors import RigError
-from kiriko.core.light.kept import Kept
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.map.points import areas
 from kiriko.core.map.sampling import Sampling
 from kiriko.core.rig.settings import Settings

@@ -8,8 +8,8 @@ import pytest
 
 from bench.irregular import coarse, disturbed, errors, hull
 from bench.surface import OPTIONS, judged
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plan import Counts
-from kiriko.core.light.planning import make_plan
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.accuracy import measure

@@ -31,7 +31,7 @@ def test_glass_that_does_not_refract_needs_no_compensation() -> None:
 
 def test_before_is_what_brute_force_sees_of_the_plain_picture() -> None:
     """The plain picture on the display, read where single rays through the glass land."""
-    from kiriko.core.light.planning import make_plan
+    from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace
 
     a_rig = cube_rig(**SMALL)

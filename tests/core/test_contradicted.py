@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import tracing
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Glass

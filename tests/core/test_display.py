@@ -8,9 +8,9 @@ import numpy as np
 
 from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.display import display_plane, uv_islands
-from kiriko.core.light.kept import Kept
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings

@@ -10,7 +10,7 @@ import pytest
 from kiriko.core.atlas.heads import viewer_at
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.map import points
 from kiriko.core.measure import eye_box as eye_box_module
 from kiriko.core.measure.eye_box import EDGE, N_POINTS, WAYS, EyeBox, Walk, eye_box

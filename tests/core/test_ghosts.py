@@ -11,7 +11,7 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of, strongest_paths
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.image.pyramid import Pyramid
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.pieces import Piece
 from kiriko.core.map.shares import Shares

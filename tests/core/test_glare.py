@@ -10,8 +10,8 @@ from kiriko.core.base.steps import finish
 from kiriko.core.bench.misalignment import Bench
 from kiriko.core.image.glare import LightBeside, look_beside, looking_beside
 from kiriko.core.image.simulation import LUMINANCE
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.shares import Coverage
 from kiriko.core.measure.choices import measure_choices

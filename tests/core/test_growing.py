@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.glass import curved_hull
-from kiriko.core.glass.curved_hull import making_hull
+from kiriko.core.glass import bounding_shell
+from kiriko.core.glass.bounding_shell import making_hull
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.native import growing
 from kiriko.core.native import loading
@@ -99,7 +99,7 @@ def test_a_hull_in_portions_is_the_hull(mesh, monkeypatch):
     """Whatever the number of faces that are worked on together."""
     curved = make_surface(mesh).curved
     whole = finish(making_hull(curved))
-    monkeypatch.setattr(curved_hull, "PARTS_AT_ONCE", 1000)
+    monkeypatch.setattr(bounding_shell, "PARTS_AT_ONCE", 1000)
     pauses = list(making_hull(curved))
     portioned = finish(making_hull(curved))
     assert len(pauses) > 20

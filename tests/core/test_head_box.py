@@ -9,7 +9,7 @@ import pytest
 
 from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.base.errors import RigError
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.measure import head_box as room
 from kiriko.core.measure.head_box import as_data, as_svg, check_box, head_box
 from kiriko.core.rig.settings import Settings

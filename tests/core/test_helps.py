@@ -8,11 +8,11 @@ import pytest
 
 from kiriko.core.base.numbers import millimetres
 from kiriko.core.base.steps import finish
-from kiriko.core.bench import helps
+from kiriko.core.bench import measured_remedies
 from kiriko.core.bench.flat import outline_of
-from kiriko.core.bench.helps import Help, what_helps
+from kiriko.core.bench.measured_remedies import Help, what_helps
+from kiriko.core.bench.part_sizes import Fitted, fit_plate
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
-from kiriko.core.bench.room import Fitted, fit_plate
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
@@ -87,7 +87,7 @@ def test_no_part_grows_without_end_for_little(
             return found
 
         with monkeypatch.context() as patched:
-            patched.setattr(helps, "fit_plate", fit)
+            patched.setattr(measured_remedies, "fit_plate", fit)
             told = {help.operator for help in finish(what_helps(rig, plan_of())).helps}
         assert ("kiriko.fit_plate" in told) == is_expected
 

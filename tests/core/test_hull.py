@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.glass.curved_hull import HULL, edge_turns, making_hull
+from kiriko.core.glass.bounding_shell import HULL, edge_turns, making_hull
 from kiriko.core.glass.meshes import areas_of
 from kiriko.core.glass.surfaces import make_surface
 from known.catmull_clark import LATHE, lathe_cage, limit_mesh

@@ -8,7 +8,7 @@ import pytest
 
 from kiriko.core.glass.inner_faces import find_bodies, without_inner
 from kiriko.core.glass.solids import solids_from_mesh
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings

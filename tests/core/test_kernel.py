@@ -35,10 +35,19 @@ from kiriko.core.image import native_paint, outline, picture, reads, source_imag
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid, Taps
 from kiriko.core.image.source_image import Painting, find_strokes
-from kiriko.core.light import asked, layer_hits, media, plate, ray_engine, thin_parts, trace
+from kiriko.core.light import (
+    engine_triangles,
+    layer_hits,
+    media,
+    near_misses,
+    plate,
+    ray_engine,
+    trace,
+)
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.engines import Embree
-from kiriko.core.light.kept import Kept
 from kiriko.core.light.landings import Landings, Reason
+from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.native import (
     following,
     plan_structures,
@@ -46,9 +55,8 @@ from kiriko.core.light.native import (
     touching,
     trees,
 )
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.near_misses import ThinParts
 from kiriko.core.light.rays import Rays, ReachedError
-from kiriko.core.light.thin_parts import ThinParts
 from kiriko.core.light.trace import Step, recording, trace_all, tracing
 from kiriko.core.map import bisection, native_divide, share_batches
 from kiriko.core.map import cells as cells_module
@@ -1513,9 +1521,20 @@ def test_the_environment_switches_it_off():
 
 
 SHARING = (
-    *(asked, curved, curved_roots, native_fit, loading, media, picture, plate, ray_engine, reads),
-    *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, thin_parts),
-    *(touching, vertex_fields, source_image),
+    *(
+        engine_triangles,
+        curved,
+        curved_roots,
+        native_fit,
+        loading,
+        media,
+        picture,
+        plate,
+        ray_engine,
+        reads,
+    ),
+    *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, near_misses),
+    *(ray_engine, reads, touching, vertex_fields, source_image),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

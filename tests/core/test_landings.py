@@ -12,8 +12,8 @@ from kiriko.core.bench.misalignment import Bench
 from kiriko.core.image import glare, simulation, source_image
 from kiriko.core.image.simulation import plate_view, simulate
 from kiriko.core.image.source_image import splat
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Landings, Reason, join, main_landings
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace, trace_all, tracing
 from kiriko.core.map import points
 from kiriko.core.map.points import trace_points

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.bench import helps as helps_module
+from kiriko.core.bench import measured_remedies as helps_module
 from kiriko.core.bench.behind import propose_behind
-from kiriko.core.bench.helps import WORTH_READING, legible_by, with_help
+from kiriko.core.bench.measured_remedies import WORTH_READING, legible_by, with_help
 from kiriko.core.bench.nearer import nearer, way_to_glass
 from kiriko.core.bench.placement import Wishes, rig_of, viewer_of
 from kiriko.core.glass.smoothed import vertex_normals

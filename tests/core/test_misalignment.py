@@ -15,7 +15,7 @@ from kiriko.core.bench.misalignment import Bench, spread
 from kiriko.core.bench.offset import parameters, part_motions, with_amounts
 from kiriko.core.glass.motion import find_motion
 from kiriko.core.image.flat_picture import view_of_picture
-from kiriko.core.light import kept
+from kiriko.core.light import mesh_cache
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, cube_rig, rig
@@ -121,7 +121,7 @@ def test_of_a_bench_only_the_part_is_made_ready_again_whose_errors_changed(monke
     at = found.seen(hidden)
     moved = []
     monkeypatch.setattr(
-        kept, "find_motion", lambda *meshes: moved.append(meshes) or find_motion(*meshes)
+        mesh_cache, "find_motion", lambda *meshes: moved.append(meshes) or find_motion(*meshes)
     )
     d = found.sensitivity(hidden, at)
     assert np.isfinite(d).any(axis=(1, 2)).all()

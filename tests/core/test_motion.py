@@ -8,7 +8,7 @@ import pytest
 from kiriko.core.base.steps import finish
 from kiriko.core.bench.offset import turned
 from kiriko.core.glass.motion import find_motion, size_of
-from kiriko.core.light import kept
+from kiriko.core.light import mesh_cache
 from kiriko.core.rig.rig import Mesh
 from known.reference_rigs import box
 
@@ -90,12 +90,12 @@ def test_a_mesh_is_compared_with_those_of_its_size_alone(monkeypatch):
     """Of a hundred solids that all move, each is found again by one comparison."""
     solids = [box([0.05, 0.04, 0.03 + 1e-4 * i]) for i in range(100)]
     there = turned(np.array([0.0, 0.6, 0.8]), 30.0, np.array([0.1, 0.2, 0.3]))
-    cache, compared = kept.Kept(), []
+    cache, compared = mesh_cache.Kept(), []
     for mesh in solids:
         finish(cache.get_solids(mesh))
     cache.forget()
     monkeypatch.setattr(
-        kept, "find_motion", lambda *pair: compared.append(pair) or find_motion(*pair)
+        mesh_cache, "find_motion", lambda *pair: compared.append(pair) or find_motion(*pair)
     )
     for mesh in solids:
         key, _, motion = finish(cache.get_solids(moved(mesh, there)))

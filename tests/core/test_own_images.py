@@ -7,9 +7,9 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.measure.charts import showing
-from kiriko.core.measure.viewers import viewer_reports
+from kiriko.core.measure.viewer_errors import viewer_reports
 from kiriko.core.native import loading
 from kiriko.core.rig.parts import OwnImage, Picture
 from kiriko.core.rig.settings import Settings

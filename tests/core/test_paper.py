@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.optics import refract
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import without_glass

@@ -14,12 +14,12 @@ from bench.plate import MirrorMesh, agreement, plate_frame, random_light
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, reflect
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame
-from kiriko.core.light.sheets import find_sheets
 from kiriko.core.light.slits import fold
+from kiriko.core.light.thin_surfaces import find_sheets
 from kiriko.core.light.trace import trace
 from kiriko.core.rig.kinds import Kind
 from kiriko.core.rig.rig import PRESETS, MirrorArray, Plate

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.light.kept import Kept
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.rays import ReachedError
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.sampling import sample

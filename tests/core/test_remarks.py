@@ -10,7 +10,7 @@ import pytest
 
 from kiriko.core.base.numbers import millimetres
 from kiriko.core.base.words import percent
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig.rig import Mesh

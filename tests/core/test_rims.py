@@ -11,7 +11,7 @@ from kiriko.core.base.steps import finish
 from kiriko.core.glass.meshes import find_edges, find_joined, geometric_normals
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertices import find_vertices, seen_across
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings

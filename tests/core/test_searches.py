@@ -8,12 +8,12 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.light import hits, trace
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.planning import make_plan
-from kiriko.core.map.allowance import Allowance
 from kiriko.core.map.bisection import Edges, last_on_branch, n_digits
 from kiriko.core.map.edges import find_borders
 from kiriko.core.map.points import Points, trace_points
+from kiriko.core.map.ray_budget import Allowance
 from kiriko.core.map.searches import ask, traced
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings

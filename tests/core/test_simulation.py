@@ -9,7 +9,7 @@ import pytest
 
 from kiriko.core.image import simulation
 from kiriko.core.image.simulation import LUMINANCE, simulate
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Display, MirrorArray

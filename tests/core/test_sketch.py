@@ -9,8 +9,8 @@ from kiriko.core.base.steps import finish
 from kiriko.core.bench.canvas import canvas_of, outline_of, sight_lines
 from kiriko.core.bench.hatching import HATCH, grid, hatched
 from kiriko.core.bench.sketch import OUT_OF_VIEW, sketching
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace
 from kiriko.core.rig.rig import Blocker, PicturePlace, Rig
 from kiriko.core.rig.settings import Settings

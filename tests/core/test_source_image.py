@@ -10,7 +10,7 @@ import pytest
 
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.source_image import MOST_LIGHT, Painting, find_strokes, grow, splat
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.map.shares import Coverage
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import MirrorArray, PicturePlace

@@ -10,7 +10,7 @@ from kiriko.core.glass import surface_fit
 from kiriko.core.glass.quad_lines import find_quad_lines
 from kiriko.core.glass.splines import looking_for_splines
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings

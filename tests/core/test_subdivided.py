@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.glass import known as known_module
-from kiriko.core.glass.known import looking_for_known
+from kiriko.core.glass import exact_limit as known_module
+from kiriko.core.glass.exact_limit import looking_for_known
 from kiriko.core.glass.quartics import AT_NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.native import loading

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from kiriko.core.map.decimation import THINNING, Thinning, in_pixels
 from kiriko.core.map.native_divide import Divided
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage
-from kiriko.core.map.thinning import THINNING, Thinning, in_pixels
 from kiriko.core.native import loading
 from known.rasterised import rasterise
 

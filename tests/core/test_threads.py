@@ -28,7 +28,7 @@ from known.reference_rigs import ball_rig, bottle, mean_normals, rig, torus
 from kiriko.core.native import loading
 from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.settings import Settings
 from kiriko.core.rig import MirrorArray
 from kiriko.core.solve.session import Session

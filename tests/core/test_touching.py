@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Display, Glass

@@ -14,9 +14,9 @@ from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light import layer_hits
 from kiriko.core.light.checks import check_viewer_outside
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.layer_hits import first_hits
-from kiriko.core.light.planning import make_plan
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.rays import Rays
 from kiriko.core.light.trace import _following, trace_all

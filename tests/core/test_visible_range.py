@@ -10,7 +10,7 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.bench.visible_range import SURVEY, visible_range
 from kiriko.core.light import trace
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.rig.rig import Mesh, MirrorArray
 from kiriko.core.rig.settings import Settings

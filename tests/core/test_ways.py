@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
-from kiriko.core.light.planning import make_plan
+from kiriko.core.light.light_paths import NOTHING, Tails, following
 from kiriko.core.light.trace import trace
-from kiriko.core.light.ways import NOTHING, Tails, following
 from kiriko.core.native import loading
 from kiriko.core.rig.kinds import Kind
 from kiriko.core.rig.rig import Blocker, Mirror

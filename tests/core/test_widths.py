@@ -12,10 +12,10 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.light.landings import Reason
-from kiriko.core.map import widths
+from kiriko.core.map import kernel_width
+from kiriko.core.map.kernel_width import SAMPLES_AT_ONCE, WIDTHS
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
-from kiriko.core.map.widths import SAMPLES_AT_ONCE, WIDTHS
 from kiriko.core.native import loading
 from known.rasterised import rasterise
 from known.reference_rigs import facetted_rig
@@ -34,7 +34,7 @@ def mixed(xy, size=SIZE):
 
 
 def widths_of(view, xy, size):
-    return finish(widths.widths(view, xy, size))
+    return finish(kernel_width.widths(view, xy, size))
 
 
 @pytest.mark.parametrize("per_pixel", [0.125, 0.5, 2, 8, 60])
@@ -105,7 +105,7 @@ def test_of_many_samples_it_can_be_stopped():
     """There is a pause for each SAMPLES_AT_ONCE of them, and a look at a map pauses there, too."""
     n = 5 * SAMPLES_AT_ONCE
     size = (480, 512)
-    work = widths.widths(landings(n, 9, (48, 48)), landings(n, size=size), size)
+    work = kernel_width.widths(landings(n, 9, (48, 48)), landings(n, size=size), size)
     assert sum(1 for _ in work) >= 5
 
     view_map = samples_alone(landings(n), np.ones(n))
@@ -121,9 +121,9 @@ def test_parts_at_a_time_are_as_all_at_once(at_once):
         xy = landings(60_000, size=size)
         xy[:30_000] = (xy[:30_000] * 0.01) % size
         view = np.round(xy[::-1] / 8) + landings(60_000, 5, (3, 3))
-        with patch.object(widths, "SAMPLES_AT_ONCE", 1 << 30):
+        with patch.object(kernel_width, "SAMPLES_AT_ONCE", 1 << 30):
             whole = widths_of(view, xy, size)
-        with patch.object(widths, "SAMPLES_AT_ONCE", at_once):
+        with patch.object(kernel_width, "SAMPLES_AT_ONCE", at_once):
             assert np.array_equal(widths_of(view, xy, size), whole)
 
 
@@ -156,7 +156,7 @@ def solved(effort=16):
 @cache
 def alone(effort=16):
     """The same, each sample in its own pixel."""
-    with patch.object(widths, "WIDTHS", replace(WIDTHS, together=1 << 30)):
+    with patch.object(kernel_width, "WIDTHS", replace(WIDTHS, together=1 << 30)):
         return solve(facetted_rig(), effort=effort)
 
 

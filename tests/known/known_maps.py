@@ -3,8 +3,8 @@
 import numpy as np
 
 from kiriko.core.warp.channel_maps import ChannelMaps
-from kiriko.core.warp.mesh import WarpMesh
 from kiriko.core.warp.stmap import STMap
+from kiriko.core.warp.warp_mesh import WarpMesh
 
 
 def straight(x, y):

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kiriko.core.light import ray_engine
-from kiriko.core.light.kept import Kept
+from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.plan import Plan
-from kiriko.core.light.planning import make_plan
 from kiriko.core.rig.rig import Glass, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.reach import out_of_sight

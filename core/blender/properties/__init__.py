@@ -7,7 +7,7 @@ from bpy.props import CollectionProperty, PointerProperty
 
 from ...base.messages import CONTEXT
 from .. import overridden
-from ..own_words import in_own_words
+from ..translation_context import in_own_words
 from . import view
 from .calibration import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture

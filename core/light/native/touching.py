@@ -1,5 +1,5 @@
 """Tells which bundles of rays passed by something that none
-of them met, as `thin_parts.py` does, one by one.
+of them met, as `near_misses.py` does, one by one.
 """
 
 import ctypes

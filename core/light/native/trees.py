@@ -17,7 +17,7 @@ from ...glass.meshes import Frames, boxes_of
 from ...glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ...native.loading import loaded, n_threads
 from ...native.structures import HullStructure, Made
-from ..asked import Asked
+from ..engine_triangles import Asked
 from ..engines import Found
 from ..ray_engine import Layer
 from .growing import making_tree

@@ -17,16 +17,16 @@ from ..base.messages import Message
 from ..base.steps import within
 from ..base.words import percent
 from ..glass.smoothed import smoothed
-from ..light.kept import Kept
 from ..light.landings import REASON_WORDS, Reason
+from ..light.mesh_cache import Kept
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..solve.legibility import READABLE, card_legibility
 from .best_place import Limits, best_place
 from .nearer import nearer, way_to_glass
+from .part_sizes import Fitted, Wanted, fit_display, fit_plate
 from .picture_light import PlanOf, traced
 from .picture_room import fit_picture, plane_of
-from .room import Fitted, Wanted, fit_display, fit_plate
 
 N_GRID = 32  # points along each edge of a triangle of the picture
 WORTH_IT = 1e-3  # share of the picture that a remedy has to bring back

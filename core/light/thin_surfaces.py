@@ -8,8 +8,8 @@ from ..base.arrays import FLOAT32, Bools, Floats, Ints
 from ..glass.surfaces import Surface
 from ..rig.kinds import Kind
 from ..rig.rig import MET_ROLES, Rig, Role
-from .kept import Kept
-from .laws import LAWS
+from .interactions import LAWS
+from .mesh_cache import Kept
 from .touching_solids import BULGE
 
 

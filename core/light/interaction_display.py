@@ -12,8 +12,8 @@ from ..rig.rig import Display
 from .display import uv_islands
 from .endings import give_reasons, is_on_image
 from .hits import Hits
-from .kept import Kept
 from .meetings import Law, key_of_facets
+from .mesh_cache import Kept
 from .plan import Plan
 from .rays import LAND, Rays
 

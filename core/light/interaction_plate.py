@@ -11,8 +11,8 @@ from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Plate
 from .endings import end_beyond_plate
 from .hits import Hits
-from .kept import Kept
 from .meetings import Law, key_of_facets
+from .mesh_cache import Kept
 from .optics import plane_symmetry
 from .plan import Plan
 from .plate import ArrayFrame, PlatePath

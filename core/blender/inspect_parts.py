@@ -18,10 +18,10 @@ from .bodies import members_of
 from .cuts import SEARCH
 from .lost_data import find_lost, on_lost, placeholders_of
 from .material import Bends, bends_light, refracts
-from .mesh import in_world, mesh_of, read_local, used_slots
 from .moving import number_at
 from .picture import check_at
 from .plane import check_shown, image_of, own_materials
+from .read_mesh import in_world, mesh_of, read_local, used_slots
 from .shapes import used_materials
 from .to_do import Named
 from .units import length_of_unit

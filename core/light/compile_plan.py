@@ -15,16 +15,16 @@ from ..rig.settings import Settings
 from .contact import NEAR
 from .display import display_plane
 from .engines import engine_kind
-from .kept import Kept
 from .layers import group_parts, making_layer, triangles_of_boxes
 from .media import Media, make_media
+from .mesh_cache import Kept
 from .native import plan_structures
+from .near_misses import ThinParts
 from .packing import Packing
 from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame, array_frame
 from .rig_parts import RigParts, read_solids
-from .sheets import find_clear, read_sheets
-from .thin_parts import ThinParts
+from .thin_surfaces import find_clear, read_sheets
 from .touching_solids import boxes_touch, find_touching, grown
 
 

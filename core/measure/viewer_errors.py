@@ -13,8 +13,8 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.steps import Pauses, at
 from ..base.vectors import dot
-from ..image.asked import mapped, way_of
 from ..image.flat_picture import not_flat, view_of_picture
+from ..image.inverse_lookup import mapped, way_of
 from ..image.picture import cover_in_view
 from ..image.pyramid import Pyramid
 from ..image.pyramids import pyramids_of
@@ -25,7 +25,7 @@ from ..light.trace import trace_all
 from ..rig.viewer import Viewer
 from ..solve.channel import Channel
 from ..solve.solution import Solution
-from .errors import psnr
+from .image_errors import psnr
 from .places_seen import grid_of
 
 N_POINTS = 7  # each way, of the picture

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..bench.helps import Help
+from ..bench.measured_remedies import Help
 from .bodies import (
     NO_PART,
     bodiless,
@@ -24,8 +24,7 @@ from .doubles import doubled_polygons
 from .facets import n_facets
 from .faults import faults_of
 from .given_glass import has_place
-from .kept import Numbers
-from .look_parts import (
+from .inspect_parts import (
     BOXLESS,
     box_of,
     each_material,
@@ -39,11 +38,12 @@ from .look_parts import (
     why_no_picture,
 )
 from .material import Bends, bends_light, on_thin_walls, read_refraction, refracts
-from .mesh import column, mesh_of, used_slots
 from .objects import OBJECT_MARK
+from .read_mesh import column, mesh_of, used_slots
 from .result_images import images_of, lacks_numbers
 from .rigs import active_rig, marked_key
 from .shapes import used_materials
+from .stored_records import Numbers
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
 from .viewer import camera_at

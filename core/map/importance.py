@@ -23,9 +23,9 @@ import numpy as np
 from ..base.arrays import Floats, Ints, taken, whole_within
 from ..light.landings import Reason
 from ..light.plan import Plan
-from .allowance import Allowance
 from .cells import signed_area
 from .points import Points, is_in_image
+from .ray_budget import Allowance
 from .view_map import QUADS_AT_ONCE, ViewMap
 
 

@@ -7,8 +7,8 @@ from ..base.vectors import dot, normalise
 from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Mirror
 from .hits import Hits
-from .kept import Kept
 from .meetings import Law, shading_normals
+from .mesh_cache import Kept
 from .optics import reflect
 from .plan import Plan
 from .rays import FACE_MIRROR, MIRROR, Rays

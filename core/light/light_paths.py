@@ -13,8 +13,8 @@ from ..base.steps import Pauses
 from ..base.vectors import dot
 from ..rig.kinds import Kind
 from ..rig.rig import Mesh
+from .interactions import ENDS
 from .landings import Landings, Reason, main_landings
-from .laws import ENDS
 from .plan import Plan
 from .trace import Step, tracing
 

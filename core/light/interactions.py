@@ -8,6 +8,7 @@ from ..rig.rig import MET_ROLES
 from .meetings import Law
 
 LAWS: dict[int, Law] = {
-    role.kind: import_module(f".law_{role.name.lower()}", __package__).LAW for role in MET_ROLES
+    role.kind: import_module(f".interaction_{role.name.lower()}", __package__).LAW
+    for role in MET_ROLES
 }
 ENDS = np.array([LAWS[kind].ends for kind in range(len(LAWS))])

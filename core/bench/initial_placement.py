@@ -20,10 +20,10 @@ from ..base.steps import within
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..rig.rig import Rig, Viewer
+from .largest_square import SEARCH, Bundle, best_place, best_place_for, grid_over, largest_about
 from .light import Light, light_of
 from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
 from .spread import Spread, points_of, spread_in
-from .squares import SEARCH, Bundle, best_place, best_place_for, grid_over, largest_about
 
 
 class Standing(NamedTuple):

@@ -18,8 +18,8 @@ from ..light.optics import reflect
 from ..rig.mesh import Mesh
 from ..rig.rig import Rig
 from .behind import STRAIGHT_BENCH
+from .part_sizes import plate_outline
 from .placement import REFERENCE_BENCH, frame
-from .room import plate_outline
 
 LEAST = 1e-6  # of a frame's place: nearer ones are in the same
 
