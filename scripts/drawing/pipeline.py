@@ -35,7 +35,7 @@ TIP = 'stroke-width="1.5" marker-end="url(#tip)"'
 # noun, its file; the verb that makes the next one, its file
 NOUNS = (
     ("Blender scene", "", "read", "blender/scene.py"),
-    ("Rig", "rig.py", "plan", "light/compile_plan.py"),
+    ("Rig", "rig/rig.py", "plan", "light/compile_plan.py"),
     ("Plan", "light/plan.py", "sample", "map/sampling.py"),
     ("View map", "map/view_map.py", "rasterise", "map/rasterise.py"),
     ("Shares", "map/shares.py", "paint", "image/source_image.py"),
@@ -43,7 +43,7 @@ NOUNS = (
 )
 # noun, its file, and the number of the box above it
 SECOND_NOUNS = (
-    ("Picture's place", "parts.py", 3),
+    ("Picture's place", "rig/parts.py", 3),
     ("Picture's pixels", "image/pyramid.py", 4),
     ("Seen image", "image/seen_image.py", 5),
 )

@@ -106,7 +106,7 @@ def test_a_set_stays_as_it_was_until_all_of_the_new_one_is_written(
 CLAIM = """
 import sys
 from pathlib import Path
-from kiriko.core import disk
+from kiriko.core.files import disk
 print('ready', flush=True)
 sys.stdin.read()
 print([n for n in range(300) if disk.claim(Path(sys.argv[1]) / f"{n}.png")])

@@ -387,10 +387,3 @@ def test_a_dark_display_without_a_plate_speaks_of_no_plate():
         with pytest.raises(RigError, match=remedy) as told:
             finish(Session().solve(turned, Settings()))
         assert "plate" not in str(told.value)
-
-
-def test_results_of_before_keep_their_fingerprint():
-    """The new setting counts only where it is not at its default, under its own name."""
-    old = "80e1e431"
-    assert fingerprint(Settings()) != fingerprint(Settings(only_through_plate=False))
-    assert fingerprint(Settings())[:8] == old
