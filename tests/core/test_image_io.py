@@ -115,7 +115,7 @@ print([n for n in range(300) if disk.claim(Path(sys.argv[1]) / f"{n}.png")])
 
 def test_each_name_is_claimed_by_one_of_several_processes(tmp_path: Path) -> None:
     """Of 300 names that three processes claim at once each is given to one of them alone."""
-    environment = {**os.environ, "PYTHONPATH": str(Path(disk.__file__).parents[2])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(disk.__file__).parents[3])}
     processes = [
         subprocess.Popen(
             [sys.executable, "-c", CLAIM, str(tmp_path)],
