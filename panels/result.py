@@ -1,4 +1,7 @@
-"""The last result: a sentence and a picture; below them all numbers, for whoever asks."""
+"""The last result: a sentence and a picture; below them all numbers, for whoever asks.
+
+Buttons that bring back the lost part of the picture, and the change that is proposed.
+"""
 
 import bpy
 
@@ -8,11 +11,29 @@ from ..core.base.words import percent, pixels, shares_in_words
 from ..core.blender.result_images import images_of, lacks_numbers
 from ..core.blender.stored_records import Numbers, Sentences
 from ..core.solve.legibility import READABLE
-from ..operators import live, needed, watch, work
+from ..operators import live, needed, proposal, watch, work
 from ..operators.telling import in_words
 from ..operators.wrapping import MARGIN, sentence
-from .remedies import draw_remedies
 from .words import OfRig
+
+WHOLE = 0.999  # share of the picture from which on nothing needs a remedy
+
+
+def draw_remedies(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The proposal where there is one; else the remedies where some of the picture is lost."""
+    scene = context.scene
+    proposed = proposal.current(scene)
+    if proposed is not None:
+        sentence(layout, context, proposed.text, icon="QUESTION")
+        row = layout.row(align=True)
+        row.operator_context = "EXEC_DEFAULT"  # the panel has the sentence already
+        row.operator("kiriko.take_proposal", icon="CHECKMARK")
+        row.operator("kiriko.drop_proposal", icon="X")
+    elif not needed.unsolved(scene) and scene.kiriko.result.coverage < WHOLE:
+        row = layout.row(align=True)  # those that fit a part stand in the checklist
+        row.operator("kiriko.best_place")
+        row.operator("kiriko.turn_back")
+
 
 ICON = 20.0  # px at a scale of 1 that an icon is wide
 LARGEST = 16.0  # icons: no picture is drawn larger, however wide the sidebar

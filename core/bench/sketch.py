@@ -3,9 +3,21 @@ the aerial plane, distances. Lines and words as plain data; lengths in m, places
 
 An incomplete rig, or one that cannot be solved, is sketched as far as it goes: without a plan there
 is no light.
+
+The picture as a surface in space, with a place for each part of it: where the viewer is to see
+which part of the image.
+
+A picture on a plane is there where it stands. One in the viewer's own pixels stands nowhere: it is
+taken to stand across the view, as far away as the glass.
+
+Hatches the part of a picture that is lost.
+
+Glass, plates and display in the order in which light comes to them: the distances between them,
+and the place where the display seems to stand.
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,15 +25,332 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints
 from ..base.messages import Message
 from ..base.steps import Pauses
-from ..base.vectors import length_of
+from ..base.vectors import length_of, normalise
+from ..light.display import affine_fit, uv_area
 from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.light_paths import NOTHING, Tails, Way, following
+from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.trace import tracing
-from ..rig.rig import Rig
-from .canvas import CORNERS, MIDDLE, Canvas, canvas_of, outline_of, sight_lines
-from .hatching import grid, hatched
-from .stations import Dimension, Station, dimensions_between, is_placed, mirrored, stations_of
+from ..rig.kinds import Kind
+from ..rig.rig import Mesh, PicturePlace, Rig, Viewer
+
+CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+MIDDLE = np.array([[0.5, 0.5]])
+SPLIT = np.array([[0, 1, 2], [0, 2, 3]])
+RECTANGLE = 1e-6  # of its size: how flat, affine and whole a picture is that counts as a rectangle
+OFF_TRIANGLE = 1e-9  # barycentric: a place so far beyond all triangles is still on the picture
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A picture's triangles in space, with the place of each of their corners on the image.
+
+    corners : (t, 3, 3) m, world
+    uv : (t, 3, 2) on the picture, 0..1 over all of it, v upward
+    """
+
+    corners: Floats
+    uv: Floats
+
+    def points(self, places: Floats) -> tuple[Floats, Bools]:
+        """Points (n, 3) m of places (n, 2) on the image, and are they on the picture (n,)?
+
+        Beyond the picture's triangles the point is the nearest one's at that place.
+        """
+        best = np.full(len(places), -np.inf)
+        points = np.full((len(places), 3), np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for corners, uv in zip(self.corners, self.uv, strict=True):
+                weights = _weights(places, uv)
+                inside = weights.min(axis=1)
+                is_better = inside > best
+                best[is_better] = inside[is_better]
+                points[is_better] = weights[is_better] @ corners
+        return points, best >= -OFF_TRIANGLE
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height, m, along its lower and its left edge."""
+        points, _ = self.points(CORNERS)
+        return float(length_of(points[1] - points[0])), float(length_of(points[3] - points[0]))
+
+
+def _weights(places: Floats, uv: Floats) -> Floats:
+    """Barycentric weights (n, 3) of places (n, 2) in a triangle (3, 2); not finite without area."""
+    a, b = uv[1] - uv[0], uv[2] - uv[0]
+    p = places - uv[0]
+    area = a[0] * b[1] - a[1] * b[0]
+    u = (p[:, 0] * b[1] - p[:, 1] * b[0]) / area
+    v = (a[0] * p[:, 1] - a[1] * p[:, 0]) / area
+    return np.stack([1 - u - v, u, v], axis=1)
+
+
+def canvas_of(picture: PicturePlace, viewer: Viewer | None, towards: Floats) -> Canvas | None:
+    """The canvas of a picture; None where it stands nowhere.
+
+    Parameters
+    ----------
+    towards : (3,) m, the middle of the glass, by which a picture in the viewer's pixels stands
+    """
+    if picture.mesh is not None:
+        return _of_mesh(picture.mesh)
+    if viewer is None:
+        return None
+
+    forward = viewer.axes[2]
+    size = np.array([viewer.width, viewer.height])
+    origins, directions = viewer.rays(np.abs(CORNERS - [0, 1]) * size)
+    depth = float((towards - viewer.position) @ forward)
+    if not depth > 0:
+        return None
+
+    corners = origins + (depth / (directions @ forward))[:, None] * directions
+    return Canvas(corners[SPLIT], CORNERS[SPLIT])
+
+
+def _of_mesh(mesh: Mesh) -> Canvas | None:
+    """A mesh whose UV map is stretched over the whole image's square."""
+    if mesh.uv is None or not len(mesh.triangles):
+        return None
+    flat = mesh.uv.reshape(-1, 2)
+    low = flat.min(axis=0)
+    extent = flat.max(axis=0) - low
+    if not (np.isfinite(mesh.corners).all() and np.isfinite(extent).all() and extent.all()):
+        return None
+
+    canvas = Canvas(mesh.corners, (mesh.uv - low) / extent)
+    return _as_rectangle(canvas) if len(mesh.triangles) > 2 else canvas
+
+
+def _as_rectangle(canvas: Canvas) -> Canvas:
+    """A flat rectangle of many triangles as one of two, in which places
+    are found quickly; any other canvas as it is.
+    """
+    corners = canvas.corners.reshape(-1, 3)
+    fit, missed = affine_fit(canvas.uv.reshape(-1, 2), corners)
+    is_flat = missed <= RECTANGLE * np.ptp(corners, axis=0).max()
+    if not (is_flat and abs(uv_area(canvas.uv) - 1) <= RECTANGLE):
+        return canvas
+    ends = np.column_stack([CORNERS, np.ones(4)]) @ fit
+    return Canvas(ends[SPLIT], CORNERS[SPLIT])
+
+
+def sight_lines(viewer: Viewer, points: Floats) -> tuple[Floats, Floats, Floats, Bools]:
+    """Rays from a viewer to points (n, 3) m: origins, directions, distances (n,), and are
+    the points within its image (n,)?
+
+    Those of points behind it run along its axis.
+    """
+    xy = viewer.project(points)
+    size = np.array([viewer.width, viewer.height])
+    slack = OFF_TRIANGLE * size
+    with np.errstate(invalid="ignore"):
+        is_seen = ((xy >= -slack) & (xy <= size + slack)).all(axis=1)
+
+    origins, directions = viewer.rays(np.where(np.isfinite(xy), xy, size / 2))
+    distances = np.einsum("ni,ni->n", points - origins, directions)
+    return origins, directions, np.where(np.isfinite(xy).all(axis=1), distances, np.nan), is_seen
+
+
+def outline_of(corners: Floats) -> Floats:
+    """The edges (e, 2, 3) of triangles (t, 3, 3) that no other of them shares."""
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+    # the same number for the same place, whichever triangle has it
+    _, place = np.unique(edges.reshape(-1, 3), axis=0, return_inverse=True)
+    ends = np.sort(place.reshape(-1, 2), axis=1)
+    _, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    return edges[count[number.ravel()] == 1]
+
+
+@dataclass(frozen=True)
+class Hatch:
+    """How a lost part is found and hatched. Looked at in Blender, on pictures from 10 to 1000 px.
+
+    n_grid : rays each way, spread over the picture; each stands for the part around it
+    n_lines : hatch lines that cross a picture as wide as high from corner to corner
+    n_looks : places at which each line is asked whether it is on a lost part, for each ray it
+        passes by
+    """
+
+    n_grid: int = 40
+    n_lines: int = 36
+    n_looks: int = 4
+
+
+HATCH = Hatch()
+
+
+def grid() -> Floats:
+    """Places (n n, 2) on the picture, 0..1, row by row from below: the middles of its parts."""
+    middles = (np.arange(HATCH.n_grid) + 0.5) / HATCH.n_grid
+    u, v = np.meshgrid(middles, middles)
+    return np.stack([u.ravel(), v.ravel()], axis=1)
+
+
+def hatched(is_lost: Bools, size: tuple[float, float]) -> Floats:
+    """Hatch lines (l, 2, 2) on the lost part, by the places of their ends on the picture, 0..1.
+
+    Parameters
+    ----------
+    is_lost : (n n,) of the parts around `grid`
+    size : width and height of the picture, m, so that lines rise at 45 degrees
+    """
+    if not (is_lost.any() and min(size) > 0):
+        return np.empty((0, 2, 2))
+    width, height = np.array(size) / max(size)
+
+    # lines y = x + c on a picture of this width and height
+    step = 2 / HATCH.n_lines
+    offsets = np.arange(-width + step / 2, height, step)
+    lines = [_on_line(is_lost, offset, width, height) for offset in offsets]
+    return np.concatenate(lines)
+
+
+def _on_line(is_lost: Bools, offset: float, width: float, height: float) -> Floats:
+    """The pieces (l, 2, 2) of one line y = x + offset that lie on lost parts."""
+    start = max(0.0, -offset)
+    stop = min(width, height - offset)
+    n_looks = max(1, round((stop - start) * HATCH.n_grid * HATCH.n_looks / min(width, height)))
+    ends = np.linspace(start, stop, n_looks + 1)
+    middles = (ends[1:] + ends[:-1]) / 2
+    places = np.stack([middles / width, (middles + offset) / height], axis=1)
+
+    # where it goes onto lost parts, and off them
+    on = np.concatenate([[False], is_lost[_part_at(places)], [False]])
+    first = ends[np.flatnonzero(on[1:] & ~on[:-1])]
+    last = ends[np.flatnonzero(on[:-1] & ~on[1:])]
+    x = np.stack([first, last], axis=1)
+    return np.stack([x / width, (x + offset) / height], axis=2)
+
+
+def _part_at(places: Floats) -> Ints:
+    """The number (n,) of the part of the picture at places (n, 2)."""
+    column, row = np.clip(places * HATCH.n_grid, 0, HATCH.n_grid - 1).astype(np.int64).T
+    return row * HATCH.n_grid + column
+
+
+BESIDE = 1.2  # of half the glass's width: so far beside the middle dimension lines run
+LEAST_TURN = 1e-6  # sine of the angle between two lines that count as one
+
+
+class Station(NamedTuple):
+    """A part that stands in the light's way: its mesh, and the
+    place (3,), m, from which its distance to others is told.
+    """
+
+    kind: Kind
+    mesh: Mesh
+    place: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Dimension:
+    """A distance: between two places (3,), m, drawn `beside` (3,) the line between them."""
+
+    start: Floats
+    end: Floats
+    beside: Floats
+
+    @property
+    def length(self) -> float:
+        """Metres from the one to the other."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+def stations_of(rig: Rig, plan: Plan | None, way: Way | None) -> list[Station]:
+    """The stations of a rig: the glass that light leaves last, plates and mirrors, the display.
+
+    way : of light that has arrived, best of the picture's middle, by which they and their places
+        are told: half way through the glass, and where light meets the others. Without it the rig
+        is taken to have one glass and one plate; where it has several, none of them stands there.
+        Their places are their middles
+    """
+    by_kind = {
+        Kind.GLASS: rig.glasses,
+        Kind.PLATE: rig.plates,
+        Kind.MIRROR: rig.mirrors,
+        Kind.DISPLAY: rig.displays,
+    }
+    if plan is None or way is None:
+        single = [
+            kind for kind in (Kind.GLASS, Kind.PLATE, Kind.DISPLAY) if len(by_kind[kind]) == 1
+        ]
+        meshes = [by_kind[kind][0].mesh for kind in single]
+        return [
+            Station(kind, mesh, mesh.bounds.mean(axis=0))
+            for kind, mesh in zip(single, meshes, strict=True)
+            if is_placed(mesh)
+        ]
+
+    met = [int(part) for part in way.parts if part >= 0]
+    kinds = [Kind(plan.parts.kind[part]) for part in met]
+    places = way.points[way.parts >= 0]
+    last_glass = max((k for k, kind in enumerate(kinds) if kind == Kind.GLASS), default=0)
+
+    stations = []
+    for k, (part, kind) in enumerate(zip(met, kinds, strict=True)):
+        if k < last_glass or kind not in by_kind:
+            continue
+        place = places[k]
+        if kind == Kind.GLASS:
+            place = (places[met.index(part)] + place) / 2
+        stations.append(Station(kind, by_kind[kind][_number(plan, part, kind)].mesh, place))
+    return stations
+
+
+def is_placed(mesh: Mesh) -> bool:
+    """Does a mesh stand somewhere?"""
+    return len(mesh.triangles) > 0 and bool(np.isfinite(mesh.bounds).all())
+
+
+def _number(plan: Plan, part: int, kind: Kind) -> int:
+    """The number of a plan's part among the rig's parts of its kind."""
+    if kind == Kind.GLASS:
+        return int(plan.parts.owner[part])
+    return int((plan.parts.kind[:part] == kind).sum())
+
+
+def mirrored(points: Floats, stations: list[Station]) -> Floats | None:
+    """Where points (..., 3) of the display seem to stand, seen by way of all plates and mirrors
+    between; None where one of these is bent, or where there is none.
+    """
+    between = [s for s in stations if s.kind in {Kind.PLATE, Kind.MIRROR}]
+    if not between or any(not station.mesh.is_flat for station in between):
+        return None
+
+    for station in reversed(between):
+        corners = station.mesh.corners
+        sides = corners[:, 1:] - corners[:, :1]
+        across = np.cross(sides[:, 0], sides[:, 1])
+        normal = normalise(across[np.argmax(length_of(across))])
+        points = station.place + reflect(points - station.place, normal)
+    return points
+
+
+def dimensions_between(stations: list[Station]) -> tuple[Dimension, ...]:
+    """The distances from station to station, all drawn beside
+    the light's way, as far as clears the glass.
+    """
+    glass = next((s.mesh for s in stations if s.kind == Kind.GLASS), None)
+    pairs = list(pairwise(station.place for station in stations))
+    if not pairs:
+        return ()
+
+    # out of the plane in which the light turns, or else level
+    lines = [end - start for start, end in pairs]
+    across = np.cross(lines[0], lines[-1])
+    if np.linalg.norm(across) <= LEAST_TURN * np.linalg.norm(lines[0]) * np.linalg.norm(lines[-1]):
+        across = np.cross(lines[0], [0.0, 0.0, 1.0])
+    if np.linalg.norm(across) <= LEAST_TURN * np.linalg.norm(lines[0]):
+        across = np.array([1.0, 0.0, 0.0])
+    across = normalise(across)
+
+    reach = 0.1 * np.linalg.norm(lines[0])
+    if glass is not None:
+        reach = BESIDE * np.ptp(glass.vertices[np.unique(glass.triangles)] @ across) / 2
+    return tuple(Dimension(start, end, reach * across) for start, end in pairs)
+
 
 State = Literal["arrives", "lost", "aerial", "picture"]
 

@@ -1,23 +1,106 @@
 """A 3D view that looks through the viewer, in Cycles; all settings that are changed for it are
 kept as text, to be put back: in the scene, and those of objects and cameras on the things
 themselves, so that these are found whatever name they have by then.
+
+Local view: what a 3D view alone shows, while it does.
+
+Blender answers whether a view shows an object by the last update, so that nothing is left out by
+that answer.
+
+Has a scene any light but its display's?
 """
 
+from collections.abc import Iterable
 from contextlib import suppress
 from secrets import token_hex
 from typing import Any
 
 import bpy
 
-from . import local_view
 from .changes import Change, change, put_back
 from .framing import Window, image_framed
 from .preview_settings import BOUNCES
 from .rigs import elsewhere
-from .screens import spaces
+from .screens import spaces, window_showing
 from .stored_records import Changed
 from .viewer import frame_of, no_camera, viewer_of
-from .world_light import is_dark
+from .visibility import is_visible
+
+
+def widen(space: bpy.types.SpaceView3D) -> tuple[list[str], list[str]]:
+    """Have a view in local view show all objects; returns the names of those it showed alone, and
+    of all that it shows now: none for a view that is not in local view.
+    """
+    layer = _layer(space)
+    things = [] if layer is None else list(layer.objects)
+    own = [thing.name for thing in things if _shows(space, thing)]
+    for thing in things:
+        thing.local_view_set(space, True)
+    return own, [thing.name for thing in things]
+
+
+def narrow(space: bpy.types.SpaceView3D, names: Iterable[str], widened: Iterable[str]) -> None:
+    """Have a view that is still in local view show the objects of these names alone; all, where
+    none of them is left.
+
+    One that leaves out any of those that it was widened to is another local view, which the artist
+    has entered since: it stays.
+    """
+    layer = _layer(space)
+    if layer is None:
+        return
+    kept, then = set(names), set(widened)
+    for thing in layer.objects:
+        # of a type that this view shows not at all Blender 4.2 tells nothing
+        is_seen_else = getattr(space, f"show_object_viewport_{thing.type.lower()}", True)
+        is_ours = thing.name in then and is_seen_else and is_visible(thing, layer)
+        if is_ours and not _shows(space, thing):
+            return
+    if not kept.isdisjoint(layer.objects.keys()):
+        for thing in layer.objects:
+            thing.local_view_set(space, thing.name in kept)
+
+
+def _shows(space: bpy.types.SpaceView3D, thing: bpy.types.Object) -> bool:
+    """Does a view in local view show an object? Blender 4.2 says of none that it is in local view,
+    but whether it is seen.
+    """
+    return thing.local_view_get(space) or thing.visible_get(viewport=space)
+
+
+def _layer(space: bpy.types.SpaceView3D) -> bpy.types.ViewLayer | None:
+    """The view layer of which a view in local view shows objects; None for one that is in none, or
+    in no window.
+    """
+    window = None if space.local_view is None else window_showing(space)
+    return None if window is None else window.view_layer
+
+
+def is_dark(scene: bpy.types.Scene) -> bool:
+    """Are there no lights, and is the world black? Objects that shine are not asked."""
+    if any(thing.type == "LIGHT" and is_visible(thing) for thing in scene.objects):
+        return False
+    return scene.world is None or _is_black(scene.world)
+
+
+def _is_black(world: bpy.types.World) -> bool:
+    """Does a world give no light? One that is made of more nodes than a background may."""
+    has_nodes = bpy.app.version >= (5, 0) or world.use_nodes
+    if not has_nodes or world.node_tree is None:
+        return not any(world.color)
+
+    output = world.node_tree.get_output_node("CYCLES")
+    links = () if output is None else output.inputs["Surface"].links
+    if not links:
+        return True
+    node = links[0].from_node
+    if node.type != "BACKGROUND":
+        return False
+
+    color, strength = node.inputs["Color"], node.inputs["Strength"]
+    is_off = not strength.is_linked and strength.default_value == 0
+    return is_off or (not color.is_linked and not any(color.default_value[:3]))
+
 
 SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
 SCENE = {
@@ -123,7 +206,7 @@ def _enter_view(
     pose = [(f"region_3d.{name}", _plain(getattr(view, name)), None) for name in POSE]
     before = [space.use_local_camera, space.camera.name if space.camera else ""]
     space.use_local_camera, space.camera = True, viewer
-    own, widened = local_view.widen(space)  # the viewer sees the display, too
+    own, widened = widen(space)  # the viewer sees the display, too
 
     zoom, offset = image_framed(frame_of(viewer, scene.render).size, window)
     is_faint = space.shading.use_scene_world_render and is_dark(scene)
@@ -188,7 +271,7 @@ def enter_again(
     for place, path, _, after in Changed.read(text).changes:
         for owner in spaces_again if place.startswith("screen/") else [scene]:
             if path == LOCAL:
-                local_view.widen(owner)
+                widen(owner)
             elif path != "camera" and after is not None:
                 change(owner, {path: after})
 
@@ -215,7 +298,7 @@ def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
                 is_local = before[0]
                 owner.camera = bpy.data.objects.get(before[1]) if is_local else scene.camera
             elif path == LOCAL:
-                local_view.narrow(owner, before, after)
+                narrow(owner, before, after)
             elif path == "region_3d.view_perspective":
                 _turn_back(owner, before, [one for one in poses if one[0] == place])
             elif after is not None:

@@ -1,8 +1,10 @@
 """A new rig in Blender: the bench as it stands before, and
 the objects that are made. All of them, or none.
+
+Which of several glasses does the viewer of a new rig look through?
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -13,10 +15,10 @@ from ..base.arrays import Floats
 from ..base.errors import RigError
 from ..base.messages import Message, joined, quoted
 from ..bench.placement import Proposal
+from ..glass.meshes import box_of
 from ..rig.rig import ROLES, ConstantIndex, Glass, Rig
 from .bodies import bodiless, faceless, role_label, tools_of, use_of
 from .elements import DEFAULT_IOR
-from .looked_through import bounds_of, looked_through
 from .objects import Workbench, ball_mesh
 from .overridden import overridden, take_away
 from .parts import Part, parts_by_role, read_parts
@@ -30,6 +32,26 @@ from .shapes import Kept
 from .units import length_of_unit
 from .viewport_look import be_seen_as_glass, see_through
 from .visibility import Shown
+
+
+def bounds_of(parts: Sequence[Part | Glass]) -> Floats:
+    """Bounds (2, 3) of parts, world, m."""
+    return box_of(np.concatenate([part.mesh.bounds for part in parts]))
+
+
+def looked_through(parts: list[Part], active: bpy.types.Object | None) -> list[Part]:
+    """Those of the glass that the viewer looks through: of the active object or, where that is
+    none of them, as after a box selection, of the one nearest to the middle of all.
+    """
+    owners = {part.owner for part in parts}
+    if active not in owners:
+        middle = bounds_of(parts).mean(axis=0)
+        nearest = min(
+            parts, key=lambda part: np.linalg.norm(bounds_of([part]).mean(axis=0) - middle)
+        )
+        active = nearest.owner
+    return [part for part in parts if part.owner == active]
+
 
 BALL = Message("Kiriko Ball")
 BALL_RADIUS = 0.025  # m

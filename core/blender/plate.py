@@ -1,5 +1,9 @@
 """The mirror array plate as a node group for Cycles: the
 formulas of core/light/plate.py as nodes, and no geometry.
+
+Formulas made of nodes, written as formulas.
+
+The inputs of the plate's node group.
 """
 
 import math
@@ -7,10 +11,126 @@ from typing import Any, NamedTuple
 
 import bpy
 
-from ..rig.rig import MirrorArray
-from .node_values import Value
-from .plate_inputs import LIGHT_INPUTS, PLATE_INPUTS
+from ..rig.rig import MOST_CROSSING_ERROR, MirrorArray
 from .shaders import cleared
+
+
+class Value:
+    """A number or a vector in a node tree: with these,
+    formulas made of nodes are written as formulas.
+    """
+
+    def __init__(self, socket: Any) -> None:
+        self.socket, self.tree = socket, socket.id_data
+
+    @property
+    def is_vector(self) -> bool:
+        return self.socket.type == "VECTOR"
+
+    def node(self, operation: str, *others: "Value | float") -> "Value":
+        """The result of a Math or Vector Math node for this value and others."""
+        values = (self, *others)
+        is_vector = any(isinstance(value, Value) and value.is_vector for value in values)
+        node = self.tree.nodes.new("ShaderNodeVectorMath" if is_vector else "ShaderNodeMath")
+        node.operation = operation
+        sockets = [s for s in node.inputs if s.enabled]
+
+        # one or two of three are left where not asked for
+        for socket, value in zip(sockets, values, strict=False):
+            if isinstance(value, Value):
+                self.tree.links.new(value.socket, socket)
+            else:
+                socket.default_value = value
+
+        return Value(next(s for s in node.outputs if s.enabled))
+
+    def __add__(self, other: "Value | float") -> "Value":
+        return self.node("ADD", other)
+
+    def __sub__(self, other: "Value | float") -> "Value":
+        return self.node("SUBTRACT", other)
+
+    def __rsub__(self, other: float) -> "Value":
+        return (self * -1.0).node("ADD", other)
+
+    def __mul__(self, other: "Value | float") -> "Value":
+        if isinstance(other, Value) and other.is_vector:
+            return other.node("SCALE", self)
+        return self.node("SCALE" if self.is_vector else "MULTIPLY", other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: "Value | float") -> "Value":
+        return self.node("DIVIDE", other)
+
+    def dot(self, other: "Value") -> "Value":
+        return self.node("DOT_PRODUCT", other)
+
+    def cross(self, other: "Value") -> "Value":
+        return self.node("CROSS_PRODUCT", other)
+
+    def normalised(self) -> "Value":
+        return self.node("NORMALIZE")
+
+
+class Input(NamedTuple):
+    """An input of the plate's node group."""
+
+    name: str
+    subtype: str
+    default: float
+    lowest: float
+    highest: float
+    tooltip: str
+
+
+_MMAP = MirrorArray()
+PLATE_INPUTS = (
+    Input("Pitch", "DISTANCE", _MMAP.pitch, 1e-9, 1e3,
+    "From mirror to mirror; larger ones blur the image"),
+    Input("Height", "DISTANCE", _MMAP.height, 0.0, 1e3,
+    "Of the mirrors in one layer; high ones image steep light"),
+    Input("IOR", "NONE", _MMAP.ior, 1.0, 100.0,
+    "Index of refraction of the glass between the mirrors"),
+    Input("Reflectance", "FACTOR", _MMAP.reflectance, 0.0, 1.0,
+    "Of a mirror; each reflection dims light by it"),
+    Input(
+        "Crossing Error", "ANGLE", 0.0, -MOST_CROSSING_ERROR, MOST_CROSSING_ERROR,
+        "By which the layers are crossed at more than 90 degrees; it blurs the image",
+    ),
+    Input("Phase 1", "NONE", 0.0, -1.0, 1.0,
+    "In pitches, by which the first mirrors stand beside the origin"),
+    Input("Phase 2", "NONE", 0.0, -1.0, 1.0,
+    "In pitches, by which the second mirrors stand beside the origin"),
+    Input("Fresnel", "FACTOR", 1.0, 0.0, 1.0,
+    "1: the plate's two faces reflect as glass does; 0: they do not"),
+)  # fmt: skip
+LIGHT_INPUTS = (
+    Input("Image", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of the mid-air image"),
+    Input(
+        "Stray 1",
+        "FACTOR",
+        1.0,
+        0.0,
+        1.0,
+        "How much is seen of the light that only the first mirrors turn round",
+    ),
+    Input(
+        "Stray 2",
+        "FACTOR",
+        1.0,
+        0.0,
+        1.0,
+        "How much is seen of the light that only the second mirrors turn round",
+    ),
+    Input(
+        "Through", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what is straight behind the plate"
+    ),
+    Input(
+        "Reflected", "FACTOR", 1.0, 0.0, 1.0, "How much is seen of what the plate's face reflects"
+    ),
+)
+
 
 _PLATE_GROUPS = {
     "crossed": "Kiriko Mirror Array",

@@ -1,4 +1,7 @@
-"""The rig's objects in a preview's scene: copies in materials that obey Kiriko's laws."""
+"""The rig's objects in a preview's scene: copies in materials that obey Kiriko's laws.
+
+Triangles in the world as a Blender mesh.
+"""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -13,13 +16,53 @@ from ..base.errors import RigError
 from ..bench.offset import part_motions
 from ..glass.tessellate import tessellate
 from ..rig.rig import ROLES, Mesh, Rig
-from .made_mesh import mesh_from_triangles
 from .parts import part_name, shown_parts
 from .read_mesh import sharpen_creases
 from .roles import InBlender, Studio, in_blender
 from .scene import Reading, object_matrix
 from .temporary import mark
 from .viewer import viewer_of
+
+
+def mesh_from_triangles(name: str, drawn: Mesh, metres: float) -> tuple[bpy.types.Mesh, Matrix]:
+    """A Blender mesh of triangles in the world, with their
+    corner normals; the inverse of `in_world`.
+
+    Each triangle has vertices of its own, so that normals need
+    no sharp edges to differ between neighbours.
+
+    Parameters
+    ----------
+    metres : in a Blender unit
+
+    Returns
+    -------
+    the mesh, about its own middle, where float32 is most
+    exact; and the matrix that puts it in place
+    """
+    middle = drawn.bounds.mean(axis=0)
+    n = len(drawn.triangles)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(3 * n)
+    mesh.loops.add(3 * n)
+    mesh.polygons.add(n)
+    mesh.vertices.foreach_set("co", ((drawn.corners - middle) / metres).astype(np.float32).ravel())
+    mesh.loops.foreach_set("vertex_index", np.arange(3 * n, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * n, 3, dtype=np.int32))
+    is_smooth = np.zeros(n, bool) if drawn.is_smooth is None else drawn.is_smooth
+    mesh.polygons.foreach_set("use_smooth", is_smooth)
+    mesh.update(calc_edges=True)
+
+    if drawn.corner_normals is not None:
+        normals = drawn.corner_normals.reshape(-1, 3)
+        if bpy.app.version >= (4, 5):
+            attribute = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "POINT")
+            attribute.data.foreach_set("vector", normals.astype(np.float32).ravel())
+        else:
+            mesh.normals_split_custom_set_from_vertices(normals.tolist())
+
+    return mesh, Matrix.Translation((middle / metres).tolist())
+
 
 LEAST_SHEAR = 1e-6  # of an object's scale: less shear is rounding
 

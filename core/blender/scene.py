@@ -2,31 +2,203 @@
 
 Modifiers, parents, constraints and instances have been applied by the depsgraph;
 this file sorts objects by role, and notes those that it leaves out.
+
+Reads the picture in the viewers' own pixels: one image for all of them, or one for each.
+
+Remarks on the scene as it was read.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import KirikoError, RigError
 from ..base.messages import Message
 from ..bench.offset import with_offset
-from ..rig.rig import ROLES, Picture, Rig, Viewer
-from .elements import MaterialReading
+from ..rig.parts import OwnImage
+from ..rig.rig import ROLES, Picture, PicturePlace, Rig, Viewer
+from .elements import MaterialReading, about, tone_of
 from .lost_data import find_lost, refuse_lost
+from .moving import ended, number_at
 from .parts import Part, parts_by_role, read_parts
 from .rectangle import flat_size
-from .remarks import modifier_notes, scene_notes
 from .roles import in_blender
-from .shapes import Kept
+from .shapes import CURVED, Kept
 from .stored_records import Offset
 from .units import length_of_unit
 from .viewer import Seat, is_deleted, no_camera, read_viewer, seats_of, shown_first
-from .viewer_image import read_in_own_pixels
 from .visibility import is_placed
+
+
+def read_in_own_pixels(
+    scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], kept: Kept
+) -> tuple[list[Picture], list[str]]:
+    """The picture, none where no image is chosen, with notes on images of another size or shape.
+
+    Where one viewer has an image of its own all must have one, which the rig's check tells.
+
+    viewers : of these seats
+    """
+    own = [
+        (seat.image, viewer)
+        for seat, viewer in zip(seats, viewers, strict=True)
+        if seat.image is not None
+    ]
+    if own:
+        return _read_each(scene, own, kept)
+
+    image = scene.kiriko.picture_image
+    if image is None:
+        return [], []
+
+    pixels, notes = _read(scene, image, Message("the scene's picture"), kept)
+    place = PicturePlace(image.name, *pixels.shape[1::-1])
+    for viewer in viewers[:1]:
+        off = abs(place.width * viewer.height - place.height * viewer.width)
+        if off > max(viewer.width, viewer.height):
+            notes.append(
+                Message(
+                    "The picture image '{image}' has {width} x {height} pixels, the viewer"
+                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
+                    image=image.name,
+                    width=place.width,
+                    height=place.height,
+                    viewer_width=viewer.width,
+                    viewer_height=viewer.height,
+                )
+            )
+    return [place.showing(pixels)], notes
+
+
+def _read_each(
+    scene: bpy.types.Scene, own: list[tuple[bpy.types.Image, Viewer]], kept: Kept
+) -> tuple[list[Picture], list[str]]:
+    """An image for each viewer."""
+    found: list[OwnImage] = []
+    notes: list[str] = []
+    for image, viewer in own:
+        owner = Message("the viewer '{viewer}'", viewer=viewer.name)
+        pixels, remarks = _read(scene, image, owner, kept)
+        found.append(OwnImage(viewer.name, pixels))
+        notes += remarks
+        if pixels.shape[1::-1] != (viewer.width, viewer.height):
+            notes.append(
+                Message(
+                    "The image '{image}' has {width} x {height} pixels, its viewer '{viewer}'"
+                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
+                    image=image.name,
+                    width=pixels.shape[1],
+                    height=pixels.shape[0],
+                    viewer=viewer.name,
+                    viewer_width=viewer.width,
+                    viewer_height=viewer.height,
+                )
+            )
+    return [Picture(own[0][0].name, found[0].image, own=tuple(found))], notes
+
+
+def _read(
+    scene: bpy.types.Scene, image: bpy.types.Image, owner: str, kept: Kept
+) -> tuple[NDArray[np.float32], list[str]]:
+    """The pixels of an image at the scene's frame, and notes on it."""
+    frame = scene.frame_current
+    tone = tone_of(scene.kiriko.picture)
+    pixels = kept.pixels(image, owner, tone, number_at(image, None, frame))
+    return pixels, about(image) + ended(image, None, frame) + kept.notes_on(image)
+
+
+def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Do modifiers make another shape in renders than in the
+    viewport, whose shape is the one that is read?
+    """
+    return any(
+        m.show_viewport != m.show_render
+        or (m.show_viewport and m.type in {"SUBSURF", "MULTIRES"} and m.levels != m.render_levels)
+        for m in owner.modifiers
+    ) or (
+        scene.render.use_simplify
+        and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers)
+    )
+
+
+def modifier_notes(parts: list[Part]) -> list[str]:
+    """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
+    drawn = dict.fromkeys(
+        (part.drawn, part.mesh.surface)
+        for part in parts
+        if part.role in CURVED
+        and part.mesh.surface != "facets"
+        and part.mesh.is_smooth is not None
+        and part.drawn is not None
+    )
+    return [
+        Message(
+            "The modifier '{modifier}' of '{name}' leaves the vertices off the curved"
+            " surface: {remedy}.",
+            modifier=m.name,
+            name=o.name,
+            remedy=remedy,
+        )
+        for o, surface in drawn
+        for m in o.modifiers
+        if m.show_viewport and (remedy := remedy_of(m, surface))
+    ]
+
+
+def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
+    """The remedy for a modifier that leaves vertices beside the surface.
+
+    An empty text for others.
+    """
+    if (
+        modifier.type == "SUBSURF"
+        and modifier.subdivision_type == "CATMULL_CLARK"
+        and not modifier.use_limit_surface
+    ):
+        return Message("turn on its Use Limit Surface")
+
+    is_collapsed = (
+        modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
+    )
+    if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
+        return Message("turn it off, or set the object's Surface to Automatic")
+
+    return ""
+
+
+def scene_notes(
+    depsgraph: bpy.types.Depsgraph,
+    scene: bpy.types.Scene,
+    parts: list[Part],
+    cameras: Iterable[bpy.types.Object],
+) -> list[str]:
+    """Notes on settings of the scene as a whole that Kiriko does not follow."""
+    notes = []
+    if depsgraph.mode == "VIEWPORT":
+        notes += [
+            Message(
+                "'{name}' has another shape in renders than in the viewport (modifiers): using"
+                " the viewport's.",
+                name=o.name,
+            )
+            for o in dict.fromkeys(part.owner for part in parts)
+            if renders_differ(o, scene)
+        ]
+
+    notes += [
+        Message(
+            "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
+        )
+        for camera in cameras
+        if camera.type == "CAMERA" and camera.data.dof.use_dof
+    ]
+
+    return notes
 
 
 @dataclass(frozen=True)

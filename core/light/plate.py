@@ -1,6 +1,13 @@
 """The mirror array plate in closed form: the ray that leaves for each that comes.
 
-Each of its two layers is one fold (slits.py), exact to rounding (docs/closed_forms.md).
+Each of its two layers is one fold (plate.py), exact to rounding (docs/closed_forms.md).
+
+A layer of mirrors as slits between them: where light comes out, and how often it was reflected.
+
+Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors
+it would cross are the reflections, and folding the place where it comes out back into its own slit
+gives where it does come out. So a layer of any number of mirrors is one fold, exact to rounding
+(docs/closed_forms.md).
 """
 
 from collections.abc import Callable
@@ -10,14 +17,69 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats
+from ..base.arrays import Bools, Floats, Ints
 from ..base.errors import RigError
 from ..base.products import turn
 from ..base.vectors import normalise
 from ..glass.meshes import areas_of
 from ..rig.rig import MirrorArray, Plate
 from .optics import transmittance
-from .slits import fold, is_odd, reflected_share
+
+
+def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
+    """One layer of mirrors at the whole numbers: where light
+    comes out, and how often it was reflected.
+
+    Parameters
+    ----------
+    q : (n,) where it enters, in pitches, along the mirrors' normal
+    travel : (n,) how far it would go along there without mirrors, in pitches, signed
+
+    Returns
+    -------
+    q' (n,) in the same slit as q, and n_reflections (n,); its slope is turned round as many times
+    """
+    slit = np.floor(q)
+    unfolded = q + travel
+    into = np.floor(unfolded)
+    n_reflections = np.abs(into - slit).astype(np.int64)
+    inside = unfolded - into
+    return slit + np.where(is_odd(n_reflections), 1.0 - inside, inside), n_reflections
+
+
+def is_odd(n: Ints) -> Bools:
+    """Of whole numbers (n,). A bit, as their remainder would take as long as the rest of
+    the fold.
+    """
+    return (n & 1).astype(bool)
+
+
+def odd_share(r: Floats) -> Floats:
+    """Share P (n,) of light with an odd number of reflections, over
+    all phases, that would cross r (n,) pitches.
+    """
+    return 1.0 - np.abs(np.abs(r) % 2 - 1.0)
+
+
+def odd_number(r: Floats) -> Floats:
+    """That odd number of reflections: of the two that are
+    possible, |r| rounded up and down, one is odd.
+    """
+    return 2.0 * np.floor(np.abs(r) / 2) + 1.0
+
+
+def reflected_share(array: MirrorArray, travel: Floats, is_turned: bool) -> Floats:
+    """Share (n,) of light that is reflected an odd, or an
+    even, number of times by one layer, and comes out.
+    """
+    share = odd_share(travel)
+    number = odd_number(travel)
+    if is_turned:
+        return share * array.reflectance**number
+    return (1.0 - share) * array.reflectance ** (
+        number + np.where(np.abs(travel) < number, -1.0, 1.0)
+    )
+
 
 # sine of the angle to the plate below which light runs in its plane and meets nothing
 GRAZING = 1e-12

@@ -3,23 +3,198 @@
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
 mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
 bisection have an end there. Cells whose light falls where the display is faint take further ones
-(importance.py), and all samples of a cell count alike. On the display each lights a square
+(samples.py), and all samples of a cell count alike. On the display each lights a square
 (kernel_width.py).
+
+How many samples is light worth that falls where the display is faint?
+
+A display pixel shows the mean of its light, and is known by the samples that land in it. Where
+light is spread thin few do, whatever the picture shows there: that is most of the error of a glass
+that spreads light over the whole display. With b the light on a part of the display, relative to
+the viewer's image spread evenly over all of it, the variance that a cell adds to all display pixels
+alike is the mean of 1 / b^2 over its light, divided by its samples. So the variance of a number of
+samples is least where each cell has as many as the root of that mean (Neyman 1934).
+
+Which cells take more may not hang on their own samples. A cell that by chance has met a faint place
+would have that averaged away, one that has not would keep its own, and light would be lost. So
+viewer pixels are coloured as a chessboard is, and cells of one colour are told by samples of the
+other, both where light goes around them and how much there is on the display. Each cell's light is
+right on average then, whatever the rule is.
 """
 
 from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints
+from ..base.arrays import Floats, Ints, taken, whole_within
 from ..base.free_memory import check_free
 from ..base.messages import Message
+from ..light.landings import Reason
 from ..light.plan import Plan
-from .importance import further_along, light_on_blocks, may_take_more, samples_worth
-from .points import BYTES_OF_POINT, Points, trace_points
+from .cells import signed_area
+from .points import BYTES_OF_POINT, Points, is_in_image, trace_points
 from .ray_budget import Allowance
-from .view_map import ViewMap
+from .view_map import QUADS_AT_ONCE, ViewMap
+
+
+@dataclass(frozen=True)
+class FaintRule:
+    """When chaotic cells take more samples than Effort says.
+
+    block_px : display px, side of the parts on which light is summed up
+    times : so many times as many further samples along a pixel's side, one of these
+    most_along : further samples along a pixel's side, at the most
+    least_share : of the view, that is chaotic: where less is none takes more, for it is not worth
+        the time that summing up light takes
+    """
+
+    block_px: int = 8
+    times: tuple[float, ...] = (1.0, 1.5)
+    most_along: int = 12
+    least_share: float = 0.001
+
+
+FAINT = FaintRule()
+
+# the pixels of the other colour that are at most two columns and rows away
+AROUND = [(x, y) for x, y in product(range(-2, 3), repeat=2) if (x + y) % 2]
+TINY = 1e-300  # of an area that is divided by
+
+
+def numbers_along(along: int) -> list[int]:
+    """How many further samples along a pixel's side faint light may take, one of these, beside the
+    `along` that all chaotic light has.
+    """
+    numbers = {int(times * along) for times in FAINT.times}
+    return sorted(n for n in numbers if n <= FAINT.most_along)
+
+
+def may_take_more(plan: Plan, area: float) -> bool:
+    """Is some chaotic light, of an area in viewer px^2, to be looked at?"""
+    whole = plan.viewer.width * plan.viewer.height
+    return area >= FAINT.least_share * whole and bool(numbers_along(plan.settings.samples_along))
+
+
+def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
+    """Light (b,), viewer px^2, of the pieces of a map on blocks of the display, row by row.
+
+    That of quads of smooth cells, which are small, lies in their middle; that of others halfway
+    between their middle and their corners. Pauses on the way.
+    """
+    light = np.zeros(np.prod(_blocks(view_map.display_size)))
+
+    def add(display: Floats, area: Floats) -> None:
+        is_in = is_in_image(display, view_map.display_size)
+        # those beside the image in a block of their own: to pick the others takes longer
+        block = np.where(is_in, _block_of(display, view_map.display_size), len(light))
+        light[:] += np.bincount(block, area, len(light) + 1)[:-1]
+
+    cut = (view_map.quads, view_map.triangles)
+    smooth = replace(view_map, quads=cut[0][:0], triangles=cut[1][:0])
+    for quads in smooth.pieces(sampled=False):
+        width, height = (quads.view[:, 2] - quads.view[:, 0]).T
+        add((quads.display[:, 0] + quads.display[:, 2]) / 2, width * height)
+        yield 0
+
+    for kind in cut:
+        asked = kind[~view_map.is_beside_glass(kind[:, 0])]
+        for first in range(0, len(asked), QUADS_AT_ONCE):
+            corners = asked[first : first + QUADS_AT_ONCE].T
+            view, display = (
+                np.stack([taken(places, corner) for corner in corners])
+                for places in (view_map.points.view, view_map.points.xy)
+            )
+            middle = display.mean(axis=0)
+            area = np.abs(signed_area(*np.moveaxis(view, 2, 0))) / len(corners)
+            for corner in display:
+                add((corner + middle) / 2, area)
+            yield 0
+    return light
+
+
+def samples_worth(
+    plan: Plan, light: Floats, points: Points, area: Floats, owner: Ints, middle: Floats
+) -> Generator[int, None, Floats]:
+    """How many samples (m,) for a viewer pixel chaotic cells with middles (m, 2), viewer px, are
+    worth. Pauses on the way.
+
+    light : (b,) of all but the samples, on blocks, viewer px^2
+    points, area, owner : the samples (s,) of the cells, the area, viewer px^2, that each stands for
+        evenly, and its cell's number
+    """
+    viewer, display = plan.viewer, plan.rig.display
+    size = (display.width, display.height)
+    even = viewer.width * viewer.height * FAINT.block_px**2 / (display.width * display.height)
+    is_lit = is_in_image(points.xy, size) & (points.branch != 0)
+    is_lit &= points.reason != Reason.MISSED_GLASS
+
+    # the pixels that have samples
+    row_length = viewer.width + 2  # no pixel on the left is taken for one on the right
+    number = np.floor(middle).astype(np.int64) @ [1, row_length]
+    pixels, of_cell = np.unique(number, return_inverse=True)
+    of_sample = of_cell[owner]
+    is_black = np.sum(np.divmod(pixels, row_length), axis=0) % 2 == 0
+    yield 0
+
+    worth = np.zeros(len(pixels))
+    for is_told in (is_black, ~is_black):
+        tells = ~is_told[of_sample]
+        lit = np.flatnonzero(tells & is_lit)
+        block = _block_of(points.xy[lit], size)
+
+        # the light there is if the others' samples are as these
+        times = area.sum() / max(area[tells].sum(), TINY)
+        on_block = light + np.bincount(block, times * area[lit], len(light))
+
+        # sums over pixels, and over those around each
+        of_light = area[lit] * (even / on_block[block]) ** 2
+        sums = np.bincount(of_sample[lit], of_light, len(pixels))
+        areas = np.bincount(of_sample[tells], area[tells], len(pixels))
+        around = np.zeros((2, int(is_told.sum())))
+        for x, y in AROUND:
+            asked = pixels[is_told] + x + y * row_length
+            at = np.minimum(np.searchsorted(pixels, asked), len(pixels) - 1)
+            around += np.where(pixels[at] == asked, [sums[at], areas[at]], 0.0)
+        worth[is_told] = around[0] / np.maximum(around[1], TINY)
+        yield 0
+    return plan.settings.samples_along**2 * np.sqrt(worth[of_cell])
+
+
+def further_along(
+    worth: Floats, middle: Floats, side: Floats, along: int, allowance: Allowance
+) -> Ints:
+    """How many further samples (m,) along a pixel's side cells take beside `along`, 0 for none:
+    the largest number with which they have no more than they are worth.
+
+    Cells are worth so many samples (m,) for a pixel, and have middles (m, 2) and sides (m,), viewer
+    px. The rays are taken from the allowance of their pixels.
+    """
+    found = np.zeros(len(worth), np.int64)
+    for n in reversed(numbers_along(along)):
+        some = np.flatnonzero((found == 0) & (worth >= along**2 + n**2))
+        n_rays = np.maximum((n * side[some]).astype(np.int64), 1) ** 2
+        lacks = allowance.lacks(middle[some], n_rays)
+        some = some[~lacks]
+        allowance.take(middle[some], n_rays[~lacks])
+        found[some] = n
+    return found
+
+
+def _blocks(display_size: tuple[int, int]) -> tuple[int, int]:
+    """Columns and rows of the blocks of a display."""
+    columns, rows = (-(-n // FAINT.block_px) for n in display_size)
+    return columns, rows
+
+
+def _block_of(display: Floats, display_size: tuple[int, int]) -> Ints:
+    """Numbers (n,) of the blocks of display px (n, 2) in the image, its far borders included."""
+    columns, rows = _blocks(display_size)
+    column, row = whole_within(display / FAINT.block_px, (columns - 1, rows - 1))
+    return row * columns + column
+
 
 TILE_CELLS = 64  # cells each way, after which the random places begin anew
 MOST_JITTER = 1024  # random places each way, of all cells of a tile

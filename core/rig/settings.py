@@ -26,7 +26,7 @@ class Settings:
     only_through_glass : only rays that went through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
     effort : rays that sample a viewer pixel where light is chaotic, rounded down to a square;
-        up to 3.25 times as many where the display is faint (core/map/importance.py). No pixel takes
+        up to 3.25 times as many where the display is faint (core/map/samples.py). No pixel takes
         more than 24 times as many, for each display pixel that there is for it
         (core/map/ray_budget.py); with more than 16 cells are cut finer where faces bend light, too
         (core/map/cut_quality.py);

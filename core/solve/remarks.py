@@ -1,4 +1,9 @@
-"""Remarks on a solution: each names the cause that was measured, and a remedy for it."""
+"""Remarks on a solution: each names the cause that was measured, and a remedy for it.
+
+Remedies for a mesh that limits the result, by the cause that was measured.
+
+Remarks on the light of a source image: too bright, too dark, or beside the glass.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,23 +13,211 @@ from numpy.typing import NDArray
 from ..base.messages import Length, Message, joined
 from ..base.numbers import number
 from ..base.words import percent
+from ..glass.meshes import find_edges, geometric_normals
 from ..image.flat_picture import outline_in_view
+from ..image.glare import Glare
 from ..image.picture import cover_in_view
 from ..light.display import display_pixel
 from ..light.landings import REASON_WORDS, Reason
-from ..light.plan import Plan
+from ..light.plan import Counts, Plan
 from ..map.points import areas
 from ..map.view_map import MapError
-from ..rig.rig import Rig
+from ..rig.mesh import SAME_NORMAL
+from ..rig.rig import Mesh, Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp
-from .light_remarks import on_black, on_glare, on_white
 from .remark import Remark, note, warning
-from .remedies import facetted_glass, remedy_for, remedy_for_mesh
 from .tessellation import Tessellation
+
+# edges between flat faces that meet at less than ROUND: so many stand for a curved surface
+FACETTED = 64
+ROUND = np.radians(12.0)
+
+
+def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
+    """The remedy for a view that changes within pixels, by the cause."""
+    if error.cut_off > max(error.facet_limited, error.unresolved - error.cut_off):
+        return Message("raise Max Events")
+
+    bends = error.facet_limited > error.unresolved
+    if bends and mesh.cause == "jumps":
+        return Message(
+            "the faces of '{name}' contradict each other; {remedy}",
+            name=name_of(rig, mesh.uneven),
+            remedy=remedy_for_irregular(rig, mesh),
+        )
+
+    if bends and mesh.error > 0:
+        return Message("use a finer mesh, or raise the viewer's resolution")
+
+    facetted = facetted_glass(rig)
+    if facetted:
+        return Message(
+            "shade '{name}' smooth if it is meant to be curved, or raise the viewer's resolution",
+            name=facetted,
+        )
+
+    return Message("raise the viewer's resolution")
+
+
+def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
+    """The remedy for the error that a mesh leaves open, by its cause."""
+    if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
+        drawn = Message(
+            "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
+        )
+    elif any(counts.n_doubted):
+        drawn = Message(
+            "it is followed as drawn where it is irregular or coarse: use a finer or a more"
+            " regular mesh"
+        )
+    else:
+        drawn = Message(
+            "normals contradict its shape: mark edges sharp there, or subdivide the glass"
+        )
+
+    remedies = {
+        "drawn": drawn,
+        "coarse": remedy_for_coarse(rig, mesh),
+        "order": Message("it is coarse: subdivide the glass"),
+        "straight": Message(
+            "its edges are straight where smooth faces meet flat ones: add loops near them"
+        ),
+        "jumps": Message(
+            "the curved faces of '{name}' contradict each other at their edges: {remedy}",
+            name=name_of(rig, mesh.uneven),
+            remedy=remedy_for_irregular(rig, mesh),
+        ),
+    }
+    return remedies[mesh.cause]
+
+
+def facetted_glass(rig: Rig) -> str:
+    """The name of a glass whose facets stand for a curved surface, '' where there is none."""
+    return next((glass.name for glass in rig.glasses if is_facetted(glass.mesh)), "")
+
+
+def remedy_for_coarse(rig: Rig, mesh: Tessellation) -> Message:
+    """The remedy for a mesh that is too coarse to tell which surface was meant."""
+    return Message(
+        "'{name}' is too coarse to tell which surface was meant: Smooth and As Drawn land light"
+        " about as far apart, and send {share} of it another way. Give it more faces, or compare"
+        " both",
+        name=name_of(rig, mesh.coarse.part),
+        share=percent(mesh.coarse.elsewhere),
+    )
+
+
+def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:
+    """The remedy for an irregular mesh that is followed as curved."""
+    part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
+    if part.mesh.surface == "smooth":
+        return Message("set its Surface to Automatic, or give it a finer or a more regular mesh")
+    return Message("give it a finer or a more regular mesh")
+
+
+def name_of(rig: Rig, part: int) -> str:
+    """The name of a glass or mirror, by its number among both."""
+    return (*rig.glasses, *rig.mirrors)[part].name
+
+
+def is_facetted(mesh: Mesh) -> bool:
+    """Do many flat faces of a mesh meet at small angles, as of
+    a curved surface that was not shaded smooth?
+    """
+    is_flat = np.ones(len(mesh.triangles), bool) if mesh.is_smooth is None else ~mesh.is_smooth
+    if is_flat.sum() < FACETTED:
+        return False
+
+    edges = find_edges(mesh.triangles)
+    normals = geometric_normals(mesh.corners)
+    apart = np.linalg.norm(normals[edges.first] - normals[edges.second], axis=1)
+
+    meets = (
+        is_flat[edges.first]
+        & is_flat[edges.second]
+        & (apart > SAME_NORMAL)
+        & (apart < 2 * np.sin(ROUND / 2))
+    )
+
+    return int(meets.sum()) >= FACETTED
+
+
+# of the light that the viewer gets: more that comes beside the glass is worth a remark
+GLARE = 0.05
+# linear: half a step of 8 bits, sRGB-encoded, above white
+WHITE = ((1 + 0.5 / 255 + 0.055) / 1.055) ** 2.4
+
+
+def on_white(rig: Rig, plan: Plan, light: NDArray[np.float32]) -> Iterator[Remark]:
+    """A remark on light that no display has, the picture's brightness among the remedies."""
+    source = rig.display.source_for(light)
+    if source.max() <= WHITE:
+        return
+    # rows of three are slow
+    brightest = np.maximum(np.maximum(source[..., 0], source[..., 1]), source[..., 2])
+    bright = np.count_nonzero(brightest > WHITE) / max(np.count_nonzero(brightest > 0), 1)
+    if not bright:
+        return
+
+    remedy = Message("lower the Picture Brightness of '{picture}'", picture=rig.picture.name)
+    if plan.settings.brightness:
+        remedy = Message("turn Brightness off, {remedy}", remedy=remedy)
+    yield note(
+        "{share} of the source image is brighter than a display's white and would be clipped:"
+        " {remedy}, or export OpenEXR, which keeps it.",
+        share=percent(bright),
+        remedy=remedy,
+    )
+
+
+def on_black(rig: Rig, light: NDArray[np.float32]) -> Iterator[Remark]:
+    """A remark on darkness that this display does not have."""
+    black_level = rig.display.black_level
+    if not black_level:
+        return
+
+    # where nothing is wanted, as around the picture, nobody can do anything about it
+    brightest = light.max(axis=2)
+    n_wanted = np.count_nonzero(brightest > 0)
+    n_dark = np.count_nonzero((brightest > 0) & (brightest < black_level))
+    if n_dark:
+        yield note(
+            "{share} of the source image is wanted darker than the black of '{display}', which"
+            " shines {black_level} of its white: it stays that bright. Raise the Picture"
+            " Brightness of '{picture}', or take a display of less Black Level.",
+            share=percent(n_dark / n_wanted),
+            display=rig.display.name,
+            black_level=percent(black_level),
+            picture=rig.picture.name,
+        )
+
+
+def on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
+    """A remark on light that comes beside the glass."""
+    if glare is None or glare.share < GLARE:
+        return
+
+    part = Message("plate") if plan.needs_plate else Message("display")
+    remedy = (
+        Message("cover the part of the {part} that is seen there", part=part)
+        if plan.settings.suppress_glare == 1
+        else Message(
+            "raise Suppress Glare, or cover the part of the {part} that is seen there", part=part
+        )
+    )
+
+    yield note(
+        "Glare: {share} of the light that the viewer gets comes beside the glass, {where}:"
+        " {remedy}.",
+        share=percent(glare.share),
+        where=glare.where,
+        remedy=remedy,
+    )
+
 
 LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is worth a remark
 # of the picture: where a viewer's frame cuts off more it is worth a remark; what pixels along the

@@ -273,7 +273,7 @@ TAIL = [
     ),
     Row(
         "Faint light takes more samples",
-        (options("map.importance.FAINT", times=()),),
+        (options("map.samples.FAINT", times=()),),
         "no cell takes further samples",
     ),
     Row(
@@ -410,7 +410,7 @@ GLASS = [
         "surface: orders of convergence",
     ),
     *_option_rows(
-        "glass.vertex_normals.NORMALS",
+        "glass.surface_fit.NORMALS",
         "Normals",
         protects="irregular: uneven, decimated and bevelled meshes",
         sweeps=(2, "one pair of sweeps"),

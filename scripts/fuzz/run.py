@@ -44,7 +44,7 @@ from kiriko.core.light.trace import Step, trace_all, tracing
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
-from kiriko.core.solve.contradicted import find_contradicted
+from kiriko.core.solve.accuracy import find_contradicted
 from kiriko.core.solve.session import Session
 from known.both_ways import find_parted
 from known.registered import registered

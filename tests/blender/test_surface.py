@@ -463,7 +463,7 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     same triangles, normals and shading, in any unit.
     """
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.read_mesh")
-    making = importlib.import_module(f"{kiriko.__name__}.core.blender.made_mesh")
+    making = importlib.import_module(f"{kiriko.__name__}.core.blender.preview_parts")
     thing = ball()
     thing.location = (100.0, 20.0, 3.0)
     thing.scale = (1.0, -2.0, 0.5)

@@ -13,7 +13,7 @@ from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Glass
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import accuracy
-from kiriko.core.solve.contradicted import find_contradicted
+from kiriko.core.solve.accuracy import find_contradicted
 from known.reference_rigs import box, icosphere, rig
 
 

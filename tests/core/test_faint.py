@@ -13,11 +13,16 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
-from kiriko.core.map import importance, samples
-from kiriko.core.map.importance import further_along, light_on_blocks, numbers_along, samples_worth
+from kiriko.core.map import samples
 from kiriko.core.map.points import Points
 from kiriko.core.map.ray_budget import Allowance, most_rays
-from kiriko.core.map.samples import sample_cells
+from kiriko.core.map.samples import (
+    further_along,
+    light_on_blocks,
+    numbers_along,
+    sample_cells,
+    samples_worth,
+)
 from kiriko.core.map.sampling import Sampling, sample
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
@@ -116,7 +121,7 @@ def in_field(trace, n_times, display=SIDE):
     view = solve(a_rig).first.view_map
     none = view.quads[:0], view.triangles[:0], view.corner[:0], view.size[:0], view.nodes[:0]
     names = ("quads", "triangles", "corner", "size", "nodes")
-    empty = importance.replace(view, **dict(zip(names, none, strict=True)))
+    empty = samples.replace(view, **dict(zip(names, none, strict=True)))
     random = np.random.default_rng(7)
 
     def traced(plan, places):
@@ -183,7 +188,7 @@ def many():
 
 
 def without_further():
-    return patch.object(importance, "numbers_along", lambda along: [])
+    return patch.object(samples, "numbers_along", lambda along: [])
 
 
 @pytest.mark.long(

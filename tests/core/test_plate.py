@@ -17,8 +17,7 @@ from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, reflect
-from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame
-from kiriko.core.light.slits import fold
+from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame, fold
 from kiriko.core.light.thin_surfaces import find_sheets
 from kiriko.core.light.trace import trace
 from kiriko.core.rig.kinds import Kind

@@ -16,8 +16,7 @@ from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.accuracy import Accuracy, measure
-from kiriko.core.solve.remarks import BEYOND, remarks_on
-from kiriko.core.solve.remedies import is_facetted
+from kiriko.core.solve.remarks import BEYOND, is_facetted, remarks_on
 from kiriko.core.solve.tessellation import Tessellation, tessellation
 from known import closed_forms
 from known.extremes.cases import changed, joined

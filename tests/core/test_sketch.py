@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.canvas import canvas_of, outline_of, sight_lines
-from kiriko.core.bench.hatching import HATCH, grid, hatched
-from kiriko.core.bench.sketch import OUT_OF_VIEW, sketching
+from kiriko.core.bench.sketch import (
+    HATCH,
+    OUT_OF_VIEW,
+    canvas_of,
+    grid,
+    hatched,
+    outline_of,
+    sight_lines,
+    sketching,
+)
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.trace import trace

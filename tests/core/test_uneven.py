@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.irregular import BALLS, CHOICES, errors, hull, hull_of
-from kiriko.core.glass import surface_fit, vertex_normals
+from kiriko.core.glass import surface_fit
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.native import loading
 from known.closed_forms import unit
@@ -23,7 +23,7 @@ def found_normals(monkeypatch, shape, n, seed):
         asked.append((v.normal, normal, unit(v.at / np.square(BALLS[shape]))))
         return normal
 
-    found = vertex_normals.finding_normals
+    found = surface_fit.finding_normals
     monkeypatch.setattr(surface_fit, "finding_normals", looked_at)
     make_surface(replace(hull(shape, n, 0.0, seed), surface="smooth"))
     return asked.pop()
@@ -57,9 +57,9 @@ def test_normals_are_found_however_uneven_the_faces_are(monkeypatch, shape, seed
 
 def test_steep_places_are_not_looked_at_again(monkeypatch):
     """Where normals turn by more than stiffer fields tell of, means stay as they were."""
-    knobs = vertex_normals.NORMALS
+    knobs = surface_fit.NORMALS
     mean, normal, _ = found_normals(monkeypatch, "lentil", 120, 0)
-    monkeypatch.setattr(vertex_normals, "NORMALS", replace(knobs, gentle=0.0))
+    monkeypatch.setattr(surface_fit, "NORMALS", replace(knobs, gentle=0.0))
     _, once, _ = found_normals(monkeypatch, "lentil", 120, 0)
     is_again = (normal != once).any(axis=1)
     assert is_again.any()

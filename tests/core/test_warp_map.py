@@ -9,7 +9,7 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.light.trace import trace
 from kiriko.core.map.pieces import Piece
 from kiriko.core.map.points import in_triangles
-from kiriko.core.warp import covering, settling
+from kiriko.core.warp import settling
 from kiriko.core.warp import view_from_display as warp_inverse
 from kiriko.core.warp.channel_maps import maps_of
 from kiriko.core.warp.files import suffixes
@@ -137,12 +137,12 @@ def test_points_in_slivers_are_found_by_their_rows(monkeypatch):
     branch = np.arange(200, dtype=np.uint64)
     piece = Piece(display / 7, display, np.ones(200), branch)
     looked = []
-    within = covering._within
+    within = warp_inverse._within
     monkeypatch.setattr(
-        covering, "_within", lambda *given: looked.append(len(given[3])) or within(*given)
+        warp_inverse, "_within", lambda *given: looked.append(len(given[3])) or within(*given)
     )
     grid = middles((200, 150))
-    found = [c for c in covering._in_triangles(piece, grid, range(150))]
+    found = [c for c in warp_inverse._in_triangles(piece, grid, range(150))]
     pairs = np.stack(
         [np.concatenate([c.branch for c in found]), np.concatenate([c.point for c in found])]
     ).astype(int)

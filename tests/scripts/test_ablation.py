@@ -55,8 +55,8 @@ def test_a_target_that_is_gone_is_a_fault() -> None:
     """A module, a record or a field that no longer exists is never switched off in silence."""
     for change, fault in (
         (instead("map.gone.FAINT", 0), ModuleNotFoundError),
-        (instead("map.importance.GONE", 0), AttributeError),
-        (options("map.importance.FAINT", gone=0), TypeError),
+        (instead("map.samples.GONE", 0), AttributeError),
+        (options("map.samples.FAINT", gone=0), TypeError),
     ):
         with pytest.raises(fault), Row("gone", (change,), "").off():
             pass
@@ -111,7 +111,7 @@ def test_the_verdict_is_that_of_the_rule(
     n_worse: int, n_same: int, protects: str, verdict: str
 ) -> None:
     """A heuristic stays with a gain on three glasses, and goes once three are out of reach."""
-    row = Row("row", (instead("map.importance.FAINT", 0),), "", protects)
+    row = Row("row", (instead("map.samples.FAINT", 0),), "", protects)
     numbers = [[WORSE, SAME]] * n_worse + [[SAME, SAME]] * n_same
     assert verdict_of(row, dict(enumerate(numbers))) == verdict
 
@@ -119,7 +119,7 @@ def test_the_verdict_is_that_of_the_rule(
 def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
     """Without a judge a glass does not count: a distance from today's image is no gain."""
     fit = Row("row", (instead("glass.exact_limit.MOST_TRIANGLES", -1),), "")
-    drawn = Row("row", (instead("map.importance.FAINT", 0),), "")
+    drawn = Row("row", (instead("map.samples.FAINT", 0),), "")
     better = [[0.2, 0.01, 1000, 1.0, 0.05, 0.005], [0.1, 0.01, 1000, 1.0, 0.1, 0.01]]
     found = {"vase": [WORSE, SAME], "cube": [SAME, SAME], "ball": better}
     assert judged(fit, found) == [(1.0, 1.0, 1.0, 1.0), (0.5, 0.5, 1.0, 1.0)]
@@ -128,7 +128,7 @@ def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
 
 def test_a_row_that_stops_the_solver_stays() -> None:
     """The fault is its verdict."""
-    row = Row("row", (instead("map.importance.FAINT", 0),), "")
+    row = Row("row", (instead("map.samples.FAINT", 0),), "")
     assert verdict_of(row, {"ball": "IndexError: 3"}) == "stays: IndexError: 3"
 
 
