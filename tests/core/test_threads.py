@@ -30,7 +30,7 @@ from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.settings import Settings
-from kiriko.core.rig import MirrorArray
+from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.solve.session import Session
 from kiriko.core.base.steps import finish
 
