@@ -53,7 +53,7 @@ def test_blenders_smooth_modifier_makes_the_mesh_that_was_measured(
     """Places to float32, and normals of the smooth-shaded mesh to a hundredth of a degree."""
     core = f"{kiriko.__name__}.core"
     smoothing = importlib.import_module(f"{core}.glass.smoothed")
-    reading = importlib.import_module(f"{core}.blender.mesh")
+    reading = importlib.import_module(f"{core}.blender.read_mesh")
     glass = bumpy(scene, 0.01)
     local = reading.read_local(glass.data, has_normals=True)
     mesh, _ = reading.in_world(local, np.eye(4))
