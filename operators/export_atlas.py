@@ -1,7 +1,7 @@
 """Export an atlas: warp maps for a head that moves.
 
-How much an atlas will be, as far as it is known before any light is traced: for a dialogue,
-which is drawn anew with each move of the mouse.
+Its dialogue estimates the size beforehand, from what is known before any light is traced, since it
+is drawn again with each move of the mouse.
 """
 
 import argparse

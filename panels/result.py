@@ -1,6 +1,5 @@
-"""The last result: a sentence and a picture; below them all numbers, for whoever asks.
-
-Buttons that bring back the lost part of the picture, and the change that is proposed.
+"""The last result: a sentence and a picture, buttons that bring back the lost part of the picture,
+and all numbers below.
 """
 
 import bpy

@@ -1,19 +1,9 @@
-"""The sketch of a rig, to be drawn over it: the ways of the light, the lost part of the picture,
-the aerial plane, distances. Lines and words as plain data; lengths in m, places in the world.
+"""The sketch of a rig, to be drawn over it: light paths, the lost part of the picture, the aerial
+plane, distances. Lines and words as plain data; lengths in m, places in the world.
 
-An incomplete rig, or one that cannot be solved, is sketched as far as it goes: without a plan there
-is no light.
-
-The picture as a surface in space, with a place for each part of it: where the viewer is to see
-which part of the image.
-
-A picture on a plane is there where it stands. One in the viewer's own pixels stands nowhere: it is
-taken to stand across the view, as far away as the glass.
-
-Hatches the part of a picture that is lost.
-
-Glass, plates and display in the order in which light comes to them: the distances between them,
-and the place where the display seems to stand.
+An incomplete rig, or one that cannot be solved, is sketched as far as possible: without a plan
+there is no light. A picture in the viewer's own pixels has no place of its own; it is drawn across
+the view, as far away as the glass.
 """
 
 from dataclasses import dataclass, field

@@ -1,9 +1,7 @@
 """The checklist: the things that are left to do for a rig, each with the button that does it.
 
-A look at the scene goes in, a list of entries comes out: nothing here reads the scene, and nothing
-is drawn. An entry is a record, so that any operator may be a remedy.
-
-What the checklist tells of the mesh of a part: holes, cuts, faces without area, facets.
+A look at the scene goes in, a list of entries comes out: this file neither reads the scene nor
+draws. An entry is a record, so that any operator may be a remedy.
 """
 
 import json

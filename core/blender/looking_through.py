@@ -1,13 +1,9 @@
-"""A 3D view that looks through the viewer, in Cycles; all settings that are changed for it are
-kept as text, to be put back: in the scene, and those of objects and cameras on the things
-themselves, so that these are found whatever name they have by then.
+"""A 3D view that looks through the viewer, in Cycles.
 
-Local view: what a 3D view alone shows, while it does.
-
-Blender answers whether a view shows an object by the last update, so that nothing is left out by
-that answer.
-
-Has a scene any light but its display's?
+All settings that are changed for it are kept as text, to be put back: in the scene, and those of
+objects and cameras on the things themselves, so that they are found under any later name. Blender's
+own answer to whether a view shows an object is as old as its last update, so nothing is left out
+because of it.
 """
 
 from collections.abc import Iterable

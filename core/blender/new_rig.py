@@ -1,7 +1,5 @@
-"""A new rig in Blender: the bench as it stands before, and
+"""A new rig in Blender: the bench as it stands before, the glass that the viewer looks through, and
 the objects that are made. All of them, or none.
-
-Which of several glasses does the viewer of a new rig look through?
 """
 
 from collections.abc import Iterator, Sequence

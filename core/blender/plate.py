@@ -1,9 +1,5 @@
-"""The mirror array plate as a node group for Cycles: the
-formulas of core/light/plate.py as nodes, and no geometry.
-
-Formulas made of nodes, written as formulas.
-
-The inputs of the plate's node group.
+"""The mirror array plate as a node group for Cycles: the formulas of core/light/plate.py as nodes,
+and no geometry.
 """
 
 import math

@@ -1,6 +1,5 @@
-"""The rig's objects in a preview's scene: copies in materials that obey Kiriko's laws.
-
-Triangles in the world as a Blender mesh.
+"""The rig's objects in a preview's scene: copies in materials that obey Kiriko's laws, curved glass
+as a fine mesh.
 """
 
 from collections import Counter

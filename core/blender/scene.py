@@ -1,11 +1,8 @@
 """Reads the evaluated scene into a Rig, as Blender shows it at this frame, in metres and float64.
 
-Modifiers, parents, constraints and instances have been applied by the depsgraph;
-this file sorts objects by role, and notes those that it leaves out.
-
-Reads the picture in the viewers' own pixels: one image for all of them, or one for each.
-
-Remarks on the scene as it was read.
+Modifiers, parents, constraints and instances have been applied by the depsgraph. This file sorts
+objects by role, reads the images in the viewers' own pixels, and notes the objects that it leaves
+out.
 """
 
 from collections.abc import Iterable, Sequence

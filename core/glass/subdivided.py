@@ -7,8 +7,6 @@ quarter of the sum of the two on the faces beside it and of the coarser ones at 
 follow from those around them. On no other mesh is it, whichever points are taken for those on
 edges, but where it is fine and smooth: there all ways are near, and none is believed.
 
-Rules of Catmull and Clark for quads, and the control points of places on their limit.
-
 Masks of the limit by Halstead, Kass and DeRose, "Efficient, fair interpolation using Catmull-Clark
 surfaces" (1993): a vertex of n neighbours goes to (n^2 c + 4 sum of neighbours + sum of the corners
 opposite) / (n (n + 5)).

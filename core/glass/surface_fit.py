@@ -6,8 +6,7 @@ three corners, blended, are sampled at the nodes of a quartic triangle: 12 offse
 On an edge only the fields of its two ends count, so that neighbours meet without a crack. Edges to
 flat faces, and sharp ones, stay straight.
 
-Normals of a smooth mesh found from its vertices, where it has only means of its
-faces' normals.
+If a mesh has only the means of its faces' normals, normals are fitted to its vertices first.
 """
 
 from dataclasses import dataclass, replace

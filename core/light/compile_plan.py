@@ -1,8 +1,5 @@
-"""Makes a rig ready to be traced, as far as its parts ask for it.
-
-Which solids are asked for hits together, and how far they reach.
-
-All parts of a rig that are in a plan, with their surfaces, in one numbering.
+"""Compiles a rig into a plan that can be traced: its parts in one numbering, and the layers of
+solids that are searched for hits together. Only what the parts ask for is made.
 """
 
 from collections.abc import Callable

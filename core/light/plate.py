@@ -1,12 +1,8 @@
-"""The mirror array plate in closed form: the ray that leaves for each that comes.
-
-Each of its two layers is one fold (plate.py), exact to rounding (docs/closed_forms.md).
-
-A layer of mirrors as slits between them: where light comes out, and how often it was reflected.
+"""The mirror array plate in closed form: the outgoing ray of each incoming one.
 
 Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors
-it would cross are the reflections, and folding the place where it comes out back into its own slit
-gives where it does come out. So a layer of any number of mirrors is one fold, exact to rounding
+it would cross are the reflections, and folding its end back into its own slit gives the place where
+it leaves. So each of the two layers, of any number of mirrors, is one fold, exact to rounding
 (docs/closed_forms.md).
 """
 

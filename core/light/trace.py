@@ -1,6 +1,5 @@
-"""Follows a batch of rays to their landings.
-
-The first hit of each ray among all layers of a plan, and which hits are true ones.
+"""Follows a batch of rays to their landings, from first hit to first hit among all layers of a
+plan.
 """
 
 from collections.abc import Iterator

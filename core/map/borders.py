@@ -4,8 +4,6 @@ Corners do not know all that goes on within a pixel. A ray through its middle te
 its piece by more than the tolerance the pixel is quartered, twice at the most, since the error of
 a cell that is bent falls as 1 / 4^quarterings. Where light is chaotic that has no end, and where
 borders take more rays than a pixel is allowed: such pixels are sampled.
-
-Quarters of pixels, and of their quarters: where more goes on than the corners know.
 """
 
 from collections.abc import Generator

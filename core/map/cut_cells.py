@@ -1,7 +1,4 @@
-"""The pieces that borders cut cells into.
-
-Borders on edges between two points, from each side that has a landing, and strips beyond.
-"""
+"""Cuts cells into pieces along borders. These are found on edges, from each side with a landing."""
 
 from collections.abc import Generator
 from typing import NamedTuple

@@ -1,17 +1,14 @@
-"""Which display pixels does a cell cover, how much of
-each, and where is that on the viewer's image?
+"""The display pixels that a cell covers, the area in each, and its place on the viewer's image.
 
 The walk around a cell's image (outlines.py) gives the area of the part of the cell that lies in a
 pixel, and its first and second moments, hence its centroid and extent. The inverse of the cell's
-map (rasterise.py) takes these back to the viewer's image.
+map takes these back to the viewer's image.
 
 Areas on the display are exact up to rounding, 1e-12 px^2 or better for cells of moderate size. A
 cell's area on the viewer's image is divided in proportion to the area on the display, which is
 exact for triangles and parallelograms and right to first order in the cell's size otherwise. The
 part of a cell beyond the display's border is left out. A cell squeezed to a line or point gives its
 whole area to the pixels it lies in.
-
-From a place in a cell's image on the display back to the viewer's image.
 
 A quad's image is bilinear in (s, t), both in -1/2..1/2: p = centre + s a + t b + s t c. With
 (s0, t0) the solution for c = 0, the product k = s t solves the quadratic equation

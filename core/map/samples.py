@@ -2,11 +2,8 @@
 
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
 mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
-bisection have an end there. Cells whose light falls where the display is faint take further ones
-(samples.py), and all samples of a cell count alike. On the display each lights a square
-(kernel_width.py).
-
-How many samples is light worth that falls where the display is faint?
+bisection have an end there. Cells whose light falls where the display is faint take further ones,
+and all samples of a cell count alike. On the display each lights a square (kernel_width.py).
 
 A display pixel shows the mean of its light, and is known by the samples that land in it. Where
 light is spread thin few do, whatever the picture shows there: that is most of the error of a glass
@@ -15,8 +12,8 @@ the viewer's image spread evenly over all of it, the variance that a cell adds t
 alike is the mean of 1 / b^2 over its light, divided by its samples. So the variance of a number of
 samples is least where each cell has as many as the root of that mean (Neyman 1934).
 
-Which cells take more may not hang on their own samples. A cell that by chance has met a faint place
-would have that averaged away, one that has not would keep its own, and light would be lost. So
+A cell's number of samples must not depend on its own samples, or the estimate is biased: a cell
+that by chance has met a faint place would have that averaged away, and light would be lost. So
 viewer pixels are coloured as a chessboard is, and cells of one colour are told by samples of the
 other, both where light goes around them and how much there is on the display. Each cell's light is
 right on average then, whatever the rule is.

@@ -1,6 +1,6 @@
 """The view map, viewer pixels to display pixels, as cells, by which the source image is painted.
 
-`Lookup` finds where it shows a place of the viewer's image.
+`Lookup` finds the cell at a place of the viewer's image.
 """
 
 from collections.abc import Generator, Iterator

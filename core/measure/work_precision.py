@@ -1,9 +1,7 @@
-"""Error against run time: a rig solved at a ladder of tolerances,
-beside the brute-force splat at a ladder of samples.
+"""Error against run time and memory: a rig solved at a ladder of tolerances, next to the
+brute-force splat at a ladder of samples.
 
 core/measure/reference.py makes the reference.
-
-Time and memory that work takes.
 """
 
 import sys

@@ -1,6 +1,5 @@
-"""How far off is the result, as far as it can tell by itself?
-
-Which light meets normals that contradict their face, so that renderers bend it another way?
+"""Estimates of a result's own error, and of light that meets normals which contradict their face,
+so that renderers bend it another way.
 """
 
 from collections.abc import Generator

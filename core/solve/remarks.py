@@ -1,8 +1,5 @@
-"""Remarks on a solution: each names the cause that was measured, and a remedy for it.
-
-Remedies for a mesh that limits the result, by the cause that was measured.
-
-Remarks on the light of a source image: too bright, too dark, or beside the glass.
+"""Remarks on a solution and on its light: each names the cause that was measured, and a remedy for
+it.
 """
 
 from collections.abc import Iterator, Sequence

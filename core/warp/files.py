@@ -1,8 +1,6 @@
-"""The files of warp maps: which there are, how they are called, and their description.
+"""The files of warp maps: their names, their description, and STMaps as OpenEXR or PNG images.
 
-STMaps as image files: OpenEXR, and PNG for programs that read none.
-
-Their numbers are places, no colours: no curve is put on them.
+The numbers of an STMap are places, no colours: no curve is applied to them.
 """
 
 import json

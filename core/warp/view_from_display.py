@@ -7,9 +7,8 @@ it largest. A source image that settles ghosts by the strongest path shows the s
 Where the middle of a pixel is seen on no such path, but a part of the pixel is, the place is the
 middle of that part's largest share. So no pixel at a border is lost.
 
-Which pieces of a view map show the points of a grid on the display?
-
-A quad counts as two triangles. A point on an edge may be found in both triangles beside it.
+Candidates are the triangles of the map's pieces that hold a point, a quad counting as two. A point
+on an edge may be found in both triangles next to it.
 """
 
 from collections.abc import Generator, Iterator

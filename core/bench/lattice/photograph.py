@@ -1,22 +1,17 @@
-"""Where a lattice's dots and crossings are in a photograph.
+"""Finds the dots and crossings of a lattice in a photograph, to a hundredth of a pixel.
 
 Bright maxima of the Hessian's determinant are candidates, in the image and in its halves, quarters
-(windows.py). Each is looked at closely, as a dot and as a crossing, and
-the largest lattice that grows out of dots or out of crossings (growth.py) is the one that is seen.
+(windows.py). Each candidate is fitted as a dot and as a crossing, and the largest lattice that
+grows out of dots or out of crossings (growth.py) is the result.
 
-Crossings of lines in a photograph, to a hundredth of a pixel.
-
-On circles around a crossing two lines show as four bright arms. Along each line the ridge of its
-light is a parabola, z = a + b t + c t^2 across it, by centroids at stations on both sides; the
-crossing is where both parabolas meet. The middle itself, where the lines lie on each other, is left
-out, or each would draw the other.
-
-Dots in a photograph, to a hundredth of a pixel.
-
-A dot is the part of a window that is connected with its middle and brighter than half of its
-contrast. Light from beside, a glare or a gradient, would draw its centroid. So a plane is laid
-through the calm part of a ring around the dot, and the centroid is that of the light above it:
-c = sum w x / sum w, w = clip(light - plane).
+- *Crossing*: on circles around it two lines show as four bright arms. Along each line the ridge of
+  its light is a parabola, z = a + b t + c t^2 across it, fitted to centroids at stations on both
+  sides. The crossing is the point where both parabolas meet. The middle itself, where the lines
+  overlap, is left out, since each line would bias the other.
+- *Dot*: the part of a window that is connected with its middle and brighter than half of its
+  contrast. Glare or a gradient would bias its centroid, so a plane is fitted to the calm part of a
+  ring around the dot, and the centroid is that of the light above the plane:
+  c = sum w x / sum w, w = clip(light - plane).
 """
 
 from dataclasses import dataclass

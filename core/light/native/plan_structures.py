@@ -1,7 +1,4 @@
-"""Plans as the kernel reads them: the arrays of numpy's way, where they are.
-
-Layers as the kernel reads them: their triangles, curved faces and trees.
-"""
+"""Plans and their layers as the kernel reads them: pointers to numpy's own arrays."""
 
 import ctypes
 from collections.abc import Sequence
