@@ -59,7 +59,7 @@ def simulate(
     """
     viewer = plan.viewer
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
-    has_faces = any(array.array.has_fresnel for array in plan.arrays.values())
+    has_faces = any(array.array.has_fresnel for array in plan.arrays)
     shown = plan.rig.display.light_of(source[..., :3])
     texels = shown.reshape(-1, 3).astype(float)
     n = viewer.width * viewer.height
@@ -162,7 +162,9 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     # the light that the plate leaves: all that is left, by the light left with an ideal plate
     yield 0.2
     view = view[is_seen]
-    ideal = trace(replace(bright, arrays={}), *viewer.rays(view))
+    elements = tuple(None if one in plan.arrays else one for one in plan.parts.elements)
+    without = replace(bright, parts=replace(bright.parts, elements=elements))
+    ideal = trace(without, *viewer.rays(view))
     without = main_landings(ideal, len(view)).throughput
     share = here.throughput[is_seen] / np.where(without > 0, without, 1.0)
 

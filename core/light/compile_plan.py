@@ -5,6 +5,7 @@ solids that are searched for hits together. Only what the parts ask for is made.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -23,13 +24,14 @@ from .checks import check_viewer_outside
 from .contact import NEAR
 from .display import display_plane
 from .engines import engine_kind
+from .interactions import LAWS
 from .media import Media, Solid, make_media
 from .mesh_cache import Kept
 from .native import plan_structures
 from .near_misses import ThinParts
 from .packing import Packing
 from .plan import Aside, Counts, OpenPart, Parts, Plan, PlannedDisplay, PlannedLayer, Triangles
-from .plate import ArrayFrame, array_frame
+from .plate import ArrayFrame
 from .ray_engine import FEW_TRIANGLES, Layer
 from .thin_surfaces import Sheet, find_clear, find_sheets, read_sheets
 from .touching_solids import boxes_touch, find_touching, grown
@@ -151,6 +153,15 @@ class RigParts:
             part=self.part,
         )
 
+    @cached_property
+    def elements(self) -> tuple[Any, ...]:
+        """Each part (p,) as its interaction knows it."""
+        laws = (LAWS[sheet.role.kind] for sheet in self.sheets)
+        return (
+            *(solid.glass for solid in self.solids),
+            *(law.element(s.part, s.surface) for law, s in zip(laws, self.sheets, strict=True)),
+        )
+
     def joined(self, name: str) -> np.ndarray:
         """A column of the surfaces, of all triangles."""
         return np.concatenate([getattr(surface, name) for surface in self.surfaces])
@@ -185,6 +196,7 @@ class RigParts:
             sheet=find_sheets(self.surfaces, self.kind),
             owner=self.owner(rig),
             is_clear=is_clear,
+            elements=self.elements,
         )
 
     def counts(self, rig: Rig) -> Counts:
@@ -281,8 +293,7 @@ def planning(
 
     # what lies beyond plates, and which needs the rig has by it
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
-    arrays = _array_frames(parts)
-    rules = _rules(parts, layers, media, bool(arrays), is_clear, settings)
+    rules = _rules(parts, layers, media, is_clear, settings)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
     by_display = boxes_touch(boxes, NEAR * merge_distance)[-1, : len(solids)]
 
@@ -300,7 +311,6 @@ def planning(
         thin_parts=thin_parts,
         display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
         aside=Aside(aside, boxes_aside),
-        arrays=arrays,
         merge_distance=merge_distance,
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=(
@@ -378,20 +388,10 @@ def _kept_thin_parts(parts: RigParts, boxes_aside: Floats, kept: Kept) -> Callab
     return kept.get("boxes of " + "+".join([*parts.keys, aside]), lambda: cache(find))
 
 
-def _array_frames(parts: RigParts) -> dict[int, ArrayFrame]:
-    """Where the mirror arrays of plates stand, by the number of their part."""
-    return {
-        number: array_frame(sheet.part, sheet.surface.normals[0])
-        for number, sheet in enumerate(parts.sheets, len(parts.solids))
-        if sheet.role.kind == Kind.PLATE and sheet.part.array is not None
-    }
-
-
 def _rules(
     parts: RigParts,
     layers: tuple[PlannedLayer, ...],
     media: Media,
-    has_arrays: bool,
     is_clear: Bools,
     settings: Settings,
 ) -> dict[str, tuple[bool, str | None]]:
@@ -399,6 +399,7 @@ def _rules(
     not. is_clear: (p, 2) beyond a plate is one display.
     """
     is_plate = parts.kind == Kind.PLATE
+    has_arrays = any(isinstance(one, ArrayFrame) for one in parts.elements)
     no_plate = None if is_plate.any() else Message("there is no plate")
     is_sent_on = is_clear[is_plate].any(axis=1).all()
     no_kernel = plan_structures.left_out(layers, parts.kind)

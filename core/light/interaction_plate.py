@@ -15,7 +15,7 @@ from .meetings import Law, key_of_facets
 from .mesh_cache import Kept
 from .optics import plane_symmetry
 from .plan import Plan
-from .plate import ArrayFrame, PlatePath
+from .plate import ArrayFrame, PlatePath, array_frame
 from .rays import PLATE, Rays
 
 # of its size: a plate's vertices may leave its plane by this much
@@ -54,29 +54,27 @@ def _plane(plate: Plate) -> Surface:
     return replace(facets, normals=np.tile(normal, (n, 1)), patch=np.zeros(n, np.int64))
 
 
+def element(plate: Plate, surface: Surface) -> Plate | ArrayFrame:
+    """A plate of mirrors where it stands, or an ideal one."""
+    return plate if plate.array is None else array_frame(plate, surface.normals[0])
+
+
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
     """Go on by the mirrors of the plate met, or by the ideal law; land where that is all."""
-    part = plan.triangles.part[hits.triangle]
-    is_ideal = np.ones(len(i), bool)
-
-    for number, array in plan.arrays.items():
-        some = np.flatnonzero(part == number)
-        if len(some):
-            _meet_array(plan, array, rays, i[some])
-            is_ideal[some] = False
-
-    if is_ideal.any():
-        ideal = i[is_ideal]
-        rays.directions[ideal] = plane_symmetry(
-            rays.directions[ideal], plan.triangles.normals[hits.triangle[is_ideal]]
-        )
-        rays.plate_path[ideal] = np.maximum(rays.plate_path[ideal], PlatePath.IMAGED)
+    normals = plan.triangles.normals[hits.triangle]
+    for plate, some in plan.part_of(hits.triangle):
+        these = i[some]
+        if isinstance(plate, ArrayFrame):
+            _meet_array(plan, plate, rays, these)
+        else:
+            rays.directions[these] = plane_symmetry(rays.directions[these], normals[some])
+            rays.plate_path[these] = np.maximum(rays.plate_path[these], PlatePath.IMAGED)
 
     rays.has_met_plate[i] = True
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], PLATE)
 
-    goes_along = (dot(rays.directions[i], plan.triangles.normals[hits.triangle]) > 0).astype(int)
-    clear = plan.parts.is_clear[part, goes_along]
+    goes_along = (dot(rays.directions[i], normals) > 0).astype(int)
+    clear = plan.parts.is_clear[plan.triangles.part[hits.triangle], goes_along]
     if clear.any():
         end_beyond_plate(plan, rays, i[clear])
 
@@ -98,4 +96,4 @@ def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
             rays.throughput[some] *= crossing.throughput
 
 
-LAW = Law(meet, surface)
+LAW = Law(meet, surface, element=element)

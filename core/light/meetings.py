@@ -27,12 +27,15 @@ class Law(NamedTuple):
     ends : does no ray go on from it?
     crosses : are faces of other layers at the same place met together with it? Else it is handed no
         hits of layers
+    element : a part with what is worked out of it once for a plan, as `plan.part_of` gives it to
+        `meet`; takes the part and its surface
     """
 
     meet: Callable[[Plan, Rays, Ints, Hits, list[Hits]], None]
     surface: Callable[[Any, Kept], tuple[Surface, str]] | None
     ends: bool = False
     crosses: bool = False
+    element: Callable[[Any, Surface], Any] = lambda part, surface: part
 
 
 def key_of_facets(mesh: Mesh) -> str:

@@ -1,8 +1,8 @@
 """A rig made ready to be traced: the things it needs, and those it leaves out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,8 @@ class Parts:
     and 0 for no solid; sheet (p,), itself, or the first plate in whose plane it lies; owner (p,):
     the number of the part's object among the rig's glasses, then mirrors, -1 for all others;
     is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is
-    nothing but a flat display: such light is not traced any further
+    nothing but a flat display: such light is not traced any further; elements (p,): each part as
+    its interaction knows it, an ArrayFrame for a plate of mirrors, else the rig's part
     """
 
     kind: Ints
@@ -54,6 +55,7 @@ class Parts:
     sheet: Ints
     owner: Ints
     is_clear: Bools
+    elements: tuple[Any, ...]
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -141,9 +143,8 @@ class Plan:
     the one whose image is asked about, the rig's first unless `seen_by` says another.
 
     thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked
-    for. arrays: where mirror arrays stand, by the number of their part. merge_distance: m, faces
-    nearer to each other than this are in the same place. used, left_out: needs that the rig has, or
-    has not, and why.
+    for. merge_distance: m, faces nearer to each other than this are in the same place. used,
+    left_out: needs that the rig has, or has not, and why.
     """
 
     rig: Rig
@@ -157,7 +158,6 @@ class Plan:
     thin_parts: Callable[[], ThinParts]
     display: PlannedDisplay
     aside: Aside
-    arrays: dict[int, ArrayFrame]
     merge_distance: float
     used: tuple[str, ...]
     left_out: tuple[str, ...]
@@ -166,6 +166,19 @@ class Plan:
     def seen_by(self, viewer: Viewer) -> "Plan":
         """The same plan for another viewer of the rig: nothing of it is made again."""
         return self if viewer is self.viewer else replace(self, viewer=viewer)
+
+    def part_of(self, triangle: Ints) -> Iterator[tuple[Any, Ints]]:
+        """Each part that rays (n,) meet by these triangles, as its interaction knows it, and the
+        numbers of those rays.
+        """
+        part = self.triangles.part[triangle]
+        for number in np.unique(part):
+            yield self.parts.elements[number], np.flatnonzero(part == number)
+
+    @property
+    def arrays(self) -> tuple[ArrayFrame, ...]:
+        """The mirror arrays of its plates, where they stand."""
+        return tuple(one for one in self.parts.elements if isinstance(one, ArrayFrame))
 
     @property
     def needs_plate(self) -> bool:

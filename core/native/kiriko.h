@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 10 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 11 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
@@ -109,8 +109,7 @@ typedef struct {
     int64_t *kind, *cluster, *sheet;   /* (p,) */
     uint8_t *is_closed, *is_clear;     /* (p,), (p, 2) */
     uint64_t *bit;                     /* (p,) */
-    Array *arrays;
-    int64_t *array;                    /* (p,) of a plate of mirrors, -1 of all others */
+    const void **elements;             /* (p,) what its interaction reads: an Array of a plate of mirrors; else NULL */
     double *indices;                   /* (solids, N_BITS + 1) */
     int64_t n_triangles, n_open, n_aside, n_layers;
     int64_t *open_part;                /* (n_open,) */

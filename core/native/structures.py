@@ -39,7 +39,7 @@ ArrayStructure = _structure(
 PlanStructure = _structure(
     "PlanStructure",
     normals=_P, corner_normals=_P, is_bent=_P, patch=_P, part=_P, kind=_P, cluster=_P, sheet=_P,
-    is_closed=_P, is_clear=_P, bit=_P, arrays=_P, array=_P, indices=_P,
+    is_closed=_P, is_clear=_P, bit=_P, elements=_P, indices=_P,
     n_triangles=_I, n_open=_I, n_aside=_I, n_layers=_I, open_part=_P, open_box=_P, aside_box=_P,
     layers=_P, order=_P, merge_distance=_D, max_events=_I, only_through_glass=_I,
     needs_plate=_I, looks_beside=_I, brightness=_I, has_plane=_I, is_by_glass=_I, display_start=_I,

@@ -315,11 +315,12 @@ static void meet_plate(Ray *ray, const Hit *hit) {
     int64_t i = ray->i, part = hit->part;
     const double *normal = plan->normals + 3 * hit->triangle;
     double *d = rays->directions + 3 * i, out[3];
-    if (plan->array[part] >= 0) {
+    const Array *array = plan->elements[part];
+    if (array) {
         Light light = (Light)rays->light;
         if (rays->has_met_plate[i] && light == REFLECTED_LIGHT) light = FOLDED_LIGHT; /* it is reflected once */
         PlatePath path;
-        double passed = cross_array(plan->arrays + plan->array[part], light, rays->positions + 3 * i, d, &path);
+        double passed = cross_array(array, light, rays->positions + 3 * i, d, &path);
         if (rays->plate_path[i] <= IMAGED) rays->plate_path[i] = (uint8_t)path;
         if (plan->brightness) rays->throughput[i] *= passed;
     } else {

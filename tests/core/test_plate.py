@@ -743,7 +743,7 @@ def test_of_two_plates_the_first_that_did_not_image_decides():
     second where the first imaged, throughputs multiplied.
     """
     plan = two_plates(np.array([0, 0.17, 0.0]), np.array([0, -1.0, 1.0]) / np.sqrt(2))
-    first, second = plan.arrays.values()
+    first, second = plan.arrays
     light = slanted()
     one = first.folded(onto(first, *light), light[1])
     two = second.folded(onto(second, one.positions, one.directions), one.directions)
@@ -768,7 +768,7 @@ def test_light_is_reflected_by_the_first_plate_only():
     through that as light does that is not reflected.
     """
     plan = two_plates(np.array([0, 0.15, 0.3]), unit(np.array([0.0, 1, 1])))
-    first, second = plan.arrays.values()
+    first, second = plan.arrays
     light = slanted()
     one = first.reflected(onto(first, *light), light[1])
     two = second.folded(onto(second, one.positions, one.directions), one.directions)

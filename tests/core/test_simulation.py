@@ -82,7 +82,7 @@ def test_all_the_light_of_a_white_room_is_counted_once():
     found = drain(simulate(make_plan(a_rig, Settings()), np.ones((4, 4, 3), np.float32), 2))
 
     # light that the first face reflects is seen, light of the second is lost
-    (faces,) = make_plan(a_rig, Settings()).arrays.values()
+    (faces,) = make_plan(a_rig, Settings()).arrays
     reflected = faces.reflected(np.zeros((1, 3)), np.array([[0.0, 1, 0]])).throughput[0]
     white = (1 - reflected) ** 2 + reflected
 

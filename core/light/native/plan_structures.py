@@ -162,7 +162,7 @@ def _make_plan(plan: Plan) -> Made | None:
 
     made = Made(PlanStructure)
     _point_to_tables(made, plan)
-    _point_to_arrays(made, plan)
+    _point_to_elements(made, plan)
     _point_to_layers(made, plan)
     settings = plan.settings
     display = plan.rig.display
@@ -225,16 +225,19 @@ def _point_to_tables(made: Made, plan: Plan) -> None:
     made.set(n_open=len(plan.open_parts), n_aside=len(plan.aside.boxes))
 
 
-def _point_to_arrays(made: Made, plan: Plan) -> None:
-    """Let a plan point to its mirror arrays, and each part to its own."""
-    array = np.full(len(plan.parts), -1)
-    array[list(plan.arrays)] = np.arange(len(plan.arrays))
-    made.point("array", array, np.int64)
-    arrays = (ArrayStructure * len(plan.arrays))(
-        *(_make_array(frame).structure for frame in plan.arrays.values())
-    )
-    made.keep(arrays)
-    made.set(arrays=ctypes.addressof(arrays))
+# of elements that an interaction of the kernel reads; the others are NULL to it
+ELEMENTS = {ArrayFrame: _make_array}
+
+
+def _point_to_elements(made: Made, plan: Plan) -> None:
+    """Let a plan point to the numbers of each part."""
+    addresses = np.zeros(len(plan.parts), np.uintp)
+    for number, element in enumerate(plan.parts.elements):
+        if type(element) in ELEMENTS:
+            one = ELEMENTS[type(element)](element)
+            made.keep(one)
+            addresses[number] = ctypes.addressof(one.structure)
+    made.point("elements", addresses, np.uintp)
 
 
 def _point_to_layers(made: Made, plan: Plan) -> None:
