@@ -55,6 +55,16 @@ typedef struct {
     const int32_t *items;   /* at each position */
 } Tree;
 
+/* A tree over n boxes, which are about 1 in size, while it is made. */
+typedef struct {
+    const double *boxes;    /* (n, 2, 3) */
+    int64_t n;
+    Node *nodes;            /* room for n */
+    int32_t *items;         /* (n,) */
+    int64_t n_nodes;        /* 0 until it is whole, and if memory is short */
+    _Atomic int64_t is_unwanted; /* set to have it given up */
+} Growth;
+
 typedef struct {
     double *corners;        /* (t, 3, 3) */
     int64_t *row;           /* (t,) */

@@ -19,10 +19,11 @@ MOST_LAYERS = 256
 # of the library: types of the result and of the arguments
 FUNCTIONS = {
     "kiriko_layout": (_I, _I),
-    "kiriko_make_tree": (_I, _I, _P, _P, _P),
+    "kiriko_begin_tree": (_P, _P, _I),
     "kiriko_follow": (None, _P, _P, _I, _I, _I),
     "kiriko_bisect": (None, _P, _P, _P, _I, _I, _I),
     "kiriko_begin_division": (_P, _P, _I, _I),
+    "kiriko_is_done": (_I, _P),
     "kiriko_end": (None, _P, _I),
     "kiriko_divide": (None, _P, _I),
     "kiriko_add": (None, _P, _I, _I),

@@ -90,6 +90,9 @@ SumStructure = _structure(
     "SumStructure",
     pixel=_P, wide_pixel=_P, places=_P, weights=_P, n=_I, image=_P, width=_I, height=_I,
 )  # fmt: skip
+GrowthStructure = _structure(
+    "GrowthStructure", boxes=_P, n=_I, nodes=_P, items=_P, n_nodes=_I, is_unwanted=_I
+)
 TAP = np.dtype([("place", np.int32, 4), ("weight", np.float32, 4)])
 NODE = np.dtype([("sides", np.float32, (6, 4)), ("first", np.int32, 4), ("count", np.int32, 4)])
 
@@ -98,6 +101,7 @@ STRUCTURES = (
     *(ArrayStructure, PlanStructure, RayStateStructure),
     *(DivisionStructure, StrokesStructure, LevelStructure, FitStructure),
     *(ThinPartsStructure, PathsStructure, HalvingStructure, SumStructure),
+    GrowthStructure,
 )
 
 

@@ -11,7 +11,7 @@ typedef struct {
     Work work;
     void *context;
     int64_t n, at_once;
-    atomic_llong next;
+    atomic_llong next, n_done;
 } Shared;
 
 static void take_turns(Shared *shared) {
@@ -20,6 +20,7 @@ static void take_turns(Shared *shared) {
         if (first >= shared->n) return;
         int64_t last = first + shared->at_once;
         shared->work(shared->context, first, last < shared->n ? last : shared->n);
+        atomic_fetch_add(&shared->n_done, shared->at_once);
     }
 }
 
@@ -74,7 +75,7 @@ static void begin_threads(Begun *begun, int64_t n_threads) {
     if (n_threads > MOST_THREADS) n_threads = MOST_THREADS;
     if (n_threads > most) n_threads = most;
     begun->n_threads = 0;
-    while (begun->n_threads < n_threads - 1 && begin(&begun->threads[begun->n_threads], &begun->shared))
+    while (begun->n_threads < n_threads && begin(&begun->threads[begun->n_threads], &begun->shared))
         begun->n_threads++;
 }
 
@@ -86,7 +87,10 @@ static void end_threads(Begun *begun) {
 void share_out(Work work, void *context, int64_t n, int64_t at_once, int64_t n_threads) {
     Begun begun = {.shared = {.work = work, .context = context, .n = n, .at_once = at_once}};
     atomic_init(&begun.shared.next, 0);
-    begin_threads(&begun, n_threads);
+    atomic_init(&begun.shared.n_done, 0);
+    /* this thread works, too */
+    int64_t most = (n + at_once - 1) / at_once;
+    begin_threads(&begun, (n_threads < most ? n_threads : most) - 1);
     take_turns(&begun.shared);
     end_threads(&begun);
 }
@@ -101,8 +105,14 @@ Begun *begin_work(Work work, void *context, int64_t n, int64_t n_threads) {
     begun->shared.n = n;
     begun->shared.at_once = 1;
     atomic_init(&begun->shared.next, 0);
-    begin_threads(begun, n_threads);
+    atomic_init(&begun->shared.n_done, 0);
+    begin_threads(begun, n_threads - 1);
     return begun;
+}
+
+/* True when all parts of the work are done, or no thread could be started, so that kiriko_end does them. */
+KIRIKO_API int64_t kiriko_is_done(Begun *begun) {
+    return !begun->n_threads || atomic_load(&begun->shared.n_done) >= begun->shared.n;
 }
 
 /* Have work ended, by this thread, too; what of it is not begun is left undone unless it is wanted. */

@@ -516,6 +516,7 @@ KIRIKO_API int64_t kiriko_layout(int64_t i) {
         VERSION,       MOST_LAYERS,   sizeof(Node), sizeof(Tree), sizeof(Curved),  sizeof(Hull),
         sizeof(Layer), sizeof(Array), sizeof(Plan), sizeof(Rays), sizeof(Division), sizeof(Strokes),
         sizeof(Level), sizeof(Fit),   sizeof(ThinParts), sizeof(Paths), sizeof(Halving), sizeof(Sum),
+        sizeof(Growth),
     };
     return i >= 0 && i < (int64_t)(sizeof numbers / sizeof *numbers) ? numbers[i] : -1;
 }

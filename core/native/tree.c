@@ -90,8 +90,11 @@ static bool best_cut(const double *boxes, const int32_t *items, int32_t n, const
     return is_found;
 }
 
-/* Make a tree of pairs; returns the number of boxes. */
-static int64_t make_pairs(int64_t n, const double *boxes, Pair *pairs, int32_t *items) {
+/* Make a tree of pairs; returns the number of boxes, 0 when the tree is no longer wanted. */
+static int64_t make_pairs(const Growth *growth, Pair *pairs) {
+    const double *boxes = growth->boxes;
+    int32_t *items = growth->items;
+    int64_t n = growth->n;
     struct { int32_t pair, first, count, depth; } todo[MOST_DEPTH + 2];
     int64_t n_pairs = 1;
     int n_todo = 1;
@@ -100,6 +103,7 @@ static int64_t make_pairs(int64_t n, const double *boxes, Pair *pairs, int32_t *
     todo[0].count = (int32_t)n;
 
     while (n_todo) {
+        if (growth->is_unwanted) return 0;
         n_todo--;
         int32_t first = todo[n_todo].first, count = todo[n_todo].count, depth = todo[n_todo].depth;
         Pair *pair = pairs + todo[n_todo].pair;
@@ -145,20 +149,20 @@ static int64_t make_pairs(int64_t n, const double *boxes, Pair *pairs, int32_t *
     return n_pairs;
 }
 
-/* Make a tree of n boxes (n, 2, 3), which are about 1 in size: nodes, n of them at the most, and items (n,). Returns the
-   number of nodes, 0 where memory is short. */
-KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes, int32_t *items) {
-    if (n <= 0) return 0;
+static void make_tree(void *context, int64_t first_part, int64_t last_part) {
+    (void)first_part;
+    (void)last_part;
+    Growth *growth = context;
+    Node *nodes = growth->nodes;
+    int64_t n = growth->n, n_nodes = 1, n_todo = 1;
     Pair *pairs = malloc(2 * sizeof(Pair) * (size_t)n);
     int32_t *pair_of = malloc(sizeof(int32_t) * (size_t)n); /* the pair that a node stands for */
-    int64_t n_nodes = 1, n_todo = 1;
     int32_t todo[3 * MOST_DEPTH + 4]; /* nodes */
-    if (!pairs || !pair_of) {
+    if (!pairs || !pair_of || !make_pairs(growth, pairs)) {
         free(pairs);
         free(pair_of);
-        return 0;
+        return;
     }
-    make_pairs(n, boxes, pairs, items);
     pair_of[0] = 0;
     todo[0] = 0;
     while (n_todo) {
@@ -191,5 +195,11 @@ KIRIKO_API int64_t kiriko_make_tree(int64_t n, const double *boxes, Node *nodes,
     }
     free(pairs);
     free(pair_of);
-    return n_nodes;
+    growth->n_nodes = n_nodes;
+}
+
+/* Begin to make a tree, in a thread of its own if there may be two. NULL where memory is short; else kiriko_end has to
+   be called, before which nobody else may touch the tree. */
+KIRIKO_API Begun *kiriko_begin_tree(Growth *growth, int64_t n_threads) {
+    return begin_work(make_tree, growth, growth->n > 0, n_threads);
 }

@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Callable
+from time import sleep
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -16,12 +17,14 @@ from ...glass.curved import CurvedFaces
 from ...glass.meshes import Frames, boxes_of
 from ...glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ...native.loading import loaded, n_threads
-from ...native.structures import HullStructure, Made
+from ...native.structures import NODE, GrowthStructure, HullStructure, Made, TreeStructure
 from ..engine_triangles import Asked
 from ..engines import Found
 from ..ray_engine import Layer
-from .growing import making_tree
 
+LARGE = 1 << 17  # boxes: a tree over more, which takes over 0.06 s, has a thread of its own
+PAUSE_S = 0.005
+LINE = 64  # bytes of a line of the processor's memory: a node fills two
 BEZIER_AT_ONCE = 1 << 12  # faces
 BOXES_AT_ONCE = 1 << 16  # of triangles
 BOX_SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
@@ -51,6 +54,45 @@ def keeping(
         made = yield from making()
         cache[key] = made
     return cache[key]
+
+
+def making_tree(boxes: Floats) -> Pauses[tuple[Made, NDArray[np.int32]]]:
+    """Make a tree over boxes (n, 2, 3), which are about 1 in size, with pauses.
+
+    And the box (n,) that stands at each position.
+    """
+    boxes = np.ascontiguousarray(boxes, float)
+    nodes, items = np.empty(len(boxes), NODE), np.empty(len(boxes), np.int32)
+    addresses = {"boxes": boxes.ctypes.data, "nodes": nodes.ctypes.data}
+    growth = GrowthStructure(n=len(boxes), items=items.ctypes.data, **addresses)
+
+    kernel, is_large = loaded(), len(boxes) > LARGE
+    work = kernel.kiriko_begin_tree(ctypes.addressof(growth), 1 + is_large)
+    try:
+        while is_large and work and not kernel.kiriko_is_done(work):
+            yield 0
+            sleep(PAUSE_S)
+    except BaseException:
+        growth.is_unwanted = 1
+        raise
+    finally:
+        kernel.kiriko_end(work, 1)
+
+    if not growth.n_nodes:
+        raise MemoryError
+    made = Made(TreeStructure)
+    made.point("nodes", in_lines(nodes[: growth.n_nodes]), NODE)
+    made.point("items", items, np.int32)
+    return made, items
+
+
+def in_lines(nodes: NDArray[np.void]) -> NDArray[np.void]:
+    """A copy of nodes (n,) that begins where a line of the memory does."""
+    room = np.empty(nodes.nbytes + LINE, np.uint8)
+    begin = -room.ctypes.data % LINE
+    placed = room[begin : begin + nodes.nbytes].view(NODE)
+    placed[:] = nodes
+    return placed
 
 
 def stack_frames(frames: Frames) -> Floats:

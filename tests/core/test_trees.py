@@ -1,0 +1,62 @@
+"""Trees over boxes, and what is made ready in parts."""
+
+import numpy as np
+import pytest
+
+from kiriko.core.base.steps import finish
+from kiriko.core.glass import bounding_shell
+from kiriko.core.glass.bounding_shell import making_hull
+from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.light.native import trees
+from kiriko.core.native import loading
+from known.reference_rigs import bottle, icosphere
+
+needs_kernel = pytest.mark.skipif(loading.library() is None, reason="the kernel is not there")
+
+N = 3000
+
+
+@needs_kernel
+def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
+    """A thread of its own makes it, and it is given up when nobody wants it any longer."""
+    at = np.random.default_rng(0).normal(size=(N, 3))
+    boxes = np.stack([at - 0.1, at + 0.1], axis=1)
+    whole, items = finish(trees.making_tree(boxes))
+    monkeypatch.setattr(trees, "LARGE", N - 1)
+    pauses = list(trees.making_tree(boxes))
+    made, same = finish(trees.making_tree(boxes))
+    assert pauses
+    assert np.array_equal(made.kept[0], whole.kept[0])
+    assert np.array_equal(same, items)
+    unwanted = trees.making_tree(boxes)
+    next(unwanted)
+    unwanted.close()
+
+
+@needs_kernel
+def test_no_tree_is_too_deep():
+    """A ray keeps 256 boxes in mind at the most (tree.h), however uneven they are."""
+    at = 10.0 ** -np.random.default_rng(0).uniform(0, 150, (N, 3))
+    nodes = finish(trees.making_tree(np.stack([at, at], axis=1)))[0].kept[0]
+    todo = [(0, 1)]
+    most = 0
+    while todo:
+        number, n_waiting = todo.pop()
+        first, count = nodes["first"][number], nodes["count"][number]
+        n_waiting += (first >= 0).sum() - 1
+        most = max(most, n_waiting)
+        todo += [(k, n_waiting) for k in first[(first >= 0) & (count == 0)]]
+    assert 40 < most <= 256
+
+
+@pytest.mark.parametrize("mesh", [bottle(), icosphere(0.025, 2)], ids=["bottle", "ball"])
+def test_a_hull_in_portions_is_the_hull(mesh, monkeypatch):
+    """Whatever the number of faces that are worked on together."""
+    curved = make_surface(mesh).curved
+    whole = finish(making_hull(curved))
+    monkeypatch.setattr(bounding_shell, "PARTS_AT_ONCE", 1000)
+    pauses = list(making_hull(curved))
+    portioned = finish(making_hull(curved))
+    assert len(pauses) > 20
+    for name in whole._fields:
+        assert np.array_equal(getattr(portioned, name), getattr(whole, name))
