@@ -126,38 +126,6 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
-@pytest.mark.long(reason="100 places, by drivers and scripts, which other tests of Live follow")
-def test_a_head_is_followed_along_a_path(live: ModuleType) -> None:
-    """A viewer that a driver and a script move, as a head tracker's add-on does: each of 100
-    positions has an image of its own, and the last of each ten is that of a plain solve.
-    """
-    follow(live, viewer_resolution=32, display_resolution=(32, 32), picture_size=0.015)
-    scene = bpy.context.scene
-    camera = scene.camera
-    start = camera.matrix_world.translation.copy()
-    scene["head"] = 0.0
-    driver = camera.driver_add("delta_location", 0).driver
-    variable = driver.variables.new()
-    variable.targets[0].id_type, variable.targets[0].id = "SCENE", scene
-    variable.targets[0].data_path = '["head"]'
-    driver.expression = f"{variable.name} * 1"
-
-    before = shown()
-    for n in range(1, 101):
-        along = 2 * np.pi * n / 100
-        scene["head"] = 0.02 * np.sin(3 * along)
-        scene.update_tag()
-        camera.delta_location.z = 0.01 * np.sin(2 * along + 1)
-        bpy.context.view_layer.update()
-        assert camera.matrix_world.translation.x - start.x == pytest.approx(scene["head"], abs=1e-6)
-        settle(live)
-        after = shown()
-        assert not np.array_equal(after, before), n
-        if n % 10 == 0:
-            assert is_rounding(after - plain(live)), n
-        before = after
-
-
 def test_remedies_follow_the_final_image(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """As after Solve, where light is lost: a plate of 3 cm is too small."""
     monkeypatch.setattr(importlib.import_module(f"{EXTENSION}.operators.remedies"), "SECONDS", inf)
@@ -170,25 +138,6 @@ def test_remedies_follow_the_final_image(live: ModuleType, monkeypatch: pytest.M
     settle(live)
     helps = kept.Numbers.read(result.details).by_name["helps"]
     assert "kiriko.fit_plate" in {help["operator"] for help in helps}
-
-
-def test_undo_after_live_shows_the_image_of_before(live: ModuleType) -> None:
-    """Blender had read the newer one, which is not the one that undo brings back."""
-    rig = small_rig()
-    bpy.ops.kiriko.solve()
-    before = shown()
-    bpy.ops.ed.undo_push(message="solved")
-    assert bpy.ops.kiriko.live() == {"FINISHED"}
-    turn(rig["GLASS"], 0.3)
-    settle(live)
-    live.stop()
-    bpy.ops.ed.undo_push(message="turned")
-    assert not np.array_equal(shown(), before)
-
-    bpy.ops.ed.undo()
-    assert np.array_equal(shown(), before)
-    bpy.ops.ed.redo()
-    assert not np.array_equal(shown(), before)
 
 
 @pytest.mark.parametrize("is_live", [False, True])
@@ -225,31 +174,6 @@ def test_undo_of_a_fit_after_live_shows_the_result_of_the_scene(
     assert np.array_equal(shown(), first)
     bpy.ops.ed.redo()
     assert np.array_equal(shown(), after)
-
-
-def test_undo_after_live_takes_no_older_image_for_that_of_its_numbers(live: ModuleType) -> None:
-    """A step made while Live had not packed its image has newer numbers than image: the result is
-    not taken for that of the scene, and redo brings back one that is.
-    """
-    watch = importlib.import_module(f"{EXTENSION}.operators.watch")
-    rig = small_rig()
-    bpy.ops.kiriko.solve()
-    bpy.ops.ed.undo_push(message="solved")
-    assert bpy.ops.kiriko.live() == {"FINISHED"}
-    turn(rig["GLASS"], 0.3)
-    settle(live)
-    after = shown()
-    bpy.ops.ed.undo_push(message="turned")
-    live.stop()
-    bpy.ops.ed.undo_push(message="more")
-    assert not watch.has_changed(bpy.context)
-
-    bpy.ops.ed.undo()
-    assert not np.array_equal(shown(), after)
-    assert watch.has_changed(bpy.context)
-    bpy.ops.ed.redo()
-    assert np.array_equal(shown(), after)
-    assert not watch.has_changed(bpy.context)
 
 
 @pytest.mark.parametrize("first", ["nothing", "solved", "other size"])
@@ -358,36 +282,6 @@ def images_on(thing: bpy.types.Object) -> list[bpy.types.Image]:
     """The images that an object's materials show."""
     nodes = [node for slot in thing.material_slots for node in slot.material.node_tree.nodes]
     return [node.image for node in nodes if node.type == "TEX_IMAGE"]
-
-
-def test_what_was_quick_gets_no_coarse_picture(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """How long a rig takes is known from its last solve: the
-    final picture alone comes where that was soon there.
-    """
-    monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
-    rig = follow(live, viewer_resolution=192)
-    assert written == ["update_coarse", *FINAL]
-    for _ in range(2):  # glass that was turned is ready, the first time it was not
-        written.clear()
-        turn(rig["GLASS"])
-        settle(live)
-
-    assert written == FINAL
-    known = dict(live.followed()._whole_lasted)
-    bpy.context.scene.kiriko.margin = 3
-    settle(live)
-
-    assert live.followed()._whole_lasted == known  # a picture that is painted anew tells nothing
-    for change in (
-        lambda: setattr(rig["DISPLAY"].kiriko, "resolution", (200, 200)),
-        lambda: setattr(bpy.context.scene.kiriko, "tolerance", 0.01),
-    ):
-        written.clear()
-        change()
-        settle(live)
-        assert written == ["update_coarse", *FINAL]
 
 
 def test_a_coarse_picture_is_not_exported(
@@ -595,36 +489,6 @@ def test_the_final_picture_comes_before_its_numbers(
     np.testing.assert_array_equal(shown(), final)
 
 
-def test_pixels_that_are_there_are_not_written_again(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With the numbers of the final picture; but where somebody painted over it meanwhile."""
-    monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
-    result = importlib.import_module(f"{EXTENSION}.core.blender.result")
-    set_pixels = result.set_pixels
-    images = []
-    monkeypatch.setattr(
-        result,
-        "set_pixels",
-        lambda image, pixels: (images.append(image), set_pixels(image, pixels)),
-    )
-    rig = follow(live)
-
-    for is_painted in (False, True):
-        written.clear()
-        turn(rig["GLASS"])
-        until(written, live)
-        assert written == FINAL[:1]
-        images.clear()
-        if is_painted:
-            source = bpy.context.scene.kiriko.result.source
-            source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
-        settle(live)
-        assert written[-1] == FINAL[1]
-        assert len(images) == is_painted
-        assert is_rounding(shown() - plain(live))
-
-
 @pytest.mark.parametrize("end", ["stopped", "measuring fails"])
 def test_a_picture_may_stay_without_numbers(
     live: ModuleType,
@@ -802,63 +666,6 @@ def test_undo_is_followed(live: ModuleType) -> None:
     assert not np.array_equal(shown(), before)
 
 
-def test_an_error_is_not_told_of_the_scene_that_undo_brings_back(live: ModuleType) -> None:
-    """Glass that was deleted is there again: until Live has read it there is nothing to tell."""
-    glass = small_rig()["GLASS"]
-    bpy.ops.kiriko.live()
-    settle(live)
-    bpy.ops.ed.undo_push(message="rig")
-    bpy.data.objects.remove(glass)
-    bpy.context.view_layer.update()
-    settle(live)
-    assert live.status()[1]
-    bpy.ops.ed.undo_push(message="delete")
-    bpy.ops.ed.undo()
-    assert live.status() == ("Live: updating.", False)
-    settle(live)
-    text, is_problem = live.status()
-    assert not is_problem
-    # short enough for the one line that "updating" takes
-    assert text.startswith("Live: up to date after ")
-    assert len(text) < 34
-
-
-def test_the_panel_tells_how_far_a_picture_is(
-    live: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One that takes a while: the numbers rise to 100, each is drawn, and none of them stays. One
-    that is there in no time has none, or the panel would flicker in a drag.
-    """
-    rig = follow(live)
-    drawn = []
-    monkeypatch.setattr(live.live_follower, "redraw", lambda: drawn.append(live.status()[0]))
-    for quick in (0.0, inf):
-        monkeypatch.setattr(live.live_follower, "QUICK", quick)
-        drawn.clear()
-        turn(rig["GLASS"])
-        settle(live)
-        shares = [int(text.split()[2]) for text in drawn if "updating, " in text]
-        assert shares == sorted(shares)
-        assert (len(set(shares)) > 2) == (quick == 0.0)
-        assert live.status()[0].startswith("Live: up to date")
-
-
-def test_undo_to_before_the_first_picture_is_followed(live: ModuleType) -> None:
-    """Undo that takes the image away, while the rig stays as it is, leads to the same
-    image again.
-    """
-    small_rig()
-    bpy.ops.ed.undo_push(message="rig")
-    bpy.ops.kiriko.live()
-    settle(live)
-    before = shown()
-    bpy.ops.ed.undo_push(message="live")
-    bpy.ops.ed.undo()
-    assert bpy.context.scene.kiriko.result.source is None
-    settle(live)
-    assert np.array_equal(shown(), before)
-
-
 @pytest.mark.parametrize("n_turns", [0, 1, 3, MANY])
 def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
     """A switch to another scene, at any moment, ends it.
@@ -881,17 +688,6 @@ def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
 
 
 @pytest.mark.usefixtures("no_remedies")
-def test_why_it_stopped_is_told_until_the_next_rig(live: ModuleType) -> None:
-    """Another file ends it, and the panel says so; once a rig was added there, no more."""
-    follow(live)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert live.status()[0] == "Live stopped: another file was loaded."
-    scene = bpy.context.scene
-    small_rig()
-    assert live.status(scene) == ("", False)
-
-
-@pytest.mark.usefixtures("no_remedies")
 def test_revert_stops_it_and_the_panel_names_no_other_file(
     live: ModuleType, tmp_path: Path
 ) -> None:
@@ -906,31 +702,6 @@ def test_revert_stops_it_and_the_panel_names_no_other_file(
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
     bpy.ops.wm.open_mainfile(filepath=path)
     assert live.status()[0] == "Live stopped: another file was loaded."
-
-
-def test_live_stops_at_a_camera_that_was_deleted(live: ModuleType) -> None:
-    """It stays the scene's camera, and Solve misses a viewer: so does Live, and the image stays."""
-    rig = follow(live)
-    viewer = bpy.context.scene.kiriko.viewer
-    bpy.context.scene.camera = viewer
-    before = shown()
-    for group in viewer.users_collection:
-        group.objects.unlink(viewer)
-    rig["GLASS"].location.x += 0.003
-    bpy.context.view_layer.update()
-    settle(live)
-    assert "is in no scene any more" in live.followed().problem
-    assert np.array_equal(shown(), before)
-
-
-def test_deleted_scene_stops_it(live: ModuleType) -> None:
-    """A scene that is gone is followed no more."""
-    follow(live)
-    other = bpy.data.scenes.new("other")
-    bpy.data.scenes.remove(bpy.context.scene)
-    assert bpy.context.window.scene == other
-    assert live.tick() is None
-    assert traces(live) == []
 
 
 @pytest.mark.parametrize("n_turns", [0, 1, 3])
@@ -974,16 +745,6 @@ def test_a_file_that_is_not_there_stops_nothing(
     assert is_rounding(shown() - expected)
 
 
-def test_what_was_said_goes_when_it_starts_again(live: ModuleType) -> None:
-    """The sentence on why it stopped stands until it starts, or until the next file."""
-    follow(live)
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    follow(live)
-    assert "another file" not in live.status()[0]
-    live.stop()
-    assert live.status() == ("", False)
-
-
 def test_image_is_saved_with_the_file(live: ModuleType, tmp_path) -> None:
     """A file saved while live is on holds the image that is shown."""
     rig = follow(live)
@@ -1016,37 +777,6 @@ def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) 
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
 
     assert np.array_equal(shown(), before)
-
-
-def test_disabling_the_extension_ends_it(live: ModuleType) -> None:
-    """With the extension its timer and handlers go, in the middle of an update, too."""
-    rig = follow(live)
-    turn(rig["GLASS"])
-    live.tick()
-    bpy.ops.preferences.addon_disable(module=EXTENSION)
-    try:
-        assert not live.is_on()
-        assert traces(live) == []
-        bpy.context.view_layer.update()
-    finally:
-        bpy.ops.preferences.addon_enable(module=EXTENSION)
-
-
-def test_unforeseen_error_ends_it(
-    live: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
-    """An error that nobody foresaw is one sentence, its traceback in the console.
-
-    Handlers and timer are gone.
-    """
-    rig = follow(live)
-    monkeypatch.setattr(live.work, "read", lambda *_: 1 / 0)
-    turn(rig["GLASS"])
-    assert any(live.tick() is None for _ in range(MANY))
-    assert live.status()[0].startswith("Live failed (ZeroDivisionError: division by zero)")
-    assert "Traceback" in capsys.readouterr().err
-    assert traces(live) == []
-    assert not live.is_on()
 
 
 def test_long_step_is_announced_before_it_begins(
@@ -1083,30 +813,6 @@ def test_long_step_is_announced_before_it_begins(
     assert begun[0] == known
 
 
-def test_the_status_bar_names_the_step_that_is_done(
-    live: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Long reading is announced, and then short steps trace light: nothing is read meanwhile."""
-    rig = follow(live)
-    followed = live.followed()
-    told = []
-    do = followed._do
-    monkeypatch.setattr(
-        followed,
-        "_do",
-        lambda step, context: (told.append((str(step.phrase), followed._text)), do(step, context)),
-    )
-    turn(rig["GLASS"])
-    followed._lasted = {step: 0.0 for step in followed._lasted}
-    known = live.live_follower.Step(live.live_follower.READING, (True,))
-    followed._lasted[known] = 2 * live.live_follower.LONG
-    settle(live)
-    assert told[0] == ("reading the scene", "Kiriko Live: reading the scene ...")
-    assert len({phrase for phrase, _ in told}) > 2
-    assert all(text == f"Kiriko Live: {phrase} ..." for phrase, text in told)
-    assert followed._text == ""
-
-
 def test_panel_and_status_bar_agree(
     live: ModuleType, drawn: Callable[..., Layout], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -1140,32 +846,6 @@ def test_panel_and_status_bar_agree(
         assert summary not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").faint)
     assert any("updating" in text for text in told)
     assert followed._text == ""
-
-
-def test_no_text_stays_in_a_workspace_that_was_left(
-    live: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The status bar's text is the workspace's: whoever goes to another one while Live is at
-    work, and ends it there, finds Blender's own hints in the first one again.
-    """
-    follow(live)
-    bars = {}
-    monkeypatch.setattr(
-        bpy.types.WorkSpace,
-        "status_text_set",
-        lambda _, text: bars.update({bpy.context.workspace.name: text}),
-    )
-    here = bpy.data.window_managers[0].windows[0].workspace
-    other = next(workspace for workspace in bpy.data.workspaces if workspace != here)
-    followed = live.followed()
-    assert followed._say("at work")
-    assert bars == {here.name: "at work"}
-
-    followed._told.add(
-        other.session_uid
-    )  # as if the window, which waits for events, had been there
-    live.stop()
-    assert bars == {here.name: None, other.name: None}
 
 
 def test_work_of_others_comes_first(live: ModuleType) -> None:
@@ -1236,43 +916,6 @@ def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
             assert (found.surface, found.rounding) == (anew.surface, anew.rounding)
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(told)
-
-
-def test_an_error_is_told_no_longer_than_it_is_one(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A scene that can be read again is told to be worked on, though the work takes a while; an
-    error of the light itself stays until a picture is there, or it would come and go in a drag.
-    """
-    # a busy machine would tell how far it is
-    monkeypatch.setattr(live.live_follower, "QUICK", np.inf)
-    rig = follow(live)
-    rig["PICTURE"].kiriko.role = "NONE"
-    settle(live)
-    assert live.status() == (
-        "The rig has no picture: set a textured plane's role to Picture or choose an image.",
-        True,
-    )
-    rig["PICTURE"].kiriko.role = "PICTURE"
-    turn(rig["GLASS"])
-    live.followed().touch()
-    while not live.followed().has_read:
-        live.tick()
-    assert live.status() == ("Live: updating.", False)
-    settle(live)
-
-    viewer = bpy.context.scene.kiriko.viewer
-    place = viewer.location.copy()
-    viewer.location = rig["GLASS"].location
-    bpy.context.view_layer.update()
-    settle(live)
-    assert "is inside the glass" in live.status()[0]
-    viewer.location = place
-    turn(rig["GLASS"])
-    written.clear()
-    until(written, live)
-    assert "update_solution" not in written
-    assert live.status() == ("Live: updating.", False)
 
 
 def test_another_scene_s_window_tells_which_one_live_follows(

@@ -34,20 +34,6 @@ def test_a_plate_shows_the_settings_of_its_model(drawn: Callable[..., Layout], m
     assert "kiriko.plate_preset" in shown.operators
 
 
-def test_other_roles_show_nothing_of_a_plate(drawn: Callable[..., Layout]) -> None:
-    """Glass, display and picture have settings of their own, and no preset."""
-    parts = small_rig()
-    for role, own in {
-        "GLASS": "priority",
-        "DISPLAY": "resolution",
-        "PICTURE": "Kiriko Lattice",
-    }.items():
-        shown = drawn("object", "VIEW3D_PT_kiriko_object", parts[role])
-        assert own in shown.props + shown.texts
-        assert "model" not in shown.props
-        assert "kiriko.plate_preset" not in shown.operators
-
-
 def test_a_picture_shows_what_is_solved(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
@@ -277,43 +263,6 @@ def test_before_there_is_a_rig_there_is_one_button(
     assert all(polled())
 
 
-@pytest.mark.parametrize(("width", "words"), [(300, "Add Rig: "), (140, "")])
-def test_buttons_of_both_rigs_read_apart(
-    drawn: Callable[..., Layout], width: int, words: str
-) -> None:
-    """Blender cuts a label in its middle: in a narrow sidebar the words before it would be left."""
-    shown = drawn(*PANELS[0], width=width)
-    assert shown.labels[:2] == [f"{words}In the Glass", f"{words}Behind the Glass"]
-
-
-def test_thousands_of_objects_do_not_hold_up_panels(
-    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where to ask them took long, the answer is kept for a while."""
-    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
-    thing = bpy.data.objects.new("e", None)
-    scene.collection.objects.link(thing)
-    clock = iter([0.0, 0.0, 1.0, *8 * [2.0], 1e9, 1e9, 1e9])  # by which the first answer took 1 s
-    monkeypatch.setattr(needed, "monotonic", lambda: next(clock))
-
-    assert not needed.has_rig(scene)
-    thing.kiriko.role = "GLASS"
-    assert not any(needed.has_rig(scene) for _ in range(8))
-    assert needed.has_rig(scene)
-
-
-def test_the_panels_stand_in_the_order_of_the_work(kiriko: ModuleType) -> None:
-    """Checklist, Solve, Advice, Result, Object, Rig, Export, Calibration."""
-    classes = importlib.import_module(f"{kiriko.__name__}.panels").CLASSES
-    own = [
-        c.__name__
-        for c in classes
-        if getattr(c, "bl_category", "") == "Kiriko" and not hasattr(c, "bl_parent_id")
-    ]
-    assert own == [name for _, name in PANELS]
-    assert classes[0].bl_label == "Kiriko"
-
-
 def test_an_object_s_settings_stand_in_its_properties_too(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
@@ -329,16 +278,6 @@ def test_an_object_s_settings_stand_in_its_properties_too(
         here = drawn("object", "OBJECT_PT_kiriko", thing)
         there = drawn("object", "VIEW3D_PT_kiriko_object", thing)
         assert (here.props, here.operators) == (there.props, there.operators)
-
-
-def test_settings_of_the_solve_are_below_its_buttons(drawn: Callable[..., Layout]) -> None:
-    """The panel with the buttons has no setting; the one with the settings is closed."""
-    small_rig()
-    shown = drawn("solve", "VIEW3D_PT_kiriko_solve")
-    assert shown.operators[0] == "kiriko.solve"
-    assert shown.props == []
-    assert "tolerance" in drawn("solve", "VIEW3D_PT_kiriko_settings").props
-    assert "DEFAULT_CLOSED" in bpy.types.VIEW3D_PT_kiriko_settings.bl_options
 
 
 def test_buttons_stay_where_they_are(drawn: Callable[..., Layout]) -> None:
@@ -434,21 +373,6 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     assert "Rays: " in text
 
 
-def test_a_blur_that_is_not_known_is_not_told(kiriko: ModuleType) -> None:
-    """Brightness alone; and a blur of nothing has no standard error."""
-    words = importlib.import_module(f"{kiriko.__name__}.panels.result").plate_words
-    found = {
-        "brightness": 0.5,
-        "brightness_error": 0.01,
-        "least": 0.25,
-        "most": 0.75,
-        "blur": None,
-        "blur_error": None,
-    }
-    assert words(found) == "Plate: 50 % (+- 1 %) of the light, 25 % to 75 %"
-    assert words({**found, "blur": 0.0}).endswith("; blur 0 (+- 0) viewer px")
-
-
 def test_all_of_the_picture_is_accounted_for(
     drawn: Callable[..., Layout], scene: bpy.types.Scene
 ) -> None:
@@ -470,31 +394,6 @@ def test_all_of_the_picture_is_accounted_for(
         assert f"The display shows {percent(share)} of the picture" in told
         assert ("missed the plate" in told) == (round(1 - share, 6) > 0)
         assert "Tessellation: under 0.001 px" in shown
-
-
-@pytest.mark.parametrize("shape", ["cube", "flat-shaded ball", "smooth ball", "slab beside"])
-def test_the_shares_told_are_all_of_the_picture(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene, shape: str
-) -> None:
-    """The share that is shown and those that are lost make 100 %, but for rounding of each."""
-    glass = small_rig()["GLASS"]
-    if shape != "cube":
-        ball = primitive("icosphere", subdivisions=3, radius=0.03)
-        ball.polygons.foreach_set("use_smooth", [shape == "smooth ball"] * len(ball.polygons))
-        glass.data = ball
-    if shape == "slab beside":
-        glass.scale = 0.2, 1, 0.5
-        glass.location.x = 0.012
-    bpy.ops.kiriko.solve()
-
-    shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
-    first = next(k for k, text in enumerate(shown) if text.endswith("of the picture is shown"))
-    details = json.loads(scene.kiriko.result.details)
-    told = shown[first : first + 1 + sum(round(s, 6) > 0 for s in details["misses"].values())]
-    shares = [float(re.search(r"[\d.]+(?= %)", text).group()) for text in told]
-    assert sum(shares) == pytest.approx(100, abs=0.5 * len(shares))
-    for text in told[1:]:
-        assert text in scene.kiriko.result.summary
 
 
 def menu_verbs(drawn: Callable[..., Layout]) -> list[str]:
@@ -695,14 +594,6 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
         assert "Set the role to None" in " ".join(shown.texts)
 
 
-def test_an_instance_may_have_a_role(drawn: Callable[..., Layout]) -> None:
-    """An empty that shows a collection is as good as the objects in it."""
-    thing = new_object(None)
-    thing.instance_type = "COLLECTION"
-    thing.instance_collection = bpy.data.collections.new("glasses")
-    assert "role" in drawn("object", "VIEW3D_PT_kiriko_object", thing).props
-
-
 def test_opaque_glass_has_a_button_that_makes_it_glass(drawn: Callable[..., Layout]) -> None:
     """Until it refracts, or has an index of its own."""
     thing = cube()
@@ -727,38 +618,3 @@ def test_the_menu_has_each_verb_once(drawn: Callable[..., Layout]) -> None:
     small_rig()
     verbs = [v for v in menu_verbs(drawn) if v != "kiriko.add_rig"]
     assert sorted(verbs) == sorted(set(verbs))
-
-
-def test_a_coarse_image_tells_of_no_loss(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
-    """How much of the picture arrives is not known before the final one."""
-    small_rig()
-    bpy.ops.kiriko.solve()
-    result = scene.kiriko.result
-    result.coverage = 0.5
-    assert "kiriko.best_place" in drawn("result", "VIEW3D_PT_kiriko_result").operators
-    result.is_coarse = True
-    assert "kiriko.best_place" not in drawn("result", "VIEW3D_PT_kiriko_result").operators
-
-
-def test_the_panel_in_the_properties_editor_is_drawn_again(
-    kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As that in the sidebar, where a button gave an object another role; other tabs are not."""
-    windows = importlib.import_module(f"{kiriko.__name__}.operators.windows")
-    drawn = []
-
-    def area(kind: str, tab: str) -> SimpleNamespace:
-        space = SimpleNamespace(context=tab)
-        return SimpleNamespace(
-            type=kind,
-            spaces=SimpleNamespace(active=space),
-            tag_redraw=lambda: drawn.append((kind, tab)),
-        )
-
-    kinds = (("VIEW_3D", ""), ("PROPERTIES", "OBJECT"), ("PROPERTIES", "RENDER"), ("OUTLINER", ""))
-    screen = SimpleNamespace(areas=[area(*kind) for kind in kinds])
-    monkeypatch.setattr(windows, "all_windows", lambda: [SimpleNamespace(screen=screen)])
-    windows.redraw()
-    assert drawn == [("VIEW_3D", ""), ("PROPERTIES", "OBJECT")]

@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix, Quaternion
+from mathutils import Matrix
 
 from known import closed_forms
 from small_rigs import cube, inventory, linear_lattice, new_object, pixels, primitive, small_rig
@@ -202,48 +202,6 @@ def test_cycles_agrees_on_a_curved_surface(
     assert_agree(core, share=0.4, quantile=0.95)
 
 
-def test_cycles_agrees_on_full_creases(core: ModuleType) -> None:
-    """A cube whose edges are all creased stays a cube under
-    a subdivision modifier, flat to its edges.
-    """
-    glass = small_rig(display_size=0.2)["GLASS"]
-    glass.rotation_euler.z = np.radians(15.8)
-    glass.data.shade_smooth()
-    glass.data.attributes.new("crease_edge", "FLOAT", "EDGE").data.foreach_set(
-        "value", np.ones(12, np.float32)
-    )
-    glass.modifiers.new("Fine", "SUBSURF").levels = 2
-    assert_agree(core)
-
-
-def test_curved_mirror_is_fine_in_the_preview(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Glass and mirrors are shown in fine triangles, faces as drawn or flat in their own.
-
-    All in one material each.
-    """
-    ball = coarse_ball()
-    cube = small_rig()["GLASS"]
-    ball.kiriko.role = "MIRROR"
-    bpy.context.view_layer.update()
-
-    counts = {}
-    for ball.kiriko.surface in ("SMOOTH", "FACETS"):
-        reading = core.blender.scene.read(bpy.context)
-        with core.blender.preview.Preview(scene, reading, None) as preview:
-            shown = {
-                thing.name.removeprefix("Kiriko Preview "): thing for thing in preview.scene.objects
-            }
-            counts[ball.kiriko.surface] = len(shown["Ball"].data.polygons)
-            assert [m.name for m in shown["Ball"].data.materials] == ["Kiriko Preview Mirror"]
-            assert len(shown[cube.name].data.polygons) == 6
-            low, high = np.array(shown["Ball"].bound_box)[[0, 6]]
-            # a mesh's poles and equator
-            assert np.abs(np.array([low, high]) - [[-0.025], [0.025]]).max() < 3e-5
-
-    assert counts["FACETS"] == 512
-    assert counts["SMOOTH"] > 100_000
-
-
 def test_cycles_agrees_on_a_solid_within_another(core: ModuleType) -> None:
     """A solid wholly inside another has the ratio of the
     two indices in Cycles, and the tracers agree.
@@ -289,31 +247,6 @@ def test_cycles_agrees_on_a_hollow_glass(core: ModuleType) -> None:
     bmesh.ops.reverse_faces(shape, faces=list({f for v in hole["verts"] for f in v.link_faces}))
     shape.to_mesh(glass.data)
     shape.free()
-    assert_agree(core)
-
-
-@pytest.mark.parametrize("way", ["inside out", "mirrored"])
-def test_winding_of_the_glass_does_not_matter(core: ModuleType, way: str) -> None:
-    """A mesh drawn inside out, or mirrored by its scale, is the same glass to both."""
-    glass = small_rig(display_size=0.2)["GLASS"]
-    glass.rotation_euler.z = np.radians(15.8)
-    if way == "inside out":
-        glass.data.flip_normals()
-    else:
-        glass.scale = (-1, 1, 1)
-    assert_agree(core)
-
-
-def test_instances_of_a_collection_are_there(core: ModuleType, scene: bpy.types.Scene) -> None:
-    """Glass that stands in the scene only as an instance is in the preview, once."""
-    glass = small_rig(display_size=0.2)["GLASS"]
-    box = bpy.data.collections.new("box")
-    box.objects.link(glass)
-    scene.collection.objects.unlink(glass)
-    maker = bpy.data.objects.new("maker", None)
-    maker.instance_type, maker.instance_collection = "COLLECTION", box
-    maker.rotation_euler.z = np.radians(15.8)
-    scene.collection.objects.link(maker)
     assert_agree(core)
 
 
@@ -451,18 +384,6 @@ def test_a_click_is_answered_before_the_scene_is_made(
     assert scenes() == before
 
 
-def test_preview_that_fails_leaves_nothing_behind(scene: bpy.types.Scene, tmp_path) -> None:
-    """When its file cannot be written the preview is refused,
-    and the temporary scene is gone all the same.
-    """
-    small_rig()
-    bpy.ops.kiriko.solve()
-    before = inventory()
-    with pytest.raises(RuntimeError, match="cannot be written"):
-        bpy.ops.kiriko.preview(samples=1, filepath=str(tmp_path / "nowhere" / "preview.png"))
-    assert inventory() == before
-
-
 def test_preview_cut_short_is_cleaned_up_by_the_next(
     scene: bpy.types.Scene, core: ModuleType
 ) -> None:
@@ -521,54 +442,6 @@ def test_a_preview_that_cannot_be_is_refused_before_the_render(
 
     assert "Kiriko Preview" not in bpy.data.images
     assert not list(tmp_path.iterdir())
-
-
-def random_place(rng: np.random.Generator) -> Matrix:
-    """A location, a rotation and an uneven scale, now and then a mirroring one."""
-    scale = rng.uniform(0.3, 3, 3) * rng.choice([1, 1, -1], 3)
-    return Matrix.LocRotScale(
-        rng.normal(size=3).tolist(), Quaternion(rng.normal(size=4).tolist()).normalized(), scale
-    )
-
-
-def test_shear_is_taken_apart_into_a_place_and_what_the_mesh_bears(core: ModuleType) -> None:
-    """Place @ shear is the matrix.
-
-    The place has the same x axis, and an object put there stands there to rounding.
-    """
-    rng = np.random.default_rng(3)
-    thing = new_object(None)
-    n_mirrored = 0
-    for _ in range(200):
-        matrix = random_place(rng) @ random_place(rng)  # of a parent, and of its child
-        place, shear = core.blender.preview_parts._without_shear(matrix)
-        scale = float(np.abs(np.array(matrix)).max())
-        assert np.array(place @ Matrix(shear)) == pytest.approx(np.array(matrix), abs=3e-6 * scale)
-        assert np.array(place.col[0]) == pytest.approx(np.array(matrix.col[0]), abs=3e-6 * scale)
-        # all of the size is the place's
-        assert np.diag(shear) == pytest.approx(np.ones(4), abs=1e-6)
-        columns = np.array(place)[:3, :3]
-        length = np.linalg.norm(columns, axis=0)
-        assert columns.T @ columns == pytest.approx(np.diag(length**2), abs=3e-6 * scale**2)
-        assert np.sign(place.determinant()) == np.sign(matrix.determinant())
-        n_mirrored += place.determinant() < 0
-        thing.matrix_world = place
-        bpy.context.view_layer.update()
-        assert np.array(thing.matrix_world) == pytest.approx(
-            np.array(place), abs=1e-5 * max(1.0, scale)
-        )
-
-    assert 50 < n_mirrored < 150
-
-
-def test_without_shear_a_place_is_left_as_it_is(core: ModuleType) -> None:
-    """To the bit, mirrored or not: also a scale that is
-    even, or uneven along the object's own axes.
-    """
-    rng = np.random.default_rng(4)
-    for _ in range(50):
-        matrix = random_place(rng)
-        assert core.blender.preview_parts._without_shear(matrix) == (matrix, None)
 
 
 @pytest.mark.parametrize("is_upright", [False, True])

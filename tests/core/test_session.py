@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import MeshError, RigError
-from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light import ray_engine
@@ -18,13 +17,11 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import dividing, rasterise, share_batches
 from kiriko.core.native import loading
-from kiriko.core.rig import rig as rig_module
 from kiriko.core.rig.mesh import FURTHEST
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
 from kiriko.core.solve import accuracy, painting, reach
-from kiriko.core.solve import tessellation as of_mesh
-from kiriko.core.solve.accuracy import MANY_EVENTS, measure, rounding_error
+from kiriko.core.solve.accuracy import rounding_error
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.tessellation import tessellation
@@ -44,22 +41,6 @@ from known.reference_rigs import (
     wavy_slab,
 )
 from known.work import drain, solve
-
-
-def test_content_is_hashed_once_a_rig(monkeypatch):
-    """Whoever asks for its keys, and however often, its meshes are read once; other settings that
-    light depends on have other keys.
-    """
-    read = []
-    monkeypatch.setattr(rig_module, "fingerprint", lambda *x: read.append(x) or fingerprint(*x))
-    a_rig, session = small(), Session()
-    drain(session.solve(a_rig))
-    n = len(read)
-    assert n == 1 + len(a_rig.viewers)
-    drain(session.solve(a_rig))
-    assert session.knows(a_rig, Settings())
-    assert not session.knows(a_rig, Settings(max_events=9))
-    assert len(read) == n
 
 
 def small(**options):
@@ -380,6 +361,13 @@ def viewing(**changes):
     return replace(a_rig, viewers=(replace(a_rig.viewer, **changes),))
 
 
+def with_corner(vertex):
+    """Another vertex at the first corner of the glass."""
+    triangles = small().glasses[0].mesh.triangles.copy()
+    triangles[0, 0] = vertex
+    return broken(triangles=triangles)
+
+
 BAD = {
     "viewer nowhere": (
         lambda: viewing(position=np.array([0, np.nan, 0])),
@@ -459,6 +447,25 @@ BAD = {
         RigError,
         "'viewer' sees the glass 'glass' narrower than one of its pixels",
     ),
+    "no pixels": (lambda: viewing(width=0), RigError, "The viewer 'viewer' has no pixels: set its"),
+    "fewer pixels than none": (
+        lambda: replace(small(), displays=(replace(small().display, height=-1),)),
+        RigError,
+        "The display 'display' has no pixels: set its",
+    ),
+    "a corner too many": (
+        lambda: with_corner(10**6),
+        MeshError,
+        "corners are none of its vertices",
+    ),
+    "a corner below 0": (lambda: with_corner(-1), MeshError, "corners are none of its vertices"),
+    "index is a function": (
+        lambda: replace(
+            small(), glasses=(replace(small().glasses[0], ior=lambda wavelength: 1.5),)
+        ),
+        RigError,
+        "index of refraction that is no Index: give it one such as",
+    ),
 }
 
 
@@ -513,32 +520,6 @@ def test_a_name_is_no_part_of_the_optics():
     assert any("triangles of 'other' contradict" in note for note in solution.notes)
 
 
-def test_a_picture_through_a_moved_viewer_fits_no_surface_again(monkeypatch):
-    """Curved faces are made once a mesh."""
-    kept = Session()
-    a_rig = small()
-    solve(a_rig, kept)
-    monkeypatch.setattr(surfaces, "make_curved", lambda *_: pytest.fail("fitted again"))
-    v = a_rig.viewer
-    solve(replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),)), kept)
-
-
-def test_normals_that_contradict_the_shape_are_told():
-    """Two triangles whose normals were turned in are followed
-    flat, and the note says how many and of which glass.
-    """
-    a_rig = small()
-    glass = a_rig.glasses[0]
-    normals = glass.mesh.corner_normals.copy()
-    normals[:2] *= -1
-    odd = replace(
-        a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, corner_normals=normals)),)
-    )
-    notes = solve(odd).notes
-    assert any("2 smooth triangles of 'glass' contradict" in note for note in notes)
-    assert not any("contradict" in note for note in solve(a_rig).notes)
-
-
 SHAPES = {"ball": (0.025,) * 3, "ellipsoid": (0.025, 0.020, 0.015)}
 
 
@@ -565,64 +546,6 @@ def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, su
         assert true / 4 < told < 4 * true
     else:
         assert true < told < (0.3, 0.03, 0.003)[levels - 2]
-
-
-def test_light_that_goes_round_and_round_is_measured_no_longer():
-    """Facets of a torus hold some light for thousands of surfaces. What is told is as without it,
-    and light that meets many surfaces on its way to the display is still compared.
-    """
-    ring = replace(mean_normals(torus(0.018, 0.007, 24, 12)), surface="facets")
-
-    def planned(glass, max_events):
-        return make_plan(rig(glass), Settings(max_events=max_events))
-
-    def told(glass, max_events):
-        steps = measure(planned(glass, max_events))
-        pauses = 0
-        while True:
-            try:
-                next(steps)
-            except StopIteration as end:
-                return end.value.tessellation, end.value.contradicted, pauses
-            pauses += 1
-
-    few, many = told(ring, 32), told(ring, 4000)
-    assert many[:2] == few[:2]
-    assert few[0].drawn > 1
-    assert many[2] < few[2] + 4 * MANY_EVENTS
-
-    # as many sheets stand before it as light may meet surfaces
-    sheets = [
-        Glass(f"sheet {k}", box((0.1, 1e-4, 0.1), (0, -0.1 - 1e-3 * k, 0)), ConstantIndex(1.0))
-        for k in range(MANY_EVENTS)
-    ]
-    behind = (*sheets, Glass("ring", ring, ConstantIndex(1.49)))
-    whole = drain(tessellation(planned(behind, 1000)))
-    assert whole.drawn > 1
-    assert told(behind, 1000)[0].drawn == pytest.approx(whole.drawn, rel=1e-9)
-    assert drain(tessellation(planned(behind, MANY_EVENTS))).drawn == 0
-
-
-def test_facets_are_compared_as_long_as_light_goes_the_same_way(monkeypatch):
-    """Other light tells nothing of them, and takes its time. The error is the same, bit for bit."""
-    ring = replace(mean_normals(torus(0.018, 0.007, 12, 6)), surface="facets")
-    plan = make_plan(rig(ring), Settings())
-    landings = of_mesh._Sample.landings
-    n_events = []
-
-    def counted(sample, layers, steps=None, course=None):
-        for of in (course, None):
-            found = yield from landings(sample, layers, steps, of)
-            n_events.append(found.n_events.max())
-            errors.append(of_mesh.difference(sample.here, found))
-        return found
-
-    errors = [drain(tessellation(plan)).drawn]
-    monkeypatch.setattr(of_mesh._Sample, "landings", counted)
-    errors.append(drain(tessellation(plan)).drawn)
-    assert errors[0] > 0
-    assert len(set(errors)) == 1
-    assert n_events[0] < n_events[1]
 
 
 @pytest.mark.parametrize("levels", [(2, 4), (3, 2)])
@@ -792,78 +715,3 @@ def test_the_measured_error_goes_with_the_tolerance():
     assert errors[0] > 4 * errors[2]
     assert errors[0] < tolerances[0] / 4
     assert solutions[0].n_rays < solutions[1].n_rays < solutions[2].n_rays
-
-
-def test_a_solve_that_rests_while_another_makes_room_goes_on(monkeypatch):
-    """Live rests while Solve runs, which lets go of the shares of
-    before: the kept parts are then of the right batches.
-    """
-    monkeypatch.setattr(dividing, "SHARES_AT_ONCE", 1 << 9)
-    monkeypatch.setattr(share_batches, "FEW_SHARES", 0)
-    a_rig = small()
-    session = Session()
-    dice = np.random.default_rng(0)
-
-    def painted():
-        image = np.append(dice.random((64, 64, 3)), np.ones((64, 64, 1)), axis=2).astype(np.float32)
-        return replace(a_rig, pictures=(replace(a_rig.picture, image=image),))
-
-    def steps(work, n):
-        for _ in range(n):
-            next(work)
-
-    drain(session.solve(a_rig))
-    assert len(session._placed.channels[0].strokes) > 6
-    first = session.solve(painted())
-    other = replace(a_rig.viewer, position=a_rig.viewer.position + 0.001)
-    steps(first, 4)
-    second = session.solve(replace(a_rig, viewers=(other,)))
-    while session._placed.channels[0].strokes:
-        next(second)
-    second.close()
-    steps(first, 3)
-    first.close()
-    third = painted()
-    np.testing.assert_array_equal(drain(session.solve(third)).source, solve(third).source)
-
-
-def with_triangles(a_rig, corner):
-    """The rig with another vertex at the first corner of its glass."""
-    mesh = a_rig.glasses[0].mesh
-    triangles = mesh.triangles.copy()
-    triangles[0, 0] = corner
-    return replace(
-        a_rig, glasses=(replace(a_rig.glasses[0], mesh=replace(mesh, triangles=triangles)),)
-    )
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        (
-            lambda r: replace(r, viewers=(replace(r.viewer, width=0),)),
-            "The viewer 'viewer' has no pixels: set its",
-        ),
-        (
-            lambda r: replace(r, displays=(replace(r.display, height=-1),)),
-            "The display 'display' has no pixels: set its",
-        ),
-        (
-            lambda r: with_triangles(r, 8),
-            "The glass 'glass' has faces whose corners are none of its vertices",
-        ),
-        (
-            lambda r: with_triangles(r, -1),
-            "The glass 'glass' has faces whose corners are none of its vertices",
-        ),
-        (
-            lambda r: replace(r, glasses=(replace(r.glasses[0], ior=lambda wavelength: 1.49),)),
-            "The glass 'glass' has an index of refraction that is no Index: give it one such as",
-        ),
-    ],
-    ids=["viewer", "display", "corner too many", "corner below 0", "index is a function"],
-)
-def test_numbers_that_count_nothing_are_refused(change, sentence):
-    """In one sentence, before anything is traced."""
-    with pytest.raises((RigError, MeshError), match=sentence):
-        solve(change(rig(box([0.05] * 3), pixels=16, display_pixels=16)))
