@@ -5,11 +5,11 @@ from pathlib import Path
 import bpy
 
 from ..core.base.messages import Message
-from ..core.bench.drawing.bench import draw_bench
-from ..core.bench.drawing.seen import draw_seen
-from ..core.bench.lattice.drawn import Lattice
 from ..core.files import disk
 from ..core.image.flat_picture import flat_way
+from ..core.lab.calibrate.drawn import Lattice
+from ..core.lab.drawing.bench import draw_bench
+from ..core.lab.drawing.seen import draw_seen
 from ..core.rig.rig import Rig
 from . import folder, needed, telling, work
 from .to_file import ToFile

@@ -15,18 +15,18 @@ from typing import Any, get_args
 
 import bpy
 
-from ..core.atlas.heads import check_viewer
 from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
 from ..core.base.steps import at, within
 from ..core.bench.picture_room import plane_of
 from ..core.files import disk
+from ..core.lab.atlas.heads import check_viewer
+from ..core.lab.measure import eye_box_curves, head_box, two_eyes_drawing
+from ..core.lab.measure.eye_box import LEAST, LIMIT, Walk
+from ..core.lab.measure.sharpness import sharpness
+from ..core.lab.measure.two_eyes import pair_of, two_eyes
+from ..core.lab.measure.viewer_errors import viewer_reports
 from ..core.light.mesh_cache import Kept
-from ..core.measure import eye_box_curves, head_box, two_eyes_drawing
-from ..core.measure.eye_box import LEAST, LIMIT, Walk
-from ..core.measure.sharpness import sharpness
-from ..core.measure.two_eyes import pair_of, two_eyes
-from ..core.measure.viewer_errors import viewer_reports
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Disagreement
 from ..core.solve.picture_coverage import check_seen

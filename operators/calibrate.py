@@ -14,14 +14,6 @@ from ..core.base.arrays import Floats
 from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, joined
 from ..core.base.steps import within
-from ..core.bench.extra_photograph import Extra, extra_photographs
-from ..core.bench.fit import Fit, fit
-from ..core.bench.lattice.check import check, check_picture, check_way, missing_borders
-from ..core.bench.lattice.drawn import Lattice
-from ..core.bench.lattice.file import read_points
-from ..core.bench.lattice.match import match
-from ..core.bench.lattice.photograph import find_points
-from ..core.bench.misalignment import FEWEST, Bench
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.calibration import keep_offset, put_into_scene
 from ..core.blender.paths import RELATIVE_PATH, absolute
@@ -31,6 +23,14 @@ from ..core.blender.viewer import seats_of, viewer_of
 from ..core.files import disk
 from ..core.files.picture_file import read_photograph
 from ..core.image.flat_picture import view_of_picture
+from ..core.lab.calibrate.check import check, check_picture, check_way, missing_borders
+from ..core.lab.calibrate.drawn import Lattice
+from ..core.lab.calibrate.extra_photograph import Extra, extra_photographs
+from ..core.lab.calibrate.file import read_points
+from ..core.lab.calibrate.fit import Fit, fit
+from ..core.lab.calibrate.match import match
+from ..core.lab.calibrate.misalignment import FEWEST, Bench
+from ..core.lab.calibrate.photograph import find_points
 from ..core.rig.rig import Rig
 from . import long_work, look_over, needed, work
 from .export import use_bundled_modules

@@ -18,9 +18,9 @@ from ..core.base.messages import Message
 from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.stored_records import Numbers, take_reports
 from ..core.files import disk, image_io
-from ..core.measure.work_precision import BUDGET
-from ..core.warp.files import SIDECAR
-from ..core.warp.options import FORMATS, TIMES, MapOptions
+from ..core.lab.measure.work_precision import BUDGET
+from ..core.lab.warp.files import SIDECAR
+from ..core.lab.warp.options import FORMATS, TIMES, MapOptions
 from . import (
     bench_drawing,
     beside_report,

@@ -14,12 +14,6 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.atlas import atlas_plan
-from ..core.atlas import making as atlases
-from ..core.atlas.atlas import BYTES_A_PIXEL, Atlas, amount
-from ..core.atlas.heads import AXES, HeadBox, HeadGrid
-from ..core.atlas.making import CHECKED, Making
-from ..core.atlas.refine import check, check_heads
 from ..core.base.errors import ImageError, KirikoError
 from ..core.base.messages import CONTEXT, Message
 from ..core.base.numbers import number
@@ -29,9 +23,15 @@ from ..core.blender.paths import absolute
 from ..core.blender.stored_records import Numbers
 from ..core.blender.units import length_of_unit
 from ..core.blender.viewer import seats_of
-from ..core.farm.atlas_job import SHARES
-from ..core.farm.job import MOST as MOST_TASKS
 from ..core.files import image_io
+from ..core.lab.atlas import atlas_plan
+from ..core.lab.atlas import making as atlases
+from ..core.lab.atlas.atlas import BYTES_A_PIXEL, Atlas, amount
+from ..core.lab.atlas.heads import AXES, HeadBox, HeadGrid
+from ..core.lab.atlas.making import CHECKED, Making
+from ..core.lab.atlas.refine import check, check_heads
+from ..core.lab.farm.atlas_job import SHARES
+from ..core.lab.farm.job import MOST as MOST_TASKS
 from . import export_job, folder, needed, solve_to_folder, work
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder

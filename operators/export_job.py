@@ -13,9 +13,10 @@ from ..core.blender.files_read import files_read
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.rigs import rigs
 from ..core.blender.viewer import seats_of
-from ..core.farm import extension
-from ..core.farm.atlas_job import AtlasJob
-from ..core.farm.job import (
+from ..core.files import disk
+from ..core.lab.farm import extension
+from ..core.lab.farm.atlas_job import AtlasJob
+from ..core.lab.farm.job import (
     BOOTSTRAP,
     FLAMENCO,
     KIRIKO,
@@ -25,7 +26,6 @@ from ..core.farm.job import (
     asset_references,
     parameter_values,
 )
-from ..core.files import disk
 from . import folder, needed, telling
 from .job_check import check_rigs
 from .save_copy import save_copy_into

@@ -17,12 +17,10 @@ from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import within
 from ..core.blender.paths import absolute
-from ..core.farm import extension
 from ..core.files import disk, image_io
-from ..core.rig.rig import Rig
-from ..core.rig.settings import Settings
-from ..core.warp.channel_maps import description, maps_of
-from ..core.warp.files import (
+from ..core.lab.farm import extension
+from ..core.lab.warp.channel_maps import description, maps_of
+from ..core.lab.warp.files import (
     CONVENTION,
     SIDECAR,
     earlier_files,
@@ -31,7 +29,7 @@ from ..core.warp.files import (
     suffixes,
     write_maps,
 )
-from ..core.warp.options import (
+from ..core.lab.warp.options import (
     MOST_OVERSCAN,
     TIMES,
     MapOptions,
@@ -39,6 +37,8 @@ from ..core.warp.options import (
     memory_needed,
     wavelengths_for,
 )
+from ..core.rig.rig import Rig
+from ..core.rig.settings import Settings
 from . import folder, needed, work
 from .export import use_bundled_modules
 from .into_folder import IntoFolder

@@ -14,10 +14,10 @@ from ..core.blender.objects import surface_object
 from ..core.blender.stored_records import Numbers
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import seats_of
+from ..core.lab.measure.eye_box import LEAST, LIMIT, EyeBox, Walk
+from ..core.lab.measure.eye_box_surface import surface_of
+from ..core.lab.measure.head_box import as_data, check_box, head_box
 from ..core.light.plan import Plan
-from ..core.measure.eye_box import LEAST, LIMIT, EyeBox, Walk
-from ..core.measure.eye_box_surface import surface_of
-from ..core.measure.head_box import as_data, check_box, head_box
 from . import framing, long_work, needed, work
 from .surfaces import EYE_BOX as NAME
 from .surfaces import MADE_FOR

@@ -10,9 +10,9 @@ import bpy
 from ..core.base.messages import Message
 from ..core.base.steps import finish
 from ..core.blender.frames import frame_files, frames_of_range
-from ..core.farm import join as joining
 from ..core.files import disk, image_io
 from ..core.files.frame_list import frames_of
+from ..core.lab.farm import join as joining
 from . import export_job, frames_to_folder
 from .choose_rig import choose_by_name
 from .job_check import check_rigs

@@ -23,8 +23,8 @@ from ..core.blender.frames import frame_kept
 from ..core.blender.moving import OfMovie, Reel
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
-from ..core.farm.join import LOG, logged
 from ..core.files import disk, image_io
+from ..core.lab.farm.join import LOG, logged
 from ..core.light.mesh_cache import Kept as KeptGlass
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution

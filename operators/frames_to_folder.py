@@ -11,9 +11,9 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender import movie
 from ..core.blender.frames import frame_files, frames_of_range, without_number
-from ..core.farm.join import LOG, log_of
 from ..core.files import image_io
 from ..core.files.frame_list import frames_of
+from ..core.lab.farm.join import LOG, log_of
 from . import frames, movies, solve_to_folder
 
 NAME = "source_####"

@@ -9,8 +9,8 @@ from ..core.base.errors import KirikoError
 from ..core.blender.active_rig import make_active
 from ..core.blender.frames import frame_kept
 from ..core.blender.rigs import active_rig, rigs
-from ..core.farm.job import Job
 from ..core.files.frame_list import frames_of
+from ..core.lab.farm.job import Job
 from ..core.light.mesh_cache import Kept
 from ..core.solve.coarse import check_light
 from . import work

@@ -4,9 +4,9 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, quoted
-from ..core.bench.lattice.drawn import Lattice
 from ..core.blender.image import encoded_image
 from ..core.blender.plane import plane_size
+from ..core.lab.calibrate.drawn import Lattice
 from . import needed, telling
 
 NAME = "Kiriko Calibration"

@@ -18,7 +18,7 @@ from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result_numbers import write_ladder
 from ..core.files import disk, image_io
 from ..core.image.simulation import plate_view
-from ..core.measure.report import (
+from ..core.lab.measure.report import (
     NAMES,
     PLATE_NAMES,
     as_csv,
@@ -28,8 +28,8 @@ from ..core.measure.report import (
     plate_svg,
     table,
 )
-from ..core.measure.rungs import WorkPrecision
-from ..core.measure.work_precision import BUDGET, Ladders, measure
+from ..core.lab.measure.rungs import WorkPrecision
+from ..core.lab.measure.work_precision import BUDGET, Ladders, measure
 from ..core.rig.rig import Plate, Rig
 from ..core.rig.settings import Settings
 from . import beside_report, folder, long_work, needed, work

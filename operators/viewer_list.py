@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-from ..core.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
 from ..core.base.arrays import Floats
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
@@ -15,6 +14,7 @@ from ..core.blender.scene import read_seat
 from ..core.blender.units import length_of_unit
 from ..core.blender.viewer import Seat, camera_at, number_shown
 from ..core.blender.viewer_list import add, changing
+from ..core.lab.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
 from ..core.rig.rig import Viewer
 from . import compared, look_through, needed, telling
 

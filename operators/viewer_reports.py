@@ -14,8 +14,8 @@ from ..core.base.messages import Message, quoted
 from ..core.base.steps import at
 from ..core.blender.conflict import Conflict
 from ..core.blender.viewer import seats_of
-from ..core.measure.two_eyes import TIRES_FROM, pair_of, sights_of
-from ..core.measure.viewer_errors import conflict_in_light, viewer_reports
+from ..core.lab.measure.two_eyes import TIRES_FROM, pair_of, sights_of
+from ..core.lab.measure.viewer_errors import conflict_in_light, viewer_reports
 from ..core.rig.settings import Settings
 from ..core.solve.disagreement import is_sharp
 from ..core.solve.solution import Solution

@@ -12,7 +12,7 @@ from ..core.base.messages import Message, as_message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent
 from ..core.blender.units import length_text
-from ..core.measure.viewer_errors import N_POINTS
+from ..core.lab.measure.viewer_errors import N_POINTS
 
 IN_PLANE = 1e-6  # m, from which a depth is told
 N_ALL = N_POINTS**2  # points of the picture

@@ -8,9 +8,9 @@ import numpy as np
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.base.words import percent
-from ..core.bench.visible_range import SURVEY, visible_range
 from ..core.blender.objects import made_surface, shown_quads, surface_object
 from ..core.blender.scene import length_of_unit
+from ..core.lab.calibrate.visible_range import SURVEY, visible_range
 from . import framing, long_work, needed, work
 from .surfaces import MADE_FOR
 from .surfaces import RANGE as NAME

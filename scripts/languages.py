@@ -25,8 +25,8 @@ SHOWN = {
 }  # keywords with a text that is shown
 # the command line, drawings and reports, which are English: scripts and others read them
 ENGLISH = {
-    "core/bench/drawing",
-    "core/measure",
+    "core/lab/drawing",
+    "core/lab/measure",
     "operators/command_line.py",
     "operators/solve_to_folder.py",
 }

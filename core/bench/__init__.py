@@ -1,1 +1,1 @@
-"""The real bench: where its parts stand, and its errors."""
+"""Where the parts of a rig stand, how large they are, and what may be off."""

@@ -40,7 +40,7 @@ from environments import ROOT, as_module, machine, run_in_newest_blender
 from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.base.steps import finish
 from kiriko.core.glass.solids import solids_from_mesh
-from kiriko.core.measure.reference import HALF
+from kiriko.core.lab.measure.reference import HALF
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh, Rig
 from kiriko.core.rig.settings import Settings

@@ -138,23 +138,23 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
 
 
 def _without_row(rows: Sequence[Row]) -> Iterator[str]:
-    """The options of records that no row changes, by record; those of `bench` in one line."""
+    """The options of records that no row changes, by record; those of `bench` and `lab` in one line."""
     changed = {
         (change.target, name) for row in rows for change in row.changes for name in change.fields
     }
     yield "| record | options | measured by |\n|---|---|---|"
     n_bench = []
-    for room in (*ROOMS[1:], "bench"):
+    for room in (*ROOMS[1:], "bench", "lab"):
         for path in sorted((ROOT / "core" / room).rglob("*.py")):
             module = ".".join(path.relative_to(ROOT / "core").with_suffix("").parts)
             for record, constant, fields in records_of(path):
                 left = [name for name in fields if (f"{module}.{constant}", name) not in changed]
-                if room == "bench":
+                if room in ("bench", "lab"):
                     n_bench.append(len(left))
                 elif left:
                     judge = ELSEWHERE.get(f"{module}.{record}", "")
                     yield f"| `{module}.{record}` | {', '.join(left)} | {judge} |"
-    yield f"| {len(n_bench)} records of `bench` | {sum(n_bench)} options | {ELSEWHERE['bench']} |"
+    yield f"| {len(n_bench)} records of `bench` and `lab` | {sum(n_bench)} options | {ELSEWHERE['bench']} |"
 
 
 def records_of(path: Path) -> Iterator[tuple[str, str, list[str]]]:

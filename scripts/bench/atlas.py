@@ -23,10 +23,10 @@ import numpy as np
 from atlas_reader import Atlas as Reader
 from bench.brought_glass import made
 from bench.glasses import rig_of
-from kiriko.core.atlas import atlas_plan, head_map, making
-from kiriko.core.atlas.atlas import Atlas, random_heads
-from kiriko.core.atlas.heads import HeadBox
 from kiriko.core.base.steps import finish
+from kiriko.core.lab.atlas import atlas_plan, head_map, making
+from kiriko.core.lab.atlas.atlas import Atlas, random_heads
+from kiriko.core.lab.atlas.heads import HeadBox
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

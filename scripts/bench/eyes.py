@@ -38,17 +38,17 @@ from dataclasses import replace
 import numpy as np
 
 from environments import run_in_newest_blender
-from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.base.steps import finish
 from kiriko.core.image.seen_image import dot_centroids
+from kiriko.core.lab.atlas.heads import evenly, viewer_at
+from kiriko.core.lab.measure.eye_box import WAYS, Walk
+from kiriko.core.lab.measure.eye_box_curves import NAMES
+from kiriko.core.lab.measure.head_box import off_by
+from kiriko.core.lab.measure.places_seen import Look, grid_of, places_shown
+from kiriko.core.lab.measure.sharpness import sharpness
+from kiriko.core.lab.measure.two_eyes import TwoEyes, two_eyes
+from kiriko.core.lab.measure.viewer_errors import ViewerReport, displaced, viewer_reports
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.measure.eye_box import WAYS, Walk
-from kiriko.core.measure.eye_box_curves import NAMES
-from kiriko.core.measure.head_box import off_by
-from kiriko.core.measure.places_seen import Look, grid_of, places_shown
-from kiriko.core.measure.sharpness import sharpness
-from kiriko.core.measure.two_eyes import TwoEyes, two_eyes
-from kiriko.core.measure.viewer_errors import ViewerReport, displaced, viewer_reports
 from kiriko.core.rig.rig import Rig, Viewer
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

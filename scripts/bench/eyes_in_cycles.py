@@ -20,7 +20,7 @@ import numpy as np
 
 from kiriko.core.base.steps import finish
 from kiriko.core.blender.scene import read
-from kiriko.core.measure.viewer_errors import displaced
+from kiriko.core.lab.measure.viewer_errors import displaced
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.registered import registered

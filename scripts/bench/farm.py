@@ -37,12 +37,12 @@ from bench import atlas, farm_jobs, farm_movies
 from environments import as_module, clean_environment, python_path
 from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
+from kiriko.core.lab.warp.channel_maps import ChannelMaps, maps_of
+from kiriko.core.lab.warp.files import names_of, write_maps
+from kiriko.core.lab.warp.options import FORMATS, TIMES, MapOptions
+from kiriko.core.lab.warp.tables import ffmpeg_command
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
-from kiriko.core.warp.channel_maps import ChannelMaps, maps_of
-from kiriko.core.warp.files import names_of, write_maps
-from kiriko.core.warp.options import FORMATS, TIMES, MapOptions
-from kiriko.core.warp.tables import ffmpeg_command
 from known import map_uv
 from known.known_maps import asked_for, maps_by, straight, turned
 from known.reference_rigs import ball_rig, lattice_image

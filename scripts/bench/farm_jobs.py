@@ -20,7 +20,7 @@ from time import perf_counter
 import bpy
 
 from environments import ROOT
-from kiriko.core.farm.join import LOG
+from kiriko.core.lab.farm.join import LOG
 from known.registered import registered
 
 FRAMES = "1-12"

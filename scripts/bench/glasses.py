@@ -40,8 +40,8 @@ from environments import as_module
 from kiriko.core.base.stages import SHARES, spans
 from kiriko.core.base.steps import finish
 from kiriko.core.image.ghosts import Paths
+from kiriko.core.lab.measure.choices import measure_choices
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.measure.choices import measure_choices
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh, Rig
 from kiriko.core.rig.settings import Settings

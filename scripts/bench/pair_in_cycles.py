@@ -18,8 +18,8 @@ import numpy as np
 
 from kiriko.core.base.steps import finish
 from kiriko.core.blender.scene import Reading, read
-from kiriko.core.measure.two_eyes import two_eyes
-from kiriko.core.measure.viewer_errors import ARCMIN
+from kiriko.core.lab.measure.two_eyes import two_eyes
+from kiriko.core.lab.measure.viewer_errors import ARCMIN
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

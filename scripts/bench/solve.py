@@ -19,8 +19,8 @@ import numpy as np
 
 from environments import as_module
 from kiriko.core.base.steps import finish
+from kiriko.core.lab.measure.work_precision import peak_memory
 from kiriko.core.light.engines import make_engine
-from kiriko.core.measure.work_precision import peak_memory
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated

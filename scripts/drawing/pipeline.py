@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kiriko.core.measure.diagram import FONT
+from kiriko.core.lab.measure.diagram import FONT
 
 from .panels import panels
 from .solved import Solved, solved

@@ -10,8 +10,8 @@ import numpy as np
 from kiriko.core.base.arrays import Floats
 from kiriko.core.base.steps import finish
 from kiriko.core.image.outline import cut_along_outline
+from kiriko.core.lab.measure.diagram import COLOURS
 from kiriko.core.map.shares import Shares
-from kiriko.core.measure.diagram import COLOURS
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.channel import Channel

@@ -12,9 +12,9 @@ import numpy as np
 
 from kiriko.core.base.arrays import Floats
 from kiriko.core.base.errors import RigError
-from kiriko.core.bench.misalignment import Bench
 from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.seen_image import lattice_shift
+from kiriko.core.lab.calibrate.misalignment import Bench
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import WAVELENGTH, PicturePlace, Rig

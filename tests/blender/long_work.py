@@ -282,7 +282,7 @@ def rig(
 
     Work is short, a report is there.
     """
-    module = part("core.bench.visible_range")
+    module = part("core.lab.calibrate.visible_range")
     monkeypatch.setattr(module, "SURVEY", replace(module.SURVEY, n_steps=6, fine_rad=0.05))
     short_walks(kiriko, monkeypatch)
     module = part("operators.report")

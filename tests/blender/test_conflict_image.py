@@ -77,7 +77,7 @@ def test_the_image_is_core_s_conflict_in_colours(
     drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict, way: str
 ) -> None:
     """Of places where they are compared, of colours else; the panel tells where the scale ends."""
-    reports = importlib.import_module(f"{kiriko.__name__}.core.measure.viewer_errors")
+    reports = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.viewer_errors")
     steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     bpy.context.scene.kiriko.disagreement = way
     bpy.ops.kiriko.solve()

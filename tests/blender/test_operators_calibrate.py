@@ -52,9 +52,9 @@ class Bench:
             importlib.import_module(f"{kiriko.__name__}.{name}")
             for name in (
                 "operators.work",
-                "core.bench.misalignment",
+                "core.lab.calibrate.misalignment",
                 "core.bench.offset",
-                "core.bench.lattice.drawn",
+                "core.lab.calibrate.drawn",
                 "core.image.flat_picture",
                 "core.solve.session",
                 "core.base.steps",

@@ -255,7 +255,7 @@ def test_dialogue_writes_a_job_of_the_same_atlas(
     kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
     """As a Job, in the command line's mm; wheels of a checkout may be missing, which is told."""
-    extension = importlib.import_module(f"{kiriko.__name__}.core.farm.extension")
+    extension = importlib.import_module(f"{kiriko.__name__}.core.lab.farm.extension")
     small_rig()
     scene.unit_settings.scale_length = 0.5
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))

@@ -301,7 +301,7 @@ def test_button_writes_the_same(kiriko: ModuleType, scene: bpy.types.Scene, save
     """The scene's range where no frames are given; the wheels of a checkout may be missing, which
     is told.
     """
-    extension = importlib.import_module(f"{kiriko.__name__}.core.farm.extension")
+    extension = importlib.import_module(f"{kiriko.__name__}.core.lab.farm.extension")
     scene.frame_start, scene.frame_end, scene.frame_step = 3, 9, 2
     names = [name.removeprefix("./") for name in extension.manifest()["wheels"]]
     if not all((extension.ROOT / name).exists() for name in names):

@@ -321,7 +321,7 @@ def test_command_eyes_fails_before_it_works_where_an_eye_sees_nothing(
         assert run("eyes", "--out", tmp_path / "eyes") == 1
         assert f"The viewer '{eye.name}' does not see the picture" in capsys.readouterr().err
 
-    walk = importlib.import_module(f"{kiriko.__name__}.core.measure.eye_box").Walk
+    walk = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.eye_box").Walk
     monkeypatch.setattr(walk, "part", count)
     eye.location.x -= 3
     rig["DISPLAY"].location.x += 3

@@ -443,7 +443,7 @@ def test_each_viewer_is_told_of_the_worst_first(
     drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict
 ) -> None:
     """A line in the panel for each, with the numbers of core; there is none for one viewer."""
-    reports = importlib.import_module(f"{kiriko.__name__}.core.measure.viewer_errors")
+    reports = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.viewer_errors")
     steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     panel = importlib.import_module(f"{kiriko.__name__}.panels.viewers").VIEW3D_PT_kiriko_seen_by
@@ -523,7 +523,7 @@ def test_two_that_are_no_pair_are_told_why_in_words(
     """In the panel and in the terminal, once, the sentence of core, while two are on; of one above
     the other, also where the picture is in their own pixels.
     """
-    two_eyes = importlib.import_module(f"{kiriko.__name__}.core.measure.two_eyes")
+    two_eyes = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.two_eyes")
     errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
     above = camera(0.0, "above")
     above.location.z += 0.005
@@ -564,7 +564,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     """In the panel, in the scene's unit, with core's numbers; those of a display of the smallest
     pixels are the same to 1 %. Of a third viewer, or of one alone, nothing is told.
     """
-    two_eyes = importlib.import_module(f"{kiriko.__name__}.core.measure.two_eyes")
+    two_eyes = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.two_eyes")
     steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
     bpy.ops.kiriko.two_eyes()

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kiriko.core.atlas import atlas as atlases
-from kiriko.core.atlas import atlas_plan, head_map, making
-from kiriko.core.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
-from kiriko.core.atlas.refine import _Line, _worst_between, map_at, refine
 from kiriko.core.base.errors import ImageError, RigError
 from kiriko.core.base.messages import Message
 from kiriko.core.base.steps import finish
+from kiriko.core.lab.atlas import atlas as atlases
+from kiriko.core.lab.atlas import atlas_plan, head_map, making
+from kiriko.core.lab.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
+from kiriko.core.lab.atlas.refine import _Line, _worst_between, map_at, refine
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.closed_forms import landing, through_slab

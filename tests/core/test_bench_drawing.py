@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kiriko.core.bench.drawing.bench import SCALES, draw_bench
-from kiriko.core.bench.drawing.datum import find_datum, standing
-from kiriko.core.bench.drawing.outlines import contour, rectangle
-from kiriko.core.bench.drawing.seen import draw_seen
-from kiriko.core.bench.drawing.sheet import SIZES, spread
-from kiriko.core.bench.lattice.drawn import Lattice
+from kiriko.core.lab.calibrate.drawn import Lattice
+from kiriko.core.lab.drawing.bench import SCALES, draw_bench
+from kiriko.core.lab.drawing.datum import find_datum, standing
+from kiriko.core.lab.drawing.outlines import contour, rectangle
+from kiriko.core.lab.drawing.seen import draw_seen
+from kiriko.core.lab.drawing.sheet import SIZES, spread
 from kiriko.core.rig.rig import Rig
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere
 from known.reference_rigs import rectangle as a_rectangle

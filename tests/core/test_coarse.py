@@ -8,8 +8,8 @@ from itertools import count
 import numpy as np
 import pytest
 
-from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.base.errors import RigError
+from kiriko.core.lab.atlas.heads import evenly, viewer_at
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.map.points import areas

@@ -7,14 +7,14 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.misalignment import Bench
 from kiriko.core.image.glare import LightBeside, look_beside, looking_beside
 from kiriko.core.image.simulation import LUMINANCE
+from kiriko.core.lab.calibrate.misalignment import Bench
+from kiriko.core.lab.measure.choices import measure_choices
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.shares import Coverage
-from kiriko.core.measure.choices import measure_choices
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.rasterised import rasterise

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.atlas.heads import evenly, viewer_at
 from kiriko.core.base.errors import RigError
+from kiriko.core.lab.atlas.heads import evenly, viewer_at
+from kiriko.core.lab.measure import head_box as room
+from kiriko.core.lab.measure.head_box import as_data, as_svg, check_box, head_box
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.measure import head_box as room
-from kiriko.core.measure.head_box import as_data, as_svg, check_box, head_box
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rig
 from known.work import drain

@@ -7,11 +7,12 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.bench import light as bench_light
-from kiriko.core.bench import misalignment, spread, visible_range
-from kiriko.core.bench.misalignment import Bench
+from kiriko.core.bench import spread
 from kiriko.core.image import glare, simulation, source_image
 from kiriko.core.image.simulation import plate_view, simulate
 from kiriko.core.image.source_image import splat
+from kiriko.core.lab.calibrate import misalignment, visible_range
+from kiriko.core.lab.calibrate.misalignment import Bench
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Landings, Reason, join, main_landings
 from kiriko.core.light.trace import trace, trace_all, tracing

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import ImageError
-from kiriko.core.bench.lattice.check import check, check_way
-from kiriko.core.bench.lattice.drawn import Lattice
-from kiriko.core.bench.lattice.file import read_points
-from kiriko.core.bench.lattice.match import match
-from kiriko.core.bench.lattice.photograph import _distinct, _grey, find_points
-from kiriko.core.bench.misalignment import Bench
+from kiriko.core.lab.calibrate.check import check, check_way
+from kiriko.core.lab.calibrate.drawn import Lattice
+from kiriko.core.lab.calibrate.file import read_points
+from kiriko.core.lab.calibrate.match import match
+from kiriko.core.lab.calibrate.misalignment import Bench
+from kiriko.core.lab.calibrate.photograph import _distinct, _grey, find_points
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import without_glass

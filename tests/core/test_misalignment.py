@@ -9,12 +9,12 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.extra_photograph import extra_photographs
-from kiriko.core.bench.fit import fit
-from kiriko.core.bench.misalignment import Bench, spread
 from kiriko.core.bench.offset import parameters, part_motions, with_amounts
 from kiriko.core.glass.motion import find_motion
 from kiriko.core.image.flat_picture import view_of_picture
+from kiriko.core.lab.calibrate.extra_photograph import extra_photographs
+from kiriko.core.lab.calibrate.fit import fit
+from kiriko.core.lab.calibrate.misalignment import Bench, spread
 from kiriko.core.light import mesh_cache
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings

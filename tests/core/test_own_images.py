@@ -7,15 +7,15 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
+from kiriko.core.lab.measure.charts import showing
+from kiriko.core.lab.measure.viewer_errors import viewer_reports
+from kiriko.core.lab.warp.stmap import warp_map
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.measure.charts import showing
-from kiriko.core.measure.viewer_errors import viewer_reports
 from kiriko.core.native import loading
 from kiriko.core.rig.parts import OwnImage, Picture
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
-from kiriko.core.warp.stmap import warp_map
 from known import closed_forms
 from known.reference_rigs import ball_rig, box, lattice_image, rig
 from known.work import drain, solve

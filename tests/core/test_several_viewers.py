@@ -8,9 +8,9 @@ import pytest
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
+from kiriko.core.lab.measure.viewer_errors import conflict_in_light, displaced, viewer_reports
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.map import share_batches
-from kiriko.core.measure.viewer_errors import conflict_in_light, displaced, viewer_reports
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

@@ -12,13 +12,13 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.files.png import encoded
+from kiriko.core.lab.measure import places_seen as places_seen_module
+from kiriko.core.lab.measure.places_seen import Look, grid_of, places_seen
+from kiriko.core.lab.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
+from kiriko.core.lab.measure.two_eyes_drawing import as_data, as_svg
+from kiriko.core.lab.measure.viewer_errors import displaced
 from kiriko.core.light.landings import Reason
 from kiriko.core.map.points import Points
-from kiriko.core.measure import places_seen as places_seen_module
-from kiriko.core.measure.places_seen import Look, grid_of, places_seen
-from kiriko.core.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
-from kiriko.core.measure.two_eyes_drawing import as_data, as_svg
-from kiriko.core.measure.viewer_errors import displaced
 from kiriko.core.rig.rig import PicturePlace
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, icosphere, rectangle, rig

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.bench.visible_range import SURVEY, visible_range
+from kiriko.core.lab.calibrate.visible_range import SURVEY, visible_range
 from kiriko.core.light import trace
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
+from kiriko.core.lab.warp import settling
+from kiriko.core.lab.warp import view_from_display as warp_inverse
+from kiriko.core.lab.warp.channel_maps import maps_of
+from kiriko.core.lab.warp.files import suffixes
+from kiriko.core.lab.warp.grid import middles, nodes
+from kiriko.core.lab.warp.options import FORMATS, MapOptions
+from kiriko.core.lab.warp.stmap import view_stmap, warp_map
+from kiriko.core.lab.warp.view_from_display import view_from_display
+from kiriko.core.lab.warp.warp_mesh import mesh_grid
 from kiriko.core.light.trace import trace
 from kiriko.core.map.pieces import Piece
 from kiriko.core.map.points import in_triangles
-from kiriko.core.warp import settling
-from kiriko.core.warp import view_from_display as warp_inverse
-from kiriko.core.warp.channel_maps import maps_of
-from kiriko.core.warp.files import suffixes
-from kiriko.core.warp.grid import middles, nodes
-from kiriko.core.warp.options import FORMATS, MapOptions
-from kiriko.core.warp.stmap import view_stmap, warp_map
-from kiriko.core.warp.view_from_display import view_from_display
-from kiriko.core.warp.warp_mesh import mesh_grid
 from known.closed_forms import landing, through_ball, through_slab
 from known.reference_rigs import ball_rig, bottle, box, glass_rig, rig, wavy_slab
 from known.warp_readers import ramp

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.measure import charts, reference, work_precision
-from kiriko.core.measure.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
-from kiriko.core.measure.image_errors import quantisation
-from kiriko.core.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
-from kiriko.core.measure.rungs import WorkPrecision
-from kiriko.core.measure.work_precision import Ladders, _splats, measure
+from kiriko.core.lab.measure import charts, reference, work_precision
+from kiriko.core.lab.measure.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
+from kiriko.core.lab.measure.image_errors import quantisation
+from kiriko.core.lab.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
+from kiriko.core.lab.measure.rungs import WorkPrecision
+from kiriko.core.lab.measure.work_precision import Ladders, _splats, measure
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import LEAST_TOLERANCE, Settings
 from kiriko.core.solve.cost import cost

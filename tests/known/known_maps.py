@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from kiriko.core.warp.channel_maps import ChannelMaps
-from kiriko.core.warp.stmap import STMap
-from kiriko.core.warp.warp_mesh import WarpMesh
+from kiriko.core.lab.warp.channel_maps import ChannelMaps
+from kiriko.core.lab.warp.stmap import STMap
+from kiriko.core.lab.warp.warp_mesh import WarpMesh
 
 
 def straight(x, y):

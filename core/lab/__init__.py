@@ -1,0 +1,1 @@
+"""What uses the solver: measurements, maps, jobs, drawings, and calibration by photographs."""

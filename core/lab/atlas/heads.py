@@ -1,0 +1,178 @@
+"""Places of a head: a box of them, a grid over the box, and the viewer at each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.errors import RigError
+from ...base.messages import Message
+from ...rig.rig import PicturePlace
+from ...rig.viewer import Viewer
+
+AXES = ("right", "up", "forward")
+IN_WORDS = Message("to the right"), Message("upwards"), Message("forward")
+IS_ASIDE = 1e-6  # of the distance: a picture that is nearer to the head than this is at it
+Offset = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class HeadBox:
+    """Where the head may be, as the viewer at its own place measures it.
+
+    low, high : right, up and forward of that place, m; equal where the head does not move
+    """
+
+    low: Offset
+    high: Offset
+
+    def check(self) -> None:
+        """Raise RigError where it is no box, or none of it may be walked through."""
+        for words, low, high in zip(IN_WORDS, self.low, self.high, strict=True):
+            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+                raise RigError(
+                    "The head moves from {low:g} to {high:g} mm {axis}: set two numbers, the"
+                    " smaller one first.",
+                    low=1e3 * low,
+                    high=1e3 * high,
+                    axis=words,
+                )
+        if not self.axes:
+            raise RigError("The head does not move: set how far it goes right, up or forward.")
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Those along which the head moves."""
+        return tuple(k for k in range(3) if self.low[k] < self.high[k])
+
+
+@dataclass(frozen=True)
+class HeadGrid:
+    """Places in a box, evenly spaced along each axis.
+
+    halvings : how often the box is halved along each axis; 0 has its two ends
+    """
+
+    box: HeadBox
+    halvings: tuple[int, int, int] = (0, 0, 0)
+
+    @property
+    def nodes(self) -> tuple[Floats, Floats, Floats]:
+        """The places along each axis, m; one where the head does not move."""
+        return tuple(
+            np.linspace(low, high, 2**n + 1) if low < high else np.array([low])
+            for low, high, n in zip(self.box.low, self.box.high, self.halvings, strict=True)
+        )
+
+    def __len__(self) -> int:
+        return int(np.prod([len(nodes) for nodes in self.nodes]))
+
+    def offsets(self) -> list[Offset]:
+        """All places, forward fastest."""
+        right, up, forward = np.meshgrid(*self.nodes, indexing="ij")
+        return list(zip(right.ravel(), up.ravel(), forward.ravel(), strict=True))
+
+    def halved(self, axis: int) -> "HeadGrid":
+        """With a place between every two along an axis."""
+        halvings = tuple(n + (k == axis) for k, n in enumerate(self.halvings))
+        return replace(self, halvings=halvings)
+
+    def middles(self, axis: int) -> Floats:
+        """The places in the middle between every two along an axis: those that halving adds."""
+        return self.halved(axis).nodes[axis][1::2]
+
+    def around(self, offset: Offset) -> tuple[list[int], Floats]:
+        """The numbers of the places at the corners of an offset's cell, and their weights, which
+        make 1; corners without weight are left out.
+        """
+        numbers, weights = np.zeros(1, np.int64), np.ones(1)
+        for nodes, x in zip(self.nodes, offset, strict=True):
+            first = int(np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 1))
+            last = min(first + 1, len(nodes) - 1)
+            step = nodes[last] - nodes[first]
+            t = (x - nodes[first]) / step if step else 0.0
+            numbers = (numbers[:, None] * len(nodes) + np.array([first, last])).ravel()
+            weights = (weights[:, None] * np.array([1 - t, t])).ravel()
+
+        has_weight = weights > 0
+        return numbers[has_weight].tolist(), weights[has_weight]
+
+
+def evenly(counts: Sequence[int], sizes: Sequence[float]) -> list[Offset]:
+    """So many heads along each axis, evenly spaced over a size, m, about the viewer's own place;
+    forward fastest. One alone is in the middle.
+    """
+    along = [
+        np.linspace(-size / 2, size / 2, n) if n > 1 else np.zeros(1)
+        for n, size in zip(counts, sizes, strict=True)
+    ]
+    return list(product(*along))
+
+
+def check_perspective(viewer: Viewer) -> None:
+    """Raise RigError where a viewer has no head that could move."""
+    if viewer.projection == "orthographic":
+        raise RigError(
+            "The viewer '{viewer}' is orthographic and has no head that moves: set it to"
+            " Perspective.",
+            viewer=viewer.name,
+        )
+
+
+def check_viewer(viewer: Viewer, place: PicturePlace) -> None:
+    """Raise RigError where a viewer has no head that could move before a picture."""
+    check_perspective(viewer)
+    place.check_still()
+
+
+def viewer_at(viewer: Viewer, place: PicturePlace, offset: Offset) -> Viewer:
+    """A viewer that has moved, and looks at the same point of a picture as before.
+
+    It turns by the smallest turn that keeps the picture's middle at its place in the image, and
+    its window grows as it comes nearer, so that the picture keeps its size there.
+
+    offset : right, up, forward, m, along the axes of the viewer that has not moved
+
+    Raises
+    ------
+    RigError : the head is at the picture, or behind it
+    """
+    return viewer_about(viewer, *middle_of(place), offset)
+
+
+def middle_of(place: PicturePlace) -> tuple[Floats, Message]:
+    """The middle (3,) m of a picture on a plane, and its name in a sentence."""
+    return place.mesh.bounds.mean(axis=0), Message("the picture '{picture}'", picture=place.name)
+
+
+def viewer_about(viewer: Viewer, middle: Floats, name: Message, offset: Offset) -> Viewer:
+    """The same about a point (3,) m, which is called by a name where the head is at it."""
+    before = middle - viewer.position
+    position = viewer.position + np.array(offset) @ viewer.axes
+    after = middle - position
+
+    far, near = np.linalg.norm(before), np.linalg.norm(after)
+    if near < IS_ASIDE * far or after @ before <= 0:
+        raise RigError(
+            "The head at {right:.4g}, {up:.4g}, {forward:.4g} mm is at {point}, or behind it: let"
+            " it move less far.",
+            **dict(zip(AXES, (1e3 * x for x in offset), strict=True)),
+            point=name,
+        )
+
+    window = tuple(edge * far / near for edge in viewer.window)
+    turned = viewer.axes @ _turn(before / far, after / near).T
+    # products of turns drift from a right angle by rounding
+    axes = np.linalg.qr(turned.T)[0].T
+    axes *= np.sign((axes * turned).sum(axis=1))[:, None]
+    return replace(viewer, position=position, axes=axes, window=window)
+
+
+def _turn(start: Floats, end: Floats) -> Floats:
+    """The smallest turn (3, 3) of one unit vector (3,) to another that is not opposite."""
+    axis = np.cross(start, end)
+    x, y, z = axis
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + across + across @ across / (1 + start @ end)

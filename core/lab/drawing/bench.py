@@ -1,0 +1,272 @@
+"""A bench from the side and from above, to scale, with the place of each part from one edge."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count, product
+from string import ascii_uppercase
+
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.messages import Message
+from ...rig.rig import WAVELENGTH, Rig, Viewer
+from .datum import Datum, Standing, find_datum, standing
+from .outlines import contour
+from .sheet import GLASS, MARGIN, PART, PICTURE, SIGHT, TEXT, THIN, Paper, Sheet, decimal, spread
+
+# of the bench to paper: the first that fits is taken
+SCALES = (5, 2, 1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500, 1 / 1000)
+MM = 1e3
+EXPLAINED = 3  # rows of words below the table
+MOST_TABLE = 0.4  # of the sheet's height: with more parts its letters get smaller
+ROW = 1.6 * TEXT  # mm, of a table
+RULER = 16.0  # mm beside and below a view, for its distances
+TITLE = 8.0  # mm
+HEADING = 6.0  # mm above a view, for its name
+BESIDE = np.array([RULER, RULER + HEADING])
+PENS = {"GLASS": GLASS, "PICTURE": PICTURE}
+COLUMNS = (6.0, 42.0, 16.0, 44.0, 20.0, 20.0, 20.0, 14.0, 18.0, 77.0)  # mm
+HEADINGS = (
+    "",
+    "Part",
+    "Role",
+    "Size",
+    "Forward",
+    "Right",
+    "Up",
+    "Tilt",
+    "Azimuth",
+    "",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One of the two views: which of forward, right and up go across and up the paper.
+
+    origin : (2,) mm, of the datum on the sheet
+    scale : mm of paper for a millimetre of the bench
+    """
+
+    name: str
+    across: int
+    up: int
+    sign: int
+    origin: Floats
+    scale: float
+
+    def on_paper(self, points: Floats) -> Floats:
+        """Points (..., 3), m from the datum, on the sheet (..., 2), mm."""
+        x = points[..., self.across]
+        y = self.sign * points[..., self.up]
+        return self.origin + MM * self.scale * np.stack([x, -y], axis=-1)
+
+    def sight(self, datum: Datum) -> Floats:
+        """Where the view is seen along (3,), world."""
+        rest = 3 - self.across - self.up
+        return datum.axes[rest]
+
+
+def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
+    """The bench as SVG: side view, plan, and a table of the parts. Lengths in mm.
+
+    Forward runs to the right in both views. The viewer stands beside the sheet.
+
+    Parameters
+    ----------
+    rig : after `check`
+    paper : lying; the scale is the largest round one at which both views fit
+    """
+    datum = find_datum(rig, viewer)
+    parts = standing(rig, datum)
+    sheet = Sheet(paper)
+    width, height = sheet.size
+    rows = [HEADINGS, *map(_row, letters(), parts)]
+    below = ROW * EXPLAINED
+    table = min(ROW * (len(rows) + 1), (height - 2 * MARGIN) * MOST_TABLE)
+    bottom = height - MARGIN - below - table
+    views = _fitted(parts, np.array([[MARGIN, MARGIN + TITLE], [width - MARGIN, bottom]]))
+
+    scale = views[0].scale
+    written = f"{scale:g} : 1" if scale >= 1 else f"1 : {1 / scale:g}"
+    sheet.text((MARGIN, MARGIN + 4), "Kiriko: the bench", size=4.5)
+    sheet.text(
+        (width - MARGIN, MARGIN + 4),
+        Message(
+            "Scale {scale} on {paper}; lengths in mm, angles in degrees",
+            scale=written,
+            paper=paper,
+        ),
+        "end",
+    )
+
+    for view in views:
+        _draw_view(sheet, view, viewer, datum, parts)
+    y = sheet.table((MARGIN, bottom), COLUMNS, rows, table)
+    for line in _explained(viewer, datum):
+        y += ROW
+        sheet.text((MARGIN, y), line)
+    return sheet.svg()
+
+
+def letters() -> Iterator[str]:
+    """Names of parts: A to Z, then AA, AB and so on."""
+    for n in count(1):
+        for some in product(ascii_uppercase, repeat=n):
+            yield "".join(some)
+
+
+def _fitted(parts: list[Standing], room: Floats) -> tuple[View, View]:
+    """Side view and plan in room (2, 2) of a sheet, mm: the plan is
+    below, or beside where both are larger that way.
+    """
+    boxes = np.stack([part.box for part in parts] + [np.zeros((2, 3))])
+    low = MM * boxes[:, 0].min(axis=0)
+    high = MM * boxes[:, 1].max(axis=0)
+    sizes = (high - low)[np.array([[0, 2], [0, 1]])]
+    below, aside = (_scale(sizes, room[1] - room[0], along) for along in (1, 0))
+    along, scale = (0, aside) if aside > below else (1, below)
+
+    # upper left corners of the views; what room is left stands around them alike
+    each = scale * sizes + BESIDE
+    used = each.max(axis=0)
+    used[along] = each[:, along].sum()
+    spare = (room[1] - room[0] - used) / np.where([along == 0, along == 1], 4, 2)
+    first = room[0] + spare + (RULER, HEADING)
+    second = first.copy()
+    second[along] += each[0, along] + 2 * spare[along]
+
+    return (
+        View("Side", 0, 2, 1, first + scale * np.array([-low[0], high[2]]), scale),
+        View("Plan", 0, 1, -1, second + scale * np.array([-low[0], -low[1]]), scale),
+    )
+
+
+def _scale(sizes: Floats, room: Floats, along: int) -> float:
+    """The largest round scale at which views of sizes (2, 2), mm of the bench, fit
+    into room (2,), mm of paper, one after the other along x (0) or y (1).
+    """
+    need = sizes.max(axis=0)
+    need[along] = sizes[:, along].sum()
+    free = room - BESIDE * np.where([along == 0, along == 1], 2, 1)
+    most = (free / need).min()
+    return next((scale for scale in SCALES if scale <= most), most)
+
+
+def _draw_view(
+    sheet: Sheet, view: View, viewer: Viewer, datum: Datum, parts: Sequence[Standing]
+) -> None:
+    """Draw the parts, their letters, the line of sight, and rulers with the distances."""
+    boxes = np.concatenate([view.on_paper(part.box) for part in parts] + [view.origin[None]])
+    low = boxes.min(axis=0)
+    high = boxes.max(axis=0)
+    sheet.text((low[0] - RULER + 3, low[1] - 2), view.name, size=3.2)
+
+    named: dict[tuple[float, float], str] = {}  # of the parts whose middles are in one place
+    for letter, part in zip(letters(), parts, strict=False):
+        lines = view.on_paper(datum.of(contour(part.part.mesh, view.sight(datum))))
+        sheet.lines(lines, PENS.get(part.role.name, PART))
+        middle = view.on_paper(part.centre)
+        sheet.dots([middle], 0.4)
+        x, y = (float(round(number)) for number in middle.tolist())
+        named[x, y] = f"{named.get((x, y), '')} {letter}".strip()
+
+    for (x, y), there in named.items():
+        sheet.text((x + 0.8, y - 0.8), there, size=3.2)
+
+    _draw_sight(sheet, view, viewer, datum, low, high)
+    x, y = view.origin
+    sheet.lines([[[x - 2, y], [x + 2, y]], [[x, y - 2], [x, y + 2]]], PART)
+    centres = np.stack([part.centre for part in parts])
+    _draw_ruler(sheet, view, centres, False, high[1] + 3)
+    _draw_ruler(sheet, view, centres, True, low[0] - 3)
+
+
+def _draw_sight(
+    sheet: Sheet, view: View, viewer: Viewer, datum: Datum, low: Floats, high: Floats
+) -> None:
+    """The middle line of sight, as far as it runs over the view, from the viewer's side on."""
+    place, way = (x[0] for x in viewer.rays(np.array([[viewer.width / 2, viewer.height / 2]])))
+    start = view.on_paper(datum.of(place))
+    step = view.on_paper(datum.of(place + way)) - start
+    if abs(step[0]) < 1e-9:
+        return
+    times = (np.array([low[0] - RULER / 2, high[0]]) - start[0]) / step[0]
+    ends = start + np.clip(times, 0, None)[:, None] * step
+    is_near = (ends[:, 1] > low[1] - RULER) & (ends[:, 1] < high[1] + RULER)
+    if is_near.all():
+        sheet.lines([ends], SIGHT)
+
+
+def _draw_ruler(sheet: Sheet, view: View, centres: Floats, is_upright: bool, beside: float) -> None:
+    """Distances of centres (n, 3) from the datum, below the view or beside it."""
+    axis, k = (view.up, 1) if is_upright else (view.across, 0)
+    marks = np.concatenate([np.zeros((1, 3)), centres])
+    on_paper = view.on_paper(marks)
+    values = [decimal(number) for number in MM * marks[:, axis]]
+
+    # equal ones are written once
+    _, first = np.unique(values, return_index=True)
+    gap = min(ROW * 0.8, (np.ptp(on_paper[:, k]) + RULER) / len(first))
+    size = gap / 1.28
+    labels = spread(on_paper[first, k], gap)
+
+    for n, at in zip(first, labels, strict=True):
+        mark = on_paper[n]
+        near = np.where([k == 0, k == 1], mark[k], beside)
+        far = np.where([k == 0, k == 1], at, beside + (-3 if is_upright else 3))
+        sheet.lines([[mark, near], [near, far]], THIN)
+        if is_upright:
+            sheet.text((far[0] - 0.5, far[1] + 0.35 * size), values[n], "end", size)
+        else:
+            sheet.turned_text((far[0] + 0.35 * size, far[1] + 0.5), values[n], size)
+
+
+def _row(letter: str, part: Standing) -> tuple[str, ...]:
+    """A part's line in the table."""
+    size = " x ".join(decimal(MM * length) for length in part.size)
+    places = (decimal(number) for number in MM * part.centre)
+    angles = ("" if x is None else decimal(x) for x in (part.tilt, part.azimuth))
+    return letter, part.part.name, part.role.label, size, *places, *angles, _make(part)
+
+
+def _make(part: Standing) -> str:
+    """What else a builder has to know of a part."""
+    thing = part.part
+    if part.role.name == "GLASS":
+        return Message("index {n:.4f}", n=thing.ior.at(WAVELENGTH))
+    if part.role.name == "DISPLAY":
+        text = Message("{width} x {height} px", width=thing.width, height=thing.height)
+        if part.rectangle is None:
+            return text
+        pitch = MM * np.array(part.size) / (thing.width, thing.height)
+        return Message("{text}, pitch {x:.4f} x {y:.4f}", text=text, x=pitch[0], y=pitch[1])
+    if part.role.name == "PLATE" and thing.array is not None:
+        return Message(
+            "mirrors: pitch {pitch:.3f}, height {height:.3f}",
+            pitch=MM * thing.array.pitch,
+            height=MM * thing.array.height,
+        )
+    return ""
+
+
+def _explained(viewer: Viewer, datum: Datum) -> tuple[str, ...]:
+    """The words below the table."""
+    eye = datum.of(viewer.position)
+    forward, right, up = map(decimal, MM * eye)
+    return (
+        Message(
+            "Measured from the {datum} (+). Forward: level, as the viewer looks; right: the"
+            " viewer's. Sizes of glass: forward, right, up.",
+            datum=datum.name,
+        ),
+        Message(
+            "Tilt: of the part against the horizontal. Azimuth: of its front, from forward to the"
+            " right. Viewer '{viewer}' (eye, dash-dotted line): forward {forward}, right {right},"
+            " up {up}.",
+            viewer=viewer.name,
+            forward=forward,
+            right=right,
+            up=up,
+        ),
+    )

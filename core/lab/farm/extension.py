@@ -1,0 +1,108 @@
+"""The extension as a zip, made of its own installed folder, as workers of a farm install it."""
+
+import os
+import tomllib
+import zlib
+from pathlib import Path
+from typing import Any
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile, ZipInfo
+
+from ...base.errors import ImageError
+
+ROOT = Path(__file__).parents[3]
+MANIFEST = "blender_manifest.toml"
+DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can have: the same files are the same zip
+MODE = 0o644
+# RuntimeError: it is encrypted; NotImplementedError: packed in a way that Python does not know
+UNREADABLE = (BadZipFile, OSError, KeyError, ValueError, EOFError, RuntimeError, zlib.error)
+
+
+def manifest(root: Path = ROOT) -> dict[str, Any]:
+    """The extension's manifest."""
+    return tomllib.loads((root / MANIFEST).read_text(encoding="utf-8"))
+
+
+def files_of(root: Path = ROOT) -> list[str]:
+    """The files of the extension in a folder, by their paths within it: of an installed one all,
+    of a checkout those that are packed.
+
+    Raises
+    ------
+    ImageError
+        A wheel that the manifest lists is not there.
+    """
+    about = manifest(root)
+    build = about.get("build", {})
+    wheels = build.get("generated", {}).get("wheels", about.get("wheels", []))
+    wheels = [name.removeprefix("./") for name in wheels]
+    missing = next((name for name in wheels if not (root / name).exists()), None)
+    if missing is not None:
+        raise ImageError(
+            "This Kiriko lacks its file '{name}', so that it cannot be packed for the farm: name"
+            " its zip.",
+            name=missing,
+        )
+
+    patterns = build.get("paths_exclude_pattern", [])
+    left_out = {pattern.strip("/") for pattern in patterns if pattern.startswith("/")} | {"wheels"}
+    found = []
+    for folder, folders, names in os.walk(root):
+        is_top = Path(folder) == root
+        folders[:] = sorted(n for n in folders if _is_packed(n) and not (is_top and n in left_out))
+        found += [
+            (Path(folder) / name).relative_to(root).as_posix()
+            for name in sorted(names)
+            if _is_packed(name) and not (is_top and (name in left_out or name.endswith(".zip")))
+        ]
+    return [*found, *wheels]
+
+
+def check_zip(path: Path) -> None:
+    """Raise ImageError where a file is no zip of this Kiriko, which every task would find out."""
+    if not path.is_file():
+        raise ImageError("There is no zip '{path}': name one that is there.", path=path)
+    about = _about(path)
+    if about.get("id") != "kiriko":
+        raise ImageError(
+            "The file '{path}' is no zip of Kiriko, or a broken one: name another.", path=path
+        )
+
+    own = manifest()["version"]
+    if about.get("version") != own:
+        raise ImageError(
+            "The zip '{path}' has Kiriko {version}, and this is {own}: name the zip of {own}.",
+            path=path,
+            version=about.get("version"),
+            own=own,
+        )
+
+
+def is_of_another_version(path: Path) -> bool:
+    """Is a file a zip of Kiriko, and not of this version?"""
+    about = _about(path)
+    return about.get("id") == "kiriko" and about.get("version") != manifest()["version"]
+
+
+def _about(path: Path) -> dict[str, Any]:
+    """The manifest in a zip; {} where it has none, or is broken."""
+    try:
+        with ZipFile(path) as archive:
+            about = tomllib.loads(archive.read(MANIFEST).decode())
+            return {} if archive.testzip() else about
+    except UNREADABLE:
+        return {}
+
+
+def _is_packed(name: str) -> bool:
+    return name != "__pycache__" and not name.startswith(".")
+
+
+def pack(target: Path, root: Path = ROOT) -> None:
+    """Write the extension's zip to a file."""
+    names = files_of(root)
+    with ZipFile(target, "w", ZIP_DEFLATED) as archive:
+        for name in names:
+            about = ZipInfo(name, DATE)
+            about.compress_type = ZIP_DEFLATED
+            about.external_attr = MODE << 16
+            archive.writestr(about, (root / name).read_bytes())

@@ -1,0 +1,254 @@
+"""Diagrams of curves as SVG, log-log or linear: plain
+lines, circles and text that any viewer shows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, log10
+
+from ...base.drawn_words import in_xml
+
+# px
+WIDTH = 760
+HEIGHT = 520
+# margins around the axes, px
+LEFT = 90
+RIGHT = 30
+TOP = 56
+BOTTOM = 64
+SHRUNK = 0.6  # of a diagram, on a sheet of several
+MOST_WRITTEN_OUT = 3  # powers of ten up to this, either way, are written out
+LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
+FONT = "Helvetica, Arial, sans-serif"
+# told apart by colour-blind people as well, with the marks
+COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points (x, y), with a label each or none at all; on logarithmic axes x and y are above 0."""
+
+    name: str
+    points: tuple[tuple[float, float], ...]
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Axis:
+    """label: with its unit; ticks: values and how they are
+    written, from the axis's one end to its other.
+    """
+
+    label: str
+    ticks: tuple[tuple[float, str], ...]
+    is_log: bool = False
+
+    def part(self, value: float) -> float:
+        """How far along the axis a value stands, 0..1."""
+        first, last, value = (
+            log10(x) if self.is_log else x for x in (self.ticks[0][0], self.ticks[-1][0], value)
+        )
+        return (value - first) / (last - first)
+
+
+def log_log(
+    title: str, x_label: str, y_label: str, curves: Sequence[Curve], notes: Sequence[str] = ()
+) -> str:
+    """Draw curves on logarithmic axes with ticks at powers of ten.
+
+    title, x_label, y_label : text; the labels name their units
+    notes : lines below the title
+    """
+    x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
+    return draw(title, curves, _decades(x_label, x), _decades(y_label, y), notes)
+
+
+def linear(
+    title: str,
+    x_label: str,
+    y_label: str,
+    curves: Sequence[Curve],
+    notes: Sequence[str] = (),
+    is_rising: bool = False,
+) -> str:
+    """Draw curves on linear axes from 0 on; parameters are those of `log_log` and `draw`."""
+    x, y = ([point[k] for curve in curves for point in curve.points] for k in (0, 1))
+    return draw(title, curves, from_zero(x_label, x), from_zero(y_label, y), notes, is_rising)
+
+
+def draw(
+    title: str,
+    curves: Sequence[Curve],
+    x_axis: Axis,
+    y_axis: Axis,
+    notes: Sequence[str] = (),
+    is_rising: bool = False,
+) -> str:
+    """Draw curves; notes are lines below the title.
+
+    is_rising : the curves' names stand at the upper left, and not at the upper right
+    """
+    top = TOP + 16 * len(notes)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        across = x_axis.part(x)
+        up = y_axis.part(y)
+        return LEFT + across * (WIDTH - LEFT - RIGHT), HEIGHT - BOTTOM - up * (
+            HEIGHT - BOTTOM - top
+        )
+
+    (left, right), (bottom, above) = (
+        (axis.ticks[0][0], axis.ticks[-1][0]) for axis in (x_axis, y_axis)
+    )
+    low = place(left, bottom)
+    high = place(right, above)
+
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0'
+        f' {WIDTH} {HEIGHT}"'
+        f' font-family="{FONT}" font-size="12">',
+        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
+        text_at((LEFT, 28), title, size=16),
+        *(text_at((LEFT, 48 + 16 * n), note, fill="#555555") for n, note in enumerate(notes)),
+    ]
+
+    for value, text in x_axis.ticks:
+        x, _ = place(value, bottom)
+        parts += [
+            _line(x, low[1], x, high[1]),
+            text_at((x, low[1] + 18), text, "middle", css="x tick"),
+        ]
+
+    for value, text in y_axis.ticks:
+        _, y = place(left, value)
+        parts += [
+            _line(low[0], y, high[0], y),
+            text_at((LEFT - 8, y + 4), text, "end", css="y tick"),
+        ]
+
+    middle = (low[1] + high[1]) / 2
+    parts += [
+        f'<rect x="{low[0]:.2f}" y="{high[1]:.2f}" width="{high[0] - low[0]:.2f}"'
+        f' height="{low[1] - high[1]:.2f}"'
+        ' fill="none" stroke="black"/>',
+        text_at(((low[0] + high[0]) / 2, HEIGHT - 18), x_axis.label, "middle", size=14),
+        f'<g transform="translate(24 {middle:.2f})'
+        f' rotate(-90)">{text_at((0, 0), y_axis.label, "middle", size=14)}</g>',
+    ]
+
+    for n, curve in enumerate(curves):
+        parts += _drawn(curve, n, [place(*point) for point in curve.points])
+
+    side, sign = (low[0], 1) if is_rising else (high[0], -1)
+    parts.append(_legend(curves, side + 12 * sign, high[1] + 20, sign))
+    return "\n".join([*parts, "</svg>", ""])
+
+
+def sheet(columns: Sequence[Sequence[str]]) -> str:
+    """One drawing of several diagrams: columns side by side, each from the top down."""
+    width, height = WIDTH * len(columns), HEIGHT * max(map(len, columns))
+    parts = [
+        diagram.replace("<svg ", f'<svg x="{x * WIDTH}" y="{y * HEIGHT}" ', 1).rstrip()
+        for x, column in enumerate(columns)
+        for y, diagram in enumerate(column)
+    ]
+    return "\n".join([
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{SHRUNK * width:g}"'
+        f' height="{SHRUNK * height:g}" viewBox="0 0 {width} {height}">',
+        *parts,
+        "</svg>",
+        "",
+    ])  # fmt: skip
+
+
+def points_mm(
+    metres: Sequence[float], values: Sequence[float | None]
+) -> tuple[tuple[float, float], ...]:
+    """Points of a curve over a distance, mm; without those that have no value."""
+    there = zip(metres, values, strict=True)
+    return tuple((1e3 * x, y) for x, y in there if y is not None)
+
+
+def _decades(label: str, values: Sequence[float]) -> Axis:
+    """Powers of ten around all values, at least one decade apart."""
+    low, high = (floor(log10(min(values))), ceil(log10(max(values)))) if values else (0, 1)
+    powers = range(low, max(high, low + 1) + 1)
+    return Axis(label, tuple((10.0**k, _power(k)) for k in powers), is_log=True)
+
+
+def from_zero(label: str, values: Sequence[float]) -> Axis:
+    """Round numbers from 0 to the largest value, four to ten of them."""
+    most = max(values, default=1.0) or 1.0
+    power = 10.0 ** floor(log10(most))
+    step = next(
+        power * part for part in (0.1, 0.2, 0.5, 1.0, 2.0) if most <= 10 * power * part * (1 + 1e-9)
+    )
+    n_steps = ceil(most / step - 1e-9)
+    return Axis(label, tuple((step * k, f"{step * k:.4g}") for k in range(n_steps + 1)))
+
+
+def _power(k: int) -> str:
+    return f"{10.0**k:.{max(-k, 0)}f}" if abs(k) <= MOST_WRITTEN_OUT else f"1e{k}"
+
+
+def _drawn(curve: Curve, n: int, at: Sequence[tuple[float, float]]) -> list[str]:
+    colour = COLOURS[n % len(COLOURS)]
+    line = " ".join(f"{x:.2f},{y:.2f}" for x, y in at)
+    parts = [f'<g class="curve" fill="{colour}">', f"<title>{in_xml(curve.name)}</title>"]
+    parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
+
+    written: list[tuple[float, float]] = []
+    for (x, y), label in zip(at, curve.labels, strict=bool(curve.labels)):
+        parts.append(_mark(n, x, y))
+        if all(abs(x - a) > LABEL[0] or abs(y - b) > LABEL[1] for a, b in written):
+            is_last = x > WIDTH - RIGHT - LABEL[0]
+            at_x, anchor = (x - 7, "end") if is_last else (x + 7, "start")
+            parts.append(
+                text_at((at_x, y + (14 if n % 2 else -5)), label, anchor, size=10, fill=colour)
+            )
+            written.append((x, y))
+
+    return [*parts, "</g>"]
+
+
+def _mark(n: int, x: float, y: float) -> str:
+    if n % 2 == 0:
+        return f'<circle cx="{x:.2f}" cy="{y:.2f}" r="4"/>'
+    return f'<rect class="mark" x="{x - 3.5:.2f}" y="{y - 3.5:.2f}" width="7" height="7"/>'
+
+
+def _legend(curves: Sequence[Curve], x: float, top: float, sign: int) -> str:
+    """Names of curves from x on: to the right with a sign of 1, to the left with -1."""
+    anchor = "start" if sign > 0 else "end"
+    parts = []
+    for n, curve in enumerate(curves):
+        y = top + 18 * n
+        parts += [
+            _mark(n, x + 4 * sign, y - 4),
+            text_at((x + 16 * sign, y), curve.name, anchor, fill="black"),
+        ]
+        parts[-2] = parts[-2].replace("/>", f' fill="{COLOURS[n % len(COLOURS)]}"/>')
+
+    return "\n".join(['<g class="legend">', *parts, "</g>"])
+
+
+def _line(x0: float, y0: float, x1: float, y1: float) -> str:
+    return f'<line x1="{x0:.2f}" y1="{y0:.2f}" x2="{x1:.2f}" y2="{y1:.2f}" stroke="#dddddd"/>'
+
+
+def text_at(
+    at: tuple[float, float],
+    text: str,
+    anchor: str = "start",
+    size: int = 12,
+    fill: str = "black",
+    css: str = "",
+) -> str:
+    """A line of text; x of its start, middle or end, as anchor says, and y of its foot, px."""
+    x, y = at
+    kind = f' class="{css}"' if css else ""
+    return (
+        f'<text{kind} x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}"'
+        f' fill="{fill}">'
+        f"{in_xml(text)}</text>"
+    )

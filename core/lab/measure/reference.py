@@ -1,0 +1,276 @@
+"""References for view maps and source images: traced landings, and a much finer solve.
+
+The map is compared with rays traced exactly, in float64, at random points of the viewer's image.
+Images are compared with those of the finer solve, for a picture of fine detail in the place of the
+rig's own: where a picture is smooth, a wrong place has the right colour. The seen image of a source
+image is simulated through the finer solve's shares.
+"""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Bools, Floats
+from ...base.errors import RigError
+from ...base.steps import within
+from ...image.seen_image import lattice_shift
+from ...light.compile_plan import make_plan
+from ...light.landings import main_landings
+from ...light.plan import Plan
+from ...light.trace import trace_all
+from ...map.view_map import MapError
+from ...rig.rig import Display, Rig
+from ...rig.settings import MOST_TOLERANCE, Settings
+from ...solve.channel import Channel
+from ...solve.session import Session
+from ...solve.solution import Solution
+from .charts import showing
+from .image_errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors, psnr, rms
+
+Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
+
+N_CHECKED = 1 << 16  # points of the viewer's image at which the map is compared with the trace
+HALF = 0.5  # a display pixel counts as covered from this share of its area on
+# a pixel is the picture's when this share of what it shows
+# is: where the outline runs, methods differ
+WHOLE = 0.99
+TIMES_FINER = 4  # each way, the display's pixels from which the reference's source image is made
+MOST_FINE = 2048  # px: side of the largest such display, for the sake of memory
+
+
+class Mapping(Protocol):
+    """The part of a view map that is compared with the trace."""
+
+    @property
+    def error(self) -> MapError: ...
+
+    def display_from_view(self, xy: Floats) -> Floats:
+        """Display px (n, 2) of viewer px (n, 2), NaN where nothing lands."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceChannel:
+    """What the landings and the image of one viewer are compared with.
+
+    Parameters
+    ----------
+    plan : for the viewer, of the rig with the picture of fine detail
+    points, landed : (n, 2) viewer px and where their rays land,
+        display px, NaN where not on the display
+    seconds_a_ray : of the trace
+    is_seen : (h, w), viewer pixels in which nothing but the picture is seen
+    solved, dots : the channel, and that of the lattice of dots, at a much finer tolerance
+    """
+
+    plan: Plan
+    points: Floats
+    landed: Floats
+    seconds_a_ray: float
+    is_seen: Bools
+    solved: Channel
+    dots: Channel
+
+    def map_errors(self, view_map: Mapping) -> MapErrors:
+        """Compare a view map with the traced landings."""
+        here = _on_display(view_map.display_from_view(self.points), self.plan.rig.display)
+        has_landed = np.isfinite(self.landed[:, 0])
+        has_here = np.isfinite(here[:, 0])
+        both = has_landed & has_here
+        either = has_landed | has_here
+        distance = np.linalg.norm((here - self.landed)[both], axis=1)
+
+        is_known = len(distance) > 0
+        told = view_map.error
+        return MapErrors(
+            estimate=told.percentile,
+            facet_limited=told.facet_limited,
+            unresolved=told.unresolved,
+            rms=rms(distance) if is_known else None,
+            percentile=float(np.percentile(distance, PERCENTILE)) if is_known else None,
+            overlap=float(both.sum() / either.sum()) if either.any() else None,
+        )
+
+    def seen_errors(self, off: Image, dotted: Image | None) -> SeenErrors:
+        """Of a seen image that is off by so much (h, w, 3), and of the lattice's source image."""
+        if dotted is None:
+            shift = None, None, None
+        else:
+            found = lattice_shift(self.solved.seen(dotted), self.dots.ideal())
+            shift = (found.mean, found.largest, found.n_seen) if found.n_seen else (None, None, 0)
+        return SeenErrors(psnr(off[self.is_seen]), *shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Traced landings and a fine solve of a rig.
+
+    Parameters
+    ----------
+    dotted : the rig with the lattice of dots as picture
+    solution, dots : solves of both pictures at a much finer tolerance
+    source : (H, W, 3), the display's image for the picture of
+        fine detail: from a display of finer pixels
+    is_shown : (H, W), display pixels that the viewer sees by half
+        or more, and that show nothing but the picture
+    channels : one for each of the solution's
+    """
+
+    dotted: Rig
+    solution: Solution
+    dots: Solution
+    source: Image
+    is_shown: Bools
+    channels: tuple[ReferenceChannel, ...]
+
+    def map_errors(self, view_maps: Sequence[Mapping]) -> tuple[MapErrors, ...]:
+        """Compare each viewer's map with its traced landings."""
+        return tuple(
+            channel.map_errors(view_map)
+            for channel, view_map in zip(self.channels, view_maps, strict=True)
+        )
+
+    def image_errors(self, detailed: Image, dotted: Image | None = None) -> ImageErrors:
+        """Compare source images (H, W, 3) of the two
+        pictures, or of the first, with the reference's.
+        """
+        wanted = self.source[self.is_shown]
+        found = detailed[self.is_shown]
+        return ImageErrors(
+            source_rmse=rms(found - wanted),
+            holes=int((found == 0).all(axis=1).sum()),
+            channels=tuple(
+                channel.seen_errors(
+                    channel.solved.seen(detailed) - channel.solved.seen(self.source), dotted
+                )
+                for channel in self.channels
+            ),
+        )
+
+    def own_errors(self) -> ImageErrors:
+        """The rest, when only the reference's own errors are
+        left: the PSNR is against the ideal image.
+        """
+        return ImageErrors(
+            source_rmse=0.0,
+            holes=int((self.source[self.is_shown] == 0).all(axis=1).sum()),
+            channels=tuple(
+                channel.seen_errors(
+                    channel.solved.seen(self.source) - channel.solved.ideal(), self.dots.source
+                )
+                for channel in self.channels
+            ),
+        )
+
+
+def _on_display(xy: Floats, display: Display) -> Floats:
+    """Display px (n, 2), NaN where they are not on the display's
+    image: landings just beside it are traced too.
+    """
+    with np.errstate(invalid="ignore"):
+        is_on = ((xy >= 0) & (xy <= (display.width, display.height))).all(axis=1)
+    return np.where(is_on[:, None], xy, np.nan)
+
+
+def make_reference(
+    detailed: Rig, dotted: Rig, settings: Settings
+) -> Generator[float, None, Reference]:
+    """Solve and trace the reference; yields progress 0..1.
+
+    Raises
+    ------
+    RigError, MeshError
+        The rig cannot be solved, or no display pixel shows the picture alone.
+    """
+    session = Session()
+    solution = yield from within(session.solve(detailed, settings), 0.0, 0.4)
+    dots = yield from within(session.solve(dotted, settings), 0.4, 0.45)
+    source, white = yield from within(_fine_sources(detailed, settings), 0.45, 0.9)
+
+    is_shown = (solution.display_coverage >= HALF) & (white.max(axis=2) >= WHOLE)
+    if not is_shown.any():
+        raise RigError(
+            "No pixel of the display '{display}' shows the picture alone, so that nothing"
+            " can be compared: raise its resolution.",
+            display=detailed.display.name,
+        )
+
+    plan = make_plan(detailed, settings)
+    channels = tuple(
+        _traced(plan.seen_by(viewer), solved, of_dots, white)
+        for viewer, solved, of_dots in zip(
+            detailed.viewers, solution.channels, dots.channels, strict=True
+        )
+    )
+
+    yield 1.0
+    return Reference(
+        dotted=dotted,
+        solution=solution,
+        dots=dots,
+        source=source,
+        is_shown=is_shown,
+        channels=channels,
+    )
+
+
+def _traced(plan: Plan, solved: Channel, dots: Channel, white: Image) -> ReferenceChannel:
+    """The reference of one viewer.
+
+    white : (H, W, 3) the source image of white in the picture's place
+    """
+    viewer = plan.viewer
+    points = np.random.default_rng(0).random((N_CHECKED, 2)) * (viewer.width, viewer.height)
+    clock = perf_counter()
+    landings = main_landings(trace_all(plan, *viewer.rays(points)), len(points))
+    seconds = perf_counter() - clock
+    arrived = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
+
+    return ReferenceChannel(
+        plan=plan,
+        points=points,
+        landed=_on_display(arrived, plan.rig.display),
+        seconds_a_ray=seconds / len(points),
+        is_seen=solved.seen(white).max(axis=2) >= WHOLE,
+        solved=solved,
+        dots=dots,
+    )
+
+
+def times_finer(rig: Rig) -> int:
+    """How many times finer, each way, the display of the reference is."""
+    return int(np.clip(MOST_FINE // max(rig.display.width, rig.display.height), 1, TIMES_FINER))
+
+
+def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[Image, Image]]:
+    """Source images (H, W, 3) of the rig and of white in its
+    picture's place, from a display of finer pixels.
+
+    Each share is read at a few places; on finer pixels there are more shares, and each is smaller.
+    """
+    k = times_finer(rig)
+    display = replace(rig.display, width=k * rig.display.width, height=k * rig.display.height)
+    fine = replace(rig, displays=(display,))
+    place = rig.picture_place
+    white = showing(fine, np.ones((place.height, place.width, 4), np.float32))
+    session = Session()
+
+    here = replace(settings, tolerance=min(k * settings.tolerance, MOST_TOLERANCE))
+    one = yield from within(session.solve(fine, here), 0.0, 0.9)
+    other = yield from within(session.solve(white, here), 0.9, 1.0)
+    weight = one.weight[..., None]
+
+    def joined(values: Floats) -> Floats:
+        return values.reshape(rig.display.height, k, rig.display.width, k, -1).sum(axis=(1, 3))
+
+    total = joined(weight)
+    sources = (
+        joined(weight * solution.source) / np.where(total > 0, total, 1)
+        for solution in (one, other)
+    )
+
+    return tuple(source.astype(np.float32) for source in sources)

@@ -1,0 +1,261 @@
+"""What each of several viewers sees of one source image.
+
+Which part of the picture it is, displaced by how much, how like its ideal, and which part of its
+error no source image can remove.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.steps import Pauses, at
+from ...base.vectors import dot
+from ...image.flat_picture import not_flat, view_of_picture
+from ...image.inverse_lookup import mapped, way_of
+from ...image.picture import cover_in_view
+from ...image.pyramid import Pyramid
+from ...image.pyramids import pyramids_of
+from ...image.reads import reads_at
+from ...image.source_image import Painting, find_strokes
+from ...light.landings import main_landings
+from ...light.trace import trace_all
+from ...rig.viewer import Viewer
+from ...solve.channel import Channel
+from ...solve.solution import Solution
+from .image_errors import psnr
+from .places_seen import grid_of
+
+N_POINTS = 7  # each way, of the picture
+MOST_ROUNDS = 20
+SETTLED_PX = 1e-9  # viewer px
+WHOLE = 0.99  # of a viewer pixel: by less, what it shows is not the picture's alone
+ARCMIN = np.degrees(1.0) * 60
+
+
+@dataclass(frozen=True)
+class ViewerReport:
+    """How one viewer sees a source image.
+
+    viewer : its name
+    weight : how much it counts
+    coverage : share of the picture, as it sees it, that the display can show
+    n_points : of the N_POINTS^2 points of the picture, those that it sees
+    mean_px, largest_px : by how much they are displaced, viewer px; None where none is seen, and
+        where each viewer has an image of its own
+    mean_arcmin, largest_arcmin : the same as an angle; None for an orthographic viewer, too
+    psnr : dB, white is 1, of the seen image against the ideal one, where the viewer sees nothing
+        but the picture; None where there is no difference, or nowhere to compare
+    unremovable : rms of linear light, white is 1, by which the display pixels that it sees are
+        off from those it asks for, where they show the weighted mean of what all ask for: no
+        other source image is off by less from all of them
+    """
+
+    viewer: str
+    weight: float
+    coverage: float
+    n_points: int
+    mean_px: float | None
+    largest_px: float | None
+    mean_arcmin: float | None
+    largest_arcmin: float | None
+    psnr: float | None
+    unremovable: float
+
+
+def viewer_reports(
+    solution: Solution, off: tuple[float, ...] | None = None
+) -> Generator[float, None, tuple[ViewerReport, ...]]:
+    """A report for each viewer, the worst first: who sees nothing, then by the largest
+    displacement; where none is displaced, by how little the image is like its ideal. Yields
+    progress 0..1.
+
+    off : for each viewer as `conflict_in_light` has found it; None: it is looked for here
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle
+    """
+    has_own = solution.rig.has_own_images
+    if solution.settled is None and len(solution.channels) > 1 and not has_own:
+        raise not_flat(solution.rig.picture_place)
+
+    if off is None:
+        off, _ = yield from conflict_in_light(solution)
+    reports = []
+    for number, unremovable in enumerate(off):
+        reports.append(_report(solution, number, unremovable))
+        yield 1.0
+
+    return tuple(sorted(reports, key=_how_good))
+
+
+def _how_good(report: ViewerReport) -> tuple[bool, float, float]:
+    like = np.inf if report.psnr is None else report.psnr
+    return report.coverage > 0 and report.n_points > 0, -(report.largest_px or 0.0), like
+
+
+def _report(solution: Solution, number: int, unremovable: float) -> ViewerReport:
+    """The report for the viewer of one channel."""
+    channel = solution.channels[number]
+    viewer = channel.viewer
+    seen, straight = displaced(solution, number)
+    length = np.linalg.norm(seen - straight, axis=1)
+    n_points = int(np.isfinite(length).sum())
+
+    is_eye = viewer.projection == "perspective"
+    angle = arcmin_between(viewer, seen, straight) if is_eye else np.full(len(length), np.nan)
+    if solution.rig.has_own_images:  # nothing is displaced towards what others see
+        length, angle = np.full((2, len(length)), np.nan)
+
+    whole = (cover_in_view(solution.rig.picture_place, viewer) >= WHOLE) & (
+        channel.view_coverage >= WHOLE
+    )
+    difference = channel.seen(solution.source)[whole] - channel.ideal()[whole]
+    mean_px, largest_px = _mean_and_largest(length)
+    mean_arcmin, largest_arcmin = _mean_and_largest(angle)
+    return ViewerReport(
+        viewer=viewer.name,
+        weight=viewer.weight,
+        coverage=float(np.clip(channel.picture_coverage, 0, 1)),
+        n_points=n_points,
+        mean_px=mean_px,
+        largest_px=largest_px,
+        mean_arcmin=mean_arcmin,
+        largest_arcmin=largest_arcmin,
+        psnr=psnr(difference),
+        unremovable=unremovable,
+    )
+
+
+def arcmin_between(viewer: Viewer, one: Floats, other: Floats) -> Floats:
+    """The angles (n,), arcmin, between the rays through places (n, 2) viewer px; NaN at NaN."""
+    along, beside = (viewer.rays(xy)[1] for xy in (one, other))
+    across = np.linalg.norm(np.cross(along, beside), axis=1)
+    return ARCMIN * np.arctan2(across, dot(along, beside))
+
+
+def _mean_and_largest(values: Floats) -> tuple[float | None, float | None]:
+    """Of those that are numbers; None where there are none."""
+    known = values[np.isfinite(values)]
+    return (float(known.mean()), float(known.max())) if len(known) else (None, None)
+
+
+def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Floats, Floats]:
+    """Where the viewer of a channel sees n x n points of the picture, and where it would see them
+    with no glass in the way: (n * n, 2) viewer px each, NaN where a point is not seen.
+
+    A place x of the viewer's image shows the place of the picture that is seen there straight, and
+    the step of the display pixel on which its ray lands. Where that is the point asked for is found
+    by going on by what is missing; the rays are traced.
+
+    Raises
+    ------
+    RigError : the picture is no flat rectangle, or is seen edge-on
+    """
+    channel = solution.channels[number]
+    place, viewer = solution.rig.picture_place, channel.viewer
+    straight = view_of_picture(place, viewer, grid_of(n))
+    if solution.settled is None:
+        return _on_display(channel, straight), straight
+
+    way = way_of(place, viewer)
+    wanted, _ = mapped(way.there, straight)
+    steps = solution.settled.steps[number]
+    at = straight.copy()
+
+    for _ in range(MOST_ROUNDS):
+        landed = _landed(channel, at)
+        shown = mapped(way.there, at)[0] + _between(steps, landed)
+        missing = (wanted - shown).T
+        # the picture's step as one of the viewer's image
+        move = mapped(way.back, (mapped(way.there, at)[0].T + missing))[0].T - at
+        if not (np.abs(move) > SETTLED_PX).any():
+            break
+        at = np.where(np.isfinite(move), at + move, np.nan)
+
+    return np.where(np.isfinite(move), at, np.nan), straight
+
+
+def _on_display(channel: Channel, xy: Floats) -> Floats:
+    """Viewer px (n, 2), NaN where their rays do not land on the display."""
+    return np.where(np.isfinite(_landed(channel, xy)).all(axis=1)[:, None], xy, np.nan)
+
+
+def _landed(channel: Channel, xy: Floats) -> Floats:
+    """Display px (n, 2) on which rays through viewer px (n, 2) land; NaN where they do not."""
+    landed = np.full(xy.shape, np.nan)
+    known = np.flatnonzero(np.isfinite(xy).all(axis=1))
+    if len(known):
+        landings = trace_all(channel.plan, *channel.viewer.rays(xy[known]))
+        landings = main_landings(landings, len(known))
+        landed[known] = np.where(landings.has_arrived[:, None], landings.xy, np.nan)
+    return landed
+
+
+def _between(values: Floats, at: Floats) -> Floats:
+    """Values (2, n) of an image (2, H, W) between the middles of its pixels, at places (n, 2) px;
+    NaN where one of the four next is, or the place is beyond the image.
+    """
+    height, width = values.shape[1:]
+    is_on = ((at >= 0) & (at <= [width, height])).all(axis=1)
+    x, y = np.clip(np.where(is_on[:, None], at, 0.5) - 0.5, 0, [width - 1, height - 1]).T
+    column = np.minimum(x.astype(int), max(width - 2, 0))
+    row = np.minimum(y.astype(int), max(height - 2, 0))
+    right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
+    s, t = x - column, y - row
+    upper = (1 - s) * values[:, row, column] + s * values[:, row, right]
+    lower = (1 - s) * values[:, below, column] + s * values[:, below, right]
+    return np.where(is_on, (1 - t) * upper + t * lower, np.nan)
+
+
+def conflict_in_light(
+    solution: Solution,
+) -> Generator[float, None, tuple[tuple[float, ...], Floats]]:
+    """What of the viewers' errors is left at the weighted mean of the colours that they ask for, by
+    which no source image is off by less from all: rms for each viewer over the display
+    pixels that it sees, and for each display pixel (H, W) over the viewers; linear light.
+
+    Yields progress 0..1.
+    """
+    rig, channels = solution.rig, solution.channels
+    pyramids = pyramids_of([rig.picture_of(channel.viewer).image for channel in channels])
+    total = np.zeros_like(solution.source, dtype=float)
+    for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
+        colours = yield from at(0.5 * k / len(channels), _asked_for(channel, pyramid))
+        total += _weight(channel)[..., None] * colours
+        yield 0.5 * (k + 1) / len(channels)
+
+    weight = reduce(np.add, map(_weight, channels))
+    mean = total / np.where(weight > 0, weight, 1.0)[..., None]
+    square = np.zeros_like(weight)
+    off = []
+    for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
+        colours = yield from at(0.5 + 0.5 * k / len(channels), _asked_for(channel, pyramid))
+        of_pixel = _weight(channel) * ((colours - mean) ** 2).mean(axis=2)
+        seen = _weight(channel).sum()
+        off.append(float(np.sqrt(of_pixel.sum() / seen)) if seen > 0 else 0.0)
+        square += of_pixel
+        yield 0.5 + 0.5 * (k + 1) / len(channels)
+
+    return tuple(off), np.sqrt(square / np.where(weight > 0, weight, 1.0))
+
+
+def _weight(channel: Channel) -> Floats:
+    """How much each display pixel (H, W) counts for a viewer."""
+    return channel.viewer.weighed(channel.coverage.weight)
+
+
+def _asked_for(channel: Channel, pyramid: Pyramid) -> Pauses[Floats]:
+    """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
+    painting = Painting(channel.shares.display_size)
+    place = channel.plan.rig.place_of(channel.viewer)
+    reads = reads_at(channel.view_map.tolerance)
+    for shares in channel.shares.pausing():
+        if shares is not None:
+            shown = channel.shown(shares)
+            painting.add(pyramid, find_strokes(place, channel.viewer, shown, reads))
+        yield 0
+    return painting.finished(channel.coverage.weight).astype(float)

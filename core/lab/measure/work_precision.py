@@ -1,0 +1,279 @@
+"""Error against run time and memory: a rig solved at a ladder of tolerances, next to the
+brute-force splat at a ladder of samples.
+
+core/lab/measure/reference.py makes the reference.
+"""
+
+import sys
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from math import isclose
+from statistics import median
+from time import perf_counter
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.steps import finish, within
+from ...image.source_image import splat
+from ...rig.rig import Rig
+from ...rig.settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
+from ...solve.cost import BUILD
+from ...solve.session import Session
+from ...solve.solution import Solution
+from .charts import pictures
+from .choices import measure_choices
+from .image_errors import quantisation
+from .reference import N_CHECKED, Reference, make_reference, times_finer
+from .rungs import Rung, WorkPrecision
+
+Result = TypeVar("Result")
+
+
+def timed(work: Callable[[], Result]) -> tuple[float, Result]:
+    """Seconds that a call takes, and its result."""
+    clock = perf_counter()
+    result = work()
+    return perf_counter() - clock, result
+
+
+def median_seconds(work: Callable[[], object], runs: int) -> float:
+    """Median of so many calls."""
+    return median(timed(work)[0] for _ in range(runs))
+
+
+def clocked(
+    work: Generator[float, None, Result], spent: float, budget: float
+) -> Generator[float, None, tuple[float, Result]]:
+    """Seconds of the steps of long work, and its result.
+
+    Yields how much of the budget (s) is spent, 0..1.
+    """
+    seconds = 0.0
+    while True:
+        clock = perf_counter()
+        try:
+            next(work)
+        except StopIteration as done:
+            return seconds + perf_counter() - clock, done.value
+        seconds += perf_counter() - clock
+        yield min((spent + seconds) / budget, 1.0)
+
+
+def peak_memory() -> int | None:
+    """Bytes that this process has held at most so far; None
+    where the system does not tell (Windows).
+    """
+    try:
+        import resource  # Unix only
+    except ImportError:
+        return None
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+        1 if sys.platform == "darwin" else 1024
+    )
+
+
+BUDGET = 60.0  # s for the splat
+REFERENCE_FINER = 10.0  # than the finest rung is the reference
+REFERENCE_EFFORT = 16  # times that of the rungs has the reference, where light is chaotic
+LONG_SPLAT_S = 0.5  # s: a splat that takes longer is run once for each of the two pictures
+
+
+@dataclass(frozen=True)
+class Ladders:
+    """The rungs that are measured, and how often.
+
+    tolerances : display px; the settings' own is added
+    spps : samples a pixel of the splat, rising
+    runs : runs of each rung, of which the median counts; of a long splat two or one
+    budget : s for all runs of the splat; rungs that would exceed it are listed as not run
+    """
+
+    tolerances: tuple[float, ...] = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+    spps: tuple[int, ...] = (1, 4, 16, 64, 256, 1024)
+    runs: int = 5
+    budget: float = BUDGET
+
+    def with_tolerance(self, own: float) -> tuple["Ladders", float]:
+        """With the scene's own tolerance among the others, coarse to fine, and that tolerance.
+
+        Blender has it in single precision: one that is almost the same is taken for it.
+        """
+        own = next((t for t in self.tolerances if isclose(t, own, rel_tol=1e-6)), own)
+        tolerances = tuple(sorted({*self.tolerances, own}, reverse=True))
+        return replace(self, tolerances=tolerances), own
+
+
+def measure(
+    rig: Rig,
+    settings: Settings | None = None,
+    picture: NDArray[np.float32] | None = None,
+    ladders: Ladders | None = None,
+    read: Callable[[], object] | None = None,
+    write: Callable[[NDArray[np.float32]], object] | None = None,
+) -> Generator[float, None, WorkPrecision]:
+    """Measure error against run time on a rig; yields progress 0..1.
+
+    Parameters
+    ----------
+    picture : (h, w, 4) linear, nowhere black; shown in the
+        place of the rig's own. None: a zone plate
+    read, write : read the scene; write a source image (H, W, 3): timed if given
+
+    Raises
+    ------
+    RigError, MeshError
+        One sentence on the fault of the rig.
+    """
+    own_settings = settings or Settings()
+    own_settings.check()
+    rig.check()
+
+    # a margin would fill holes; the splat knows neither glare nor paths, of which `choices` tells
+    settings = replace(own_settings, margin=0, suppress_glare=0.0, ghosts="mean")
+    ladders, own = (ladders or Ladders()).with_tolerance(settings.tolerance)
+    detailed, dotted, about = pictures(rig, picture)
+
+    yield from within(Session().solve(rig, settings), 0.0, 0.03)
+    memory = peak_memory()  # before the reference, which takes more than any solve
+    finest = _finest(settings, ladders)
+    reference = yield from within(make_reference(detailed, dotted, finest), 0.03, 0.15)
+
+    adaptive = _adaptive(detailed, dotted, settings, reference, ladders)
+    rungs = yield from within(adaptive, 0.15, 0.55)
+    rungs += yield from within(_splats(reference, ladders), 0.55, 0.9)
+    choices = yield from within(measure_choices(rig, replace(own_settings, margin=0)), 0.9, 0.98)
+
+    source = reference.source
+    read_seconds = median_seconds(read, ladders.runs) if read else None
+    write_seconds = median_seconds(lambda: write(source), ladders.runs) if write else None
+    yield 1.0
+
+    channels = reference.solution.channels
+    own_rung = _unmeasured(finest.tolerance, reference.solution, reference)
+    return WorkPrecision(
+        rungs=tuple(rungs),
+        reference=replace(own_rung, image=reference.own_errors()),
+        tessellation_error=max(channel.tessellation_error for channel in channels),
+        quantisation=quantisation(source[reference.is_shown]),
+        tolerance=own,
+        read_seconds=read_seconds,
+        write_seconds=write_seconds,
+        peak_memory=memory,
+        n_shown=int(reference.is_shown.sum()),
+        n_checked=N_CHECKED,
+        times_finer=times_finer(rig),
+        picture=about,
+        choices=choices,
+        view_sizes=tuple(channel.view_map.view_size for channel in channels),
+        display_size=(rig.display.width, rig.display.height),
+    )
+
+
+def _finest(settings: Settings, ladders: Ladders) -> Settings:
+    """Settings of the reference."""
+    return replace(
+        settings,
+        tolerance=max(ladders.tolerances[-1] / REFERENCE_FINER, LEAST_TOLERANCE),
+        # samples are at the same places in each solve of the same effort:
+        # their noise would not be seen
+        effort=min(REFERENCE_EFFORT * settings.effort, MOST_EFFORT),
+    )
+
+
+def _adaptive(
+    detailed: Rig, dotted: Rig, settings: Settings, reference: Reference, ladders: Ladders
+) -> Generator[float, None, list[Rung]]:
+    """Rungs of the ladder of tolerances. A solve runs to its end
+    in one step: time between steps is not its own.
+    """
+    tolerances, runs = ladders.tolerances, ladders.runs
+    rungs: list[Rung] = []
+    times: list[list[dict[str, float]]] = [[] for _ in tolerances]
+    repaints: list[list[float]] = [[] for _ in tolerances]
+
+    for run in range(runs):  # all tolerances in turn: other work of the machine meets them alike
+        for k, tolerance in enumerate(tolerances):
+            session = Session()
+            here = replace(settings, tolerance=tolerance)
+            solution = finish(session.solve(detailed, here))
+            seconds, dots = timed(
+                lambda session=session, here=here: finish(session.solve(dotted, here))
+            )
+            times[k].append(solution.seconds)
+            repaints[k].append(seconds)
+
+            if run == 0:
+                image = reference.image_errors(solution.source, dots.source)
+                rungs.append(replace(_unmeasured(tolerance, solution, reference), image=image))
+
+            yield (run * len(tolerances) + k + 1) / (runs * len(tolerances))
+
+    return [
+        replace(rung, repaint_seconds=median(again), **_medians(of_rung))
+        for rung, of_rung, again in zip(rungs, times, repaints, strict=True)
+    ]
+
+
+def _unmeasured(tolerance: float, solution: Solution, reference: Reference) -> Rung:
+    """A rung of the ladder of tolerances without its times."""
+    maps = reference.map_errors([channel.view_map for channel in solution.channels])
+    return Rung("adaptive", tolerance, n_rays=solution.n_rays, maps=maps)
+
+
+def _medians(times: list[dict[str, float]]) -> dict[str, Any]:
+    """Times of a rung, from the seconds by part of its runs."""
+    return {
+        "seconds": median(
+            sum(seconds for part, seconds in run.items() if part not in BUILD) for run in times
+        ),
+        "runs": len(times),
+        "parts": tuple((part, median(run[part] for run in times)) for part in times[0]),
+    }
+
+
+def _splats(reference: Reference, ladders: Ladders) -> Generator[float, None, list[Rung]]:
+    """Rungs of the brute-force splat, for the first viewer, as far as the budget
+    goes; each run is of one of the two pictures.
+
+    Where it goes to one run only, that is of the picture of fine detail.
+    """
+    first = reference.channels[0]
+    plans = first.plan, replace(first.plan, rig=reference.dotted)  # the same is traced
+    n_rays = first.plan.viewer.width * first.plan.viewer.height
+    budget = ladders.budget
+    seconds_a_sample = first.seconds_a_ray * n_rays
+    spent = 0.0
+
+    rungs: list[Rung] = []
+    for spp in ladders.spps:
+        predicted = seconds_a_sample * spp
+        if spent + predicted > budget:
+            rungs.append(Rung("splat", float(spp), predicted_seconds=predicted))
+            continue
+
+        n_runs = _n_runs(spent, predicted, ladders)
+        seconds: list[float] = []
+        images: list[NDArray[np.float32]] = []
+
+        for run in range(n_runs):
+            taken, image = yield from clocked(splat(plans[run % 2], spp, seed=spp), spent, budget)
+            seconds.append(taken)
+            images.append(image)
+            spent += taken
+
+        seconds_a_sample = median(seconds) / spp
+        errors = reference.image_errors(*images[:2])
+        rungs.append(
+            Rung("splat", float(spp), median(seconds), n_runs, n_rays=spp * n_rays, image=errors)
+        )
+
+    return rungs
+
+
+def _n_runs(spent: float, predicted: float, ladders: Ladders) -> int:
+    """How often a rung of the splat is run that takes so many seconds, after so many."""
+    if spent + 2 * predicted > ladders.budget:
+        return 1
+    return 2 if predicted > LONG_SPLAT_S else max(ladders.runs, 2)
