@@ -27,7 +27,7 @@ from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, ToolError, can_install, clean_environment, install
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.native import ray_states
+from kiriko.core.light.native import kernel_tracer
 from kiriko.core.light.native.plan_structures import made_of, making_whole
 from kiriko.core.light.rays import Rays
 from kiriko.core.native import loading
@@ -132,13 +132,15 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
     rays = Rays(*viewer.rays(xy), None, False)
-    made = ray_states.state_of(rays)
+    made = kernel_tracer.state_of(rays)
     finish(making_whole(plan))
     of_plan = made_of(plan)
     memory = Memory()
     memory.add(of_plan)
     memory.add(made)
-    names = [name for name in ray_states.STATE if name not in ("n_words", "is_astray", "has_ended")]
+    names = [
+        name for name in kernel_tracer.STATE if name not in ("n_words", "is_astray", "has_ended")
+    ]
     outputs = [memory.find(getattr(rays, name).ctypes.data)[0] for name in names]
     pointers = memory.pointers()
     numbers = [

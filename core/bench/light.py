@@ -15,7 +15,8 @@ from ..base.arrays import Bools, Floats, Ints
 from ..base.steps import at
 from ..light.landings import BY_GAPS, REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
-from ..light.trace import Step, tracing
+from ..light.rays import Step
+from ..light.trace import tracing
 from ..rig.kinds import Kind
 from .flat import IS_FLAT, Outline
 

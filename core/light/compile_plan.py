@@ -27,7 +27,7 @@ from .engines import engine_kind
 from .interactions import LAWS
 from .media import Media, Solid, make_media
 from .mesh_cache import Kept
-from .native import plan_structures
+from .native.kernel_tracer import Kernel
 from .near_misses import ThinParts
 from .packing import Packing
 from .plan import Aside, Counts, OpenPart, Parts, Plan, PlannedDisplay, PlannedLayer, Triangles
@@ -35,7 +35,9 @@ from .plate import ArrayFrame
 from .ray_engine import FEW_TRIANGLES, Layer
 from .thin_surfaces import Sheet, find_clear, find_sheets, read_sheets
 from .touching_solids import boxes_touch, find_touching, grown
+from .trace import EventByEvent
 
+TRACERS = Kernel(), EventByEvent()  # the fastest first; the last traces any plan
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
 
 
@@ -325,6 +327,7 @@ def planning(
             ),
         ),
         counts=parts.counts(rig),
+        tracers=TRACERS,
     )
 
 
@@ -402,7 +405,7 @@ def _rules(
     has_arrays = any(isinstance(one, ArrayFrame) for one in parts.elements)
     no_plate = None if is_plate.any() else Message("there is no plate")
     is_sent_on = is_clear[is_plate].any(axis=1).all()
-    no_kernel = plan_structures.left_out(layers, parts.kind)
+    no_kernel = TRACERS[0].left_out(layers, parts.kind)
     has_engine = any(held.layer.has_engine for held in layers)
     no_engine = None
 

@@ -16,7 +16,8 @@ from ..rig.rig import Mesh
 from .interactions import ENDS
 from .landings import Landings, Reason, main_landings
 from .plan import Plan
-from .trace import Step, tracing
+from .rays import Step
+from .trace import tracing
 
 PASSED_BY = {Reason.MISSED_PLATE: Kind.PLATE, Reason.MISSED_DISPLAY: Kind.DISPLAY}
 NOTHING = -1  # in the place of a part: the start of a way, or an end where nothing is met

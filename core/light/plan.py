@@ -1,21 +1,25 @@
 """A rig made ready to be traced: the things it needs, and those it leaves out."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
+from ..base.messages import Message
+from ..base.steps import Pauses
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .display import DisplayPlane
+from .landings import Words
 from .media import Media
 from .near_misses import ThinParts
 from .plate import ArrayFrame
 from .ray_engine import Layer
+from .rays import Rays, Step
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +139,63 @@ class Counts:
     n_curved: tuple[int, ...]
 
 
+class Ends(NamedTuple):
+    """Where the branches of edges (n,) end, 0..1 of their ways.
+
+    low, width : the last places, and how far beyond them there may be others; xy (n, 2), throughput
+        of the rays there; n_tried : rays
+    """
+
+    low: Floats
+    width: Floats
+    xy: Floats
+    throughput: Floats
+    n_tried: Ints
+
+
+class Halving(NamedTuple):
+    """Edges (n,) to be bisected.
+
+    start, way : (n, 2) viewer px, the near ends, and the ways from there to the far ones
+    course : (n, m), as `recording` gives it, of the branch (n,) that is looked for
+    begun : what is known; a width below 1 is tried as it is, first of all
+    least : part of the way; one that is no longer is bisected no more
+    """
+
+    start: Floats
+    way: Floats
+    course: Words
+    branch: Words
+    begun: Ends
+    least: float
+
+
+class Tracer(Protocol):
+    """Follows rays: the kernel, or numpy event by event. A plan takes the first that knows it.
+
+    bisect : bisects edges, one by one; yields how many rays were traced since; raises as `follow`;
+        None if the map has to bisect all edges together, by `follow`
+    """
+
+    bisect: Callable[["Plan", Halving], Pauses[Ends]] | None
+
+    def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> Message | None:
+        """Why it traces no rays among these layers and parts of kinds (p,); None if it does."""
+
+    def rays_at_once(self, plan: "Plan", most: int) -> int:
+        """How many rays, up to `most`, are followed at once when their ways or courses are
+        recorded.
+        """
+
+    def follow(self, plan: "Plan", rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
+        """Follow rays to their ends; yields how many ended since. `steps` is filled if given.
+
+        Raises
+        ------
+        ReachedError : a ray comes near glass that stands aside
+        """
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A rig made ready to be traced.
@@ -144,7 +205,7 @@ class Plan:
 
     thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked
     for. merge_distance: m, faces nearer to each other than this are in the same place. used,
-    left_out: needs that the rig has, or has not, and why.
+    left_out: needs that the rig has, or has not, and why. tracers: the fastest first.
     """
 
     rig: Rig
@@ -162,10 +223,17 @@ class Plan:
     used: tuple[str, ...]
     left_out: tuple[str, ...]
     counts: Counts
+    tracers: tuple[Tracer, ...]
 
     def seen_by(self, viewer: Viewer) -> "Plan":
         """The same plan for another viewer of the rig: nothing of it is made again."""
         return self if viewer is self.viewer else replace(self, viewer=viewer)
+
+    @property
+    def tracer(self) -> Tracer:
+        """What traces its rays: the first that knows all of its layers and parts."""
+        kind = self.parts.kind
+        return next(one for one in self.tracers if one.left_out(self.layers, kind) is None)
 
     def part_of(self, triangle: Ints) -> Iterator[tuple[Any, Ints]]:
         """Each part that rays (n,) meet by these triangles, as its interaction knows it, and the

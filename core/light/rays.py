@@ -1,6 +1,6 @@
 """Rays under way: their places, their media, and the branch they have come along."""
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -103,3 +103,19 @@ class Rays:
             self.has_ended[rays] |= self.is_astray[rays]
 
         self.n_words[rays] += 1
+
+
+class Step(NamedTuple):
+    """Rays between two events: those that met something, where and on which patch; and the others.
+
+    rays (h,) and left (l,) indices; place (h, 3), patch and
+    triangle (h,) of the surface; start and direction (l, 3)
+    """
+
+    rays: Ints
+    place: Floats
+    patch: Ints
+    triangle: Ints
+    left: Ints
+    start: Floats
+    direction: Floats

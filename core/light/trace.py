@@ -2,8 +2,7 @@
 plan.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from .endings import end_without_hit
 from .hits import Accept, Hits, Search, slab
 from .interactions import ENDS, LAWS
 from .landings import Landings, Words, join
-from .native import following, plan_structures, ray_states
-from .plan import Plan
-from .rays import PlateLight, Rays, ReachedError
+from .plan import Plan, PlannedLayer
+from .rays import PlateLight, Rays, ReachedError, Step
 
 
 class _Sides:
@@ -180,28 +178,12 @@ def trace_all(
     return join(parts)
 
 
-class Step(NamedTuple):
-    """Rays between two events: those that met something, where and on which patch; and the others.
-
-    rays (h,) and left (l,) indices; place (h, 3), patch and
-    triangle (h,) of the surface; start and direction (l, 3)
-    """
-
-    rays: Ints
-    place: Floats
-    patch: Ints
-    triangle: Ints
-    left: Ints
-    start: Floats
-    direction: Floats
-
-
 def recording(plan: Plan, origins: Floats, directions: Floats) -> Pauses[tuple[Landings, Words]]:
     """The landings of rays (n, 3), and their courses: the branch of each
     after each of its m events at the most, (n, m), for `tracing` to compare.
     """
     rays = Rays(origins, directions, np.zeros((len(origins), 8), np.uint64), is_recorded=True)
-    yield from _following(plan, rays)
+    yield from plan.tracer.follow(plan, rays)
     return _landings_of(rays), rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
 
 
@@ -234,7 +216,7 @@ def tracing(
         by the plate's face, then such light. At ideal plates it is all the same.
     """
     rays = Rays(origins, directions, course, False, light)
-    yield from _following(plan, rays, steps)
+    yield from plan.tracer.follow(plan, rays, steps)
     return _landings_of(rays)
 
 
@@ -256,40 +238,7 @@ def _landings_of(rays: Rays) -> Landings:
     )
 
 
-def _following(plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
-    """Follow rays to their ends: by the compiled kernel where it can, else event by event."""
-    yield from plan_structures.making(plan)
-    if not following.can_follow(plan, rays, steps is not None):
-        yield from _by_events(plan, rays, steps)
-        return
-    ways, reached = yield from following.follow(plan, rays, steps is not None)
-    if reached:
-        raise ReachedError(reached)
-    if ways is not None:
-        steps += _steps_of(plan, rays, ways)
-
-
-def _steps_of(plan: Plan, rays: Rays, ways: ray_states.Ways) -> Iterator[Step]:
-    """The rays at each event, from their ways."""
-    for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
-        some = np.flatnonzero(met)
-        left = np.flatnonzero(ways.left_at == event)
-        if not len(some) + len(left):
-            return
-
-        triangle = met[some] - 1
-        yield Step(
-            rays=some,
-            place=taken(places, some),
-            patch=plan.triangles.patch[triangle],
-            triangle=triangle,
-            left=left,
-            start=taken(rays.positions, left),
-            direction=taken(rays.directions, left),
-        )
-
-
-def _by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
+def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
     """Follow rays from one event to the next.
 
     Others begin where rays have ended, so that few events are those of a few rays: these cost
@@ -389,3 +338,20 @@ def _leave_gaps(plan: Plan, rays: Rays, i: Ints, hits: Hits | None = None) -> No
         gone = i[is_in]
         rays.mask[gone] &= ~parts.bit[number]
         rays.leak[gone] = number
+
+
+class EventByEvent:
+    """Follows the rays of any plan by numpy and a ray engine."""
+
+    bisect = None
+
+    def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> None:
+        """There is no plan that it does not trace."""
+
+    def rays_at_once(self, plan: Plan, most: int) -> int:
+        """How many rays are followed at once when their ways or courses are recorded."""
+        return most
+
+    def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
+        """Follow rays to their ends."""
+        yield from by_events(plan, rays, steps)

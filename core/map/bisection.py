@@ -13,8 +13,7 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, taken
 from ..light.landings import Words
-from ..light.native import bisecting
-from ..light.plan import Plan
+from ..light.plan import Ends, Halving, Plan
 from .points import Points
 from .searches import Halve, Search, ask
 
@@ -78,9 +77,9 @@ def last_on_branch(
     n_tried = np.zeros(len(near), np.int64)
     least = 2.0 ** -n_digits(plan)
 
-    if bisecting.can_bisect(plan):
-        begun = bisecting.Ends(low, width, xy, throughput, n_tried)
-        wanted = bisecting.Halving(a, b - a, course, points.branch[near], begun, least)
+    if plan.tracer.bisect is not None:
+        begun = Ends(low, width, xy, throughput, n_tried)
+        wanted = Halving(a, b - a, course, points.branch[near], begun, least)
         (found,) = yield [Halve(wanted, takes)]
         return found.low + found.width, _landed(points, near, a, b - a, found), found.n_tried
 
@@ -106,11 +105,11 @@ def last_on_branch(
         yield from tried(todo, low[todo] + width[todo])
         todo = todo[width[todo] > least]
 
-    ends = bisecting.Ends(low, width, xy, throughput, n_tried)
+    ends = Ends(low, width, xy, throughput, n_tried)
     return low + width, _landed(points, near, a, b - a, ends), n_tried
 
 
-def _landed(points: Points, near: Ints, start: Floats, way: Floats, ends: bisecting.Ends) -> Points:
+def _landed(points: Points, near: Ints, start: Floats, way: Floats, ends: Ends) -> Points:
     """The last points on the branches of near points."""
     return Points(
         start + ends.low[:, None] * way,

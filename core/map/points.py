@@ -9,9 +9,9 @@ from ..base.arrays import Bools, Floats, Ints, columns_of, taken
 from ..base.steps import Pauses, finish
 from ..base.vectors import cross_2d
 from ..light.landings import Words, main_landings
-from ..light.native import following
 from ..light.plan import Plan
-from ..light.trace import TRACED_AT_ONCE, Step, recording, tracing
+from ..light.rays import Step
+from ..light.trace import TRACED_AT_ONCE, recording, tracing
 from ..rig.viewer import Viewer
 
 RAYS_AT_ONCE = 1 << 14  # traced together where their paths or courses are asked for
@@ -135,7 +135,7 @@ def trace_points(
 
     at_once = TRACED_AT_ONCE
     if paths is not None or courses is not None:
-        at_once = following.recorded_at_once(plan, RAYS_AT_ONCE)
+        at_once = plan.tracer.rays_at_once(plan, RAYS_AT_ONCE)
     for first in range(0, n, at_once):
         some = slice(first, first + at_once)
         origins, directions = plan.viewer.rays(view[some])

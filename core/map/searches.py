@@ -11,8 +11,7 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..light.landings import Words
-from ..light.native import bisecting
-from ..light.plan import Plan
+from ..light.plan import Ends, Halving, Plan
 from .points import Points, trace_points
 from .ray_budget import Allowance
 
@@ -39,7 +38,7 @@ class Halve(NamedTuple):
     takes : as of `Ask`
     """
 
-    edges: bisecting.Halving
+    edges: Halving
     takes: bool
 
 
@@ -50,7 +49,7 @@ class Answer(NamedTuple):
     course: Words | None = None
 
 
-Search = Generator[list[Ask | Halve], list[Answer | bisecting.Ends], T]
+Search = Generator[list[Ask | Halve], list[Answer | Ends], T]
 
 
 def ask(view: Floats, course: Words | None = None, takes: bool = True) -> Search[Answer]:
@@ -106,15 +105,13 @@ def traced(
                 allowance.take(one.view)
 
 
-def _answers(
-    plan: Plan, asks: list[Ask | Halve]
-) -> Generator[int, None, list[Answer | bisecting.Ends]]:
+def _answers(plan: Plan, asks: list[Ask | Halve]) -> Generator[int, None, list[Answer | Ends]]:
     """What is found at the places that are asked for, and of the edges."""
     none = Answer(Points.none(), np.empty((0, 1), np.uint64))
-    answers: list[Answer | bisecting.Ends] = [none] * len(asks)
+    answers: list[Answer | Ends] = [none] * len(asks)
     for k, one in enumerate(asks):
         if isinstance(one, Halve):
-            answers[k] = yield from bisecting.bisect(plan, one.edges)
+            answers[k] = yield from plan.tracer.bisect(plan, one.edges)
 
     places = [(k, one) for k, one in enumerate(asks) if isinstance(one, Ask) and len(one.view)]
     for is_open in (False, True):

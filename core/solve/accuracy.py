@@ -17,7 +17,8 @@ from ..light.landings import Reason, main_landings
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.ray_engine import Layer
-from ..light.trace import Step, tracing
+from ..light.rays import Step
+from ..light.trace import tracing
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
 # Cycles turns a normal until light mirrored at it leaves the face at this cosine, or at so much of

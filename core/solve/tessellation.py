@@ -16,7 +16,8 @@ from ..light.landings import Landings, Words, main_landings
 from ..light.native import trees
 from ..light.plan import Plan, PlannedLayer
 from ..light.ray_engine import Layer
-from ..light.trace import Step, recording, tracing
+from ..light.rays import Step
+from ..light.trace import recording, tracing
 from ..native import loading
 from ..rig.rig import Glass, Mirror, Rig, Viewer
 from .coarse_parts import (

@@ -5,7 +5,7 @@ import numpy as np
 from ..base.arrays import Bools, Floats
 from ..light.landings import Landings
 from ..light.plan import Plan
-from ..light.trace import Step
+from ..light.rays import Step
 from ..rig.kinds import Kind
 
 NEAR_OF_GLASS = 1e-3  # of the glass's size

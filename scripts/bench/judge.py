@@ -23,7 +23,7 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.native import plan_structures
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.rays import Rays
-from kiriko.core.light.trace import TRACED_AT_ONCE, _following
+from kiriko.core.light.trace import TRACED_AT_ONCE
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Mesh
 from kiriko.core.rig.settings import Settings
@@ -156,7 +156,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
         if is_inside:
             rays.mask[:] = plan.parts.bit[0]
             rays.has_met_glass[:] = True
-        finish(_following(plan, rays))
+        finish(plan.tracer.follow(plan, rays))
         lost = (rays.reason == Reason.LOST_INSIDE) & (
             is_straight | (rays.n_events < plan.settings.max_events)
         )

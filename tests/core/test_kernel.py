@@ -49,9 +49,8 @@ from kiriko.core.light.engines import Embree
 from kiriko.core.light.landings import Landings, Reason
 from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.native import (
-    following,
+    kernel_tracer,
     plan_structures,
-    ray_states,
     touching,
     trees,
 )
@@ -608,8 +607,7 @@ def test_a_long_way_is_left_to_numpy(monkeypatch):
     plan = make_plan(a_rig, Settings())
     rays = rays_of(a_rig, 100)
     expected = finish(recording(plan, *rays))[1]
-    monkeypatch.setattr(following, "MOST_RECORDED", 1000)
-    assert not following.can_follow(plan, Rays(*rays, np.zeros((100, 8), np.uint64), True), False)
+    monkeypatch.setattr(kernel_tracer, "MOST_RECORDED", 1000)
     assert np.array_equal(finish(recording(plan, *rays))[1], expected)
 
 
@@ -621,10 +619,8 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     if not is_known:
         monkeypatch.setattr(plan_structures, "LAST_KIND", 0)
     by_numpy = []
-    by_events = trace._by_events
-    monkeypatch.setattr(
-        trace, "_by_events", lambda *rays: by_numpy.append(rays) or by_events(*rays)
-    )
+    by_events = trace.by_events
+    monkeypatch.setattr(trace, "by_events", lambda *rays: by_numpy.append(rays) or by_events(*rays))
     a_rig = ball_rig(2, pixels=64)
     plan = make_plan(a_rig, Settings(max_events=20_000))
     view = np.random.default_rng(0).uniform(0, 64, (300, 2))
@@ -694,8 +690,8 @@ def test_arrays_of_another_kind_are_not_written_to():
     rays = Rays(*rays_of(plan.rig, 10), None, False)
     rays.leak = rays.leak.astype(np.int32)
     with pytest.raises(TypeError, match="leak is no array of int64"):
-        ray_states.state_of(rays)
-    for name, dtype in ray_states.STATE.items():
+        kernel_tracer.state_of(rays)
+    for name, dtype in kernel_tracer.STATE.items():
         assert getattr(Rays(*rays_of(plan.rig, 10), None, False), name).dtype == dtype
 
 

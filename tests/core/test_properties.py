@@ -15,7 +15,7 @@ from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import BY_GAPS, REASON_WORDS, Reason
 from kiriko.core.light.optics import reflect, refract
 from kiriko.core.light.rays import Rays
-from kiriko.core.light.trace import _following, trace_all
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.picture_coverage import TOO_FINE
@@ -199,9 +199,9 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
     asked = 0
     for events in range(1, 9):
         rays = Rays(o, d, None, False)
-        finish(_following(replace(plan, settings=Settings(max_events=events)), rays))
+        finish(plan.tracer.follow(replace(plan, settings=Settings(max_events=events)), rays))
         further = Rays(o, d, None, False)
-        finish(_following(replace(plan, settings=Settings(max_events=events + 1)), further))
+        finish(plan.tracer.follow(replace(plan, settings=Settings(max_events=events + 1)), further))
         way = np.linalg.norm(further.positions - rays.positions, axis=1)
         some = np.flatnonzero(
             (rays.n_events == events) & ((way > 2 * BESIDE) | (further.n_events == events))

@@ -19,7 +19,7 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.rays import Rays
-from kiriko.core.light.trace import _following, trace_all
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
@@ -592,7 +592,7 @@ def test_what_a_ray_is_in_counts_in_its_own_cluster_only():
     inside.cluster[:] = plan.parts.cluster[a]
 
     for rays in (outside, inside):
-        finish(_following(plan, rays))
+        finish(plan.tracer.follow(plan, rays))
         assert rays.mask == plan.parts.bit[b]
         assert rays.cluster == plan.parts.cluster[b]
 

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.light.native import bisecting
+from kiriko.core.light.native.kernel_tracer import Kernel
+from kiriko.core.light.plan import Ends, Halving
 from kiriko.core.rig.rig import Viewer
 
 
@@ -20,7 +21,7 @@ def counted_rays(viewer: Viewer) -> Iterator[NDArray[np.int64]]:
     """
     width, height = viewer.width, viewer.height
     counts = np.zeros((height + 1, width + 1), np.int64)
-    rays_of, bisect_of = Viewer.rays, bisecting.bisect
+    rays_of, bisect_of = Viewer.rays, Kernel.bisect
 
     def count(xy: NDArray) -> None:
         column, row = np.clip(np.floor(xy), 0, (width, height)).astype(np.int64).T
@@ -30,20 +31,20 @@ def counted_rays(viewer: Viewer) -> Iterator[NDArray[np.int64]]:
         count(xy)
         return rays_of(viewer, xy)
 
-    def bisect(plan: object, edges: bisecting.Halving) -> Iterator[int]:
-        ends = yield from bisect_of(plan, edges)
+    def bisect(self: Kernel, plan: object, edges: Halving) -> Iterator[int]:
+        ends = yield from bisect_of(self, plan, edges)
         for xy in _tried(edges, ends):
             count(xy)
         return ends
 
-    Viewer.rays, bisecting.bisect = rays, bisect
+    Viewer.rays, Kernel.bisect = rays, bisect
     try:
         yield counts
     finally:
-        Viewer.rays, bisecting.bisect = rays_of, bisect_of
+        Viewer.rays, Kernel.bisect = rays_of, bisect_of
 
 
-def _tried(edges: bisecting.Halving, ends: bisecting.Ends) -> Iterator[NDArray]:
+def _tried(edges: Halving, ends: Ends) -> Iterator[NDArray]:
     """The places (k, 2) that were tried one after the other: a place was on its branch where the
     last one is no nearer to the start.
     """
