@@ -12,7 +12,7 @@ from ..core.blender.rigs import active_rig, rigs
 from ..core.files.frame_list import frames_of
 from ..core.lab.farm.job import Job
 from ..core.light.mesh_cache import Kept
-from ..core.solve.coarse import check_light
+from ..core.solve.first_picture import check_light
 from . import work
 from .one_viewer import choose_alone, naming_rig, naming_viewer
 from .set_value import having

@@ -32,7 +32,7 @@ from ..core.blender.shapes import Kept
 from ..core.blender.shown_otherwise import reasons
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
-from ..core.solve.coarse import enlarged, ladder
+from ..core.solve.first_picture import coarser, enlarged, has_coarse
 from ..core.solve.memory import check_memory
 from . import compared, work
 from .chosen import chosen_settings, uid
@@ -285,12 +285,14 @@ class Live:
         is_traced = work.session().knows(rig, settings)
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
-        rungs = [(rig, settings)] if is_quick else ladder(rig, settings)
+        pictures = [(rig, settings)]
+        if not is_quick and has_coarse(rig):
+            pictures.insert(0, coarser(rig, settings))
         if not is_traced:
             # of the last of them: nothing is shown of a rig that cannot be solved
             check_memory(rig, settings, is_told_again=True)
-        for n, (a_rig, how) in enumerate(rungs):
-            is_last = n == len(rungs) - 1
+        for n, (a_rig, how) in enumerate(pictures):
+            is_last = n == len(pictures) - 1
             began, n_before = perf_counter(), self.n_pictures
             try:
                 tells = is_last and not is_quick

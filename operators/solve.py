@@ -16,7 +16,7 @@ from ..core.blender.result import (
     write_solution,
     write_viewers,
 )
-from ..core.solve.coarse import solve_in_sight
+from ..core.solve.first_picture import solve_in_sight
 from . import live, long_work, look_over, needed, work
 from .remedies import legible, remedies_for
 from .viewer_reports import reports_of

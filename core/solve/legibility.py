@@ -18,7 +18,7 @@ from ..image.picture import cover_in_view
 from ..light.mesh_cache import Kept
 from ..rig.rig import Rig
 from ..rig.settings import Settings
-from .coarse import coarser
+from .first_picture import coarser
 from .session import Session
 from .solution import Solution
 

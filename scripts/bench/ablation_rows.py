@@ -547,7 +547,6 @@ ELSEWHERE = {
     "image.reads.COARSE_SIDE": "only at a tolerance of 0.2 px and more",
     "map.pieces.SWING": "only with Brightness",
     "solve.accuracy.MANY_EVENTS": "only with more than 64 events",
-    "solve.coarse.Coarse": "`dev.py live`: the first picture",
     "solve.memory.Bytes": "`dev.py bench`: memory told beforehand",
     "solve.memory.Numbers": "`dev.py bench`: memory told beforehand",
 }

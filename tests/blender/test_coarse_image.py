@@ -1,6 +1,5 @@
 """The coarse image that a solve in the interface shows before its end."""
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -35,10 +34,10 @@ def shown(rig: dict, monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
     """
     ours = bpy.context.scene.kiriko.viewer.kiriko
     ours.resolution = (160, 160)
-    coarse = part("core.solve.coarse")
+    first_picture = part("core.solve.first_picture")
     solve = part("operators.solve")
     images = []
-    monkeypatch.setattr(coarse, "COARSE", replace(coarse.COARSE, tracing_s=0.0))
+    monkeypatch.setattr(first_picture, "WAIT_S", 0.0)
     write = solve.write_coarse
     monkeypatch.setattr(solve, "write_coarse", lambda *a: (images.append(a[-1]), write(*a))[1])
     bpy.ops.ed.undo_push(message="rig")

@@ -13,7 +13,7 @@ from ...light.mesh_cache import Kept
 from ...rig.rig import PicturePlace, Rig
 from ...rig.settings import Settings
 from ...rig.viewer import Viewer
-from ...solve.coarse import check_light
+from ...solve.first_picture import check_light
 from ...solve.session import Session
 from .head_map import HeadMap, Off, as_bytes, between, head_map, off
 from .heads import AXES, IN_WORDS, HeadBox, HeadGrid, Offset, check_viewer, viewer_at
