@@ -34,6 +34,11 @@ def is_on_image(plan: Plan, xy: Floats) -> Bools:
     return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
 
 
+def land(plan: Plan, rays: Rays, i: Ints, place: Floats) -> None:
+    """Give rays (n,) their landing at places (n, 2) of the display, px."""
+    rays.xy[i] = plan.rig.display.pixel(place, taken(rays.directions, i))
+
+
 def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
     """Is this light that comes beside the glass, by way of the
     plate where one is needed, and is it looked for?
@@ -88,7 +93,7 @@ def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
     rays.n_events[i[is_met]] += 1
 
     lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_met) & is_front
-    rays.xy[i[lands]] = xy[lands]
+    land(plan, rays, i[lands], xy[lands])
     rays.add_to_branch(i[lands], plan.triangles.patch[-1], LAND)
 
 
@@ -104,5 +109,5 @@ def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
 
     i = i[lands]
     xy, _, is_front = on_plane(plan, rays, i)
-    rays.xy[i[is_front]] = xy[is_front]
+    land(plan, rays, i[is_front], xy[is_front])
     rays.add_to_branch(i[is_front], plan.triangles.patch[-1], LAND)

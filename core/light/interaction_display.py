@@ -10,7 +10,7 @@ from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Display
 from .display import uv_islands
-from .endings import give_reasons, is_on_image
+from .endings import give_reasons, is_on_image, land
 from .hits import Hits
 from .meetings import Law, key_of_facets
 from .mesh_cache import Kept
@@ -35,14 +35,13 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     """
     display = plan.rig.display
     uv = display.mesh.uv[hits.triangle - plan.display.start]
-    u, v = interpolate(uv, hits.u, hits.v).T
-    xy = np.stack([u * display.width, (1 - v) * display.height], axis=1)
+    place = display.place(interpolate(uv, hits.u, hits.v))
 
     is_front = dot(rays.directions[i], plan.triangles.normals[hits.triangle]) < 0
     is_met = np.ones(len(i), bool)
-    lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_on_image(plan, xy)) & is_front
+    lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_on_image(plan, place)) & is_front
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], LAND)
-    rays.xy[i] = np.where(lands[:, None], xy, np.nan)
+    land(plan, rays, i[lands], place[lands])
 
 
 LAW = Law(meet, surface, ends=True)

@@ -151,7 +151,8 @@ static bool is_on_image(const Plan *plan, const double *xy) {
     return true;
 }
 
-static void put_xy(Ray *ray, const double *xy) {
+/* Give a ray its landing at a place of the display, px, as Display.pixel has it. */
+static void land(Ray *ray, const double *xy) {
     ray->rays->xy[2 * ray->i] = xy[0];
     ray->rays->xy[2 * ray->i + 1] = xy[1];
 }
@@ -174,7 +175,7 @@ static void end_without_hit(Ray *ray) {
     double xy[2], t;
     if (!plan->has_plane || (rays->reason[i] != MISSED_DISPLAY && !is_beside_glass(ray))) return;
     if (!on_plane(ray, xy, &t)) return;
-    put_xy(ray, xy);
+    land(ray, xy);
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
 
@@ -199,7 +200,7 @@ static void land_beyond_plate(Ray *ray) {
                       : MISSED_DISPLAY;
     bool lands = rays->reason[i] == ARRIVED || rays->reason[i] == MISSED_DISPLAY || is_beside_glass(ray);
     if (!is_front || !lands) return;
-    put_xy(ray, xy);
+    land(ray, xy);
     add_to_branch(ray, plan->patch[plan->n_triangles - 1], LAND);
 }
 
@@ -361,7 +362,7 @@ static void meet_display(Ray *ray, const Hit *hit) {
     double w = 1 - hit->u - hit->v, at[2];
     for (int k = 0; k < 2; k++) at[k] = w * uv[k] + hit->u * uv[2 + k] + hit->v * uv[4 + k];
     double xy[2] = {at[0] * plan->display_size[0], (1 - at[1]) * plan->display_size[1]};
-    put_xy(ray, xy);
+    land(ray, xy);
     if (rays->reason[i] == ARRIVED && !is_on_image(plan, xy)) rays->reason[i] = MISSED_DISPLAY; /* the UV map leaves the image */
 }
 

@@ -112,6 +112,17 @@ class Display(Part):
                 black_level=self.black_level,
             )
 
+    def place(self, uv: Floats) -> Floats:
+        """Places (n, 2) of its image, px right and down from the top left corner, at UV (n, 2)."""
+        u, v = uv.T
+        return np.stack([u * self.width, (1 - v) * self.height], axis=1)
+
+    def pixel(self, place: Floats, directions: Floats) -> Floats:
+        """Where rays land: the px (n, 2) of the source image that light shows which leaves places
+        (n, 2) px against directions of rays (n, 3). Each place looks the same from everywhere.
+        """
+        return place
+
     def light_of(self, source: NDArray[np.float32]) -> NDArray[np.float32]:
         """The light of its pixels, white being 1, where it shows a source image, linear."""
         if self.black_level == 0:
