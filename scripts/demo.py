@@ -7,17 +7,15 @@ Started by dev.py.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import math
-import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
 
 import bpy
 
+from environments import quiet
 from known import straight_rigs
 from known.registered import registered
 from paper.lattice import shift_in_cycles
@@ -60,21 +58,6 @@ def add_cube() -> None:
     bpy.ops.kiriko.add_rig(
         field=0.05, picture_size=0.035, display_size=0.05, display_resolution=(512, 512)
     )
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Keep Blender's own lines, one for each sample, out of the terminal."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    with Path(os.devnull).open("w") as nowhere:
-        os.dup2(nowhere.fileno(), 1)
-        try:
-            yield
-        finally:
-            sys.stdout.flush()
-            os.dup2(kept, 1)
-            os.close(kept)
 
 
 FIRST = {"ball": add_ball, "cube": add_cube}

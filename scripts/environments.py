@@ -24,7 +24,7 @@ WINDOWS = os.name == "nt"
 BLENDERS = {"bpy-5.2.3": "3.13", "bpy-4.5.15": "3.11", "bpy-4.2.23": "3.11"}
 PYTHONS = {**BLENDERS, "core": "3.11"}
 # Without Blender, for any Python that has one, and set up only when
-# `dev.py compare` and `dev.py manual` ask for them.
+# `dev.py marks` and `dev.py manual` ask for them.
 BENCH = "bench"
 MANUAL = "manual"
 # The readers of warp maps, only for `dev.py farm`.
@@ -242,12 +242,28 @@ def as_module(script: str) -> tuple[str, ...]:
     return "-P", "-m", script
 
 
-def run_in_newest_blender(script: str, *options: str | Path) -> int:
+def run_in_newest_blender(script: str, *options: str | Path, **variables: str) -> int:
     """Run a module of scripts/ in the newest Blender; its exit code."""
     interpreter = set_up(*newest_blender())
     with empty_profile() as profile:
-        variables = clean_environment(BLENDER_USER_RESOURCES=profile, PYTHONPATH=python_path())
-        return subprocess.run([interpreter, *as_module(script), *options], env=variables).returncode
+        own = {"BLENDER_USER_RESOURCES": profile, "PYTHONPATH": python_path(), **variables}
+        command = [interpreter, *as_module(script), *options]
+        return subprocess.run(command, env=clean_environment(**own)).returncode
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep Blender's own lines, one for each sample, out of the terminal."""
+    sys.stdout.flush()
+    stdout = os.dup(1)
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            os.dup2(stdout, 1)
+            os.close(stdout)
 
 
 def missing_library(interpreter: Path) -> str | None:

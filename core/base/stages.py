@@ -8,7 +8,7 @@ from itertools import accumulate, pairwise
 
 from .steps import between
 
-# Mean parts of the time on ball, cube, wine glass, bottle and text (`dev.py glasses --stages`).
+# Mean parts of the time on ball, cube, wine glass, bottle and text (`dev.py bench --stages`).
 SHARES = {
     "plan": 0.19,
     "squares": 0.14,

@@ -15,7 +15,7 @@ from ..base.arrays import Bools, Floats
 
 @dataclass(frozen=True)
 class Search:
-    """How a place is sought; tuned on the glasses of `dev.py glasses`, with lengths as shares.
+    """How a place is sought; tuned on the glasses of `dev.py bench`, with lengths as shares.
 
     n_rays : along the glass's longer side, as the viewer sees it
     n_places : compared at first, along each side; odd, so that the middle is one of them

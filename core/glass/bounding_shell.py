@@ -22,7 +22,7 @@ from .quartics import N_TERMS, monomials
 
 @dataclass(frozen=True)
 class HullKnobs:
-    """How fine a hull is, tuned by `dev.py curved`: finer ones cost the engine more than they save.
+    """How fine a hull is, tuned for time: finer ones cost the engine more than they save.
 
     angle : rad, by less than this the hull turns from one part to the next
     uneven : a face that runs faster at one end than at the other counts as turning so much of what

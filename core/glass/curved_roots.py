@@ -20,7 +20,7 @@ class RootKnobs:
     """How roots are looked for; the kernel's curved.c has the same numbers.
 
     Tuned where rays graze and chords are short (tests/core/test_curved.py, "Silhouettes"), and
-    for time by `dev.py curved`.
+    for time.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ class FaceKnobs:
     """When a fitted face keeps to its mesh (design.md, decision 3, "Contradictions").
 
     Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides beside a bevel
-    would dip by a millimetre, and by `dev.py glasses`.
+    would dip by a millimetre, and by `dev.py bench`.
 
     Parameters
     ----------

@@ -235,7 +235,7 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
 class FitKnobs:
     """Which smooth triangles stand for a curved face (design.md, decision 3, "Contradictions").
 
-    Tuned by `dev.py irregular` and `dev.py glasses`, against closed forms.
+    Tuned by `dev.py irregular` and `dev.py bench`, against closed forms.
 
     least_cosine : between corner normals and the facet's: those further off, than 40 degrees,
         contradict it

@@ -19,7 +19,7 @@ from .engines import Engine, Found, make_engine, making_engine
 class LeavingKnobs:
     """When a ray only leaves the hull that has left the faces; the kernel's layers.c has the same.
 
-    Tuned by `dev.py curved`: nothing changes, and most such rays are not asked about curved faces
+    Tuned for time: nothing changes, and most such rays are not asked about curved faces
     (tests/core/test_curved.py, `test_leaving_the_hull_early_changes_nothing`).
 
     steep : cosine to the hull's normal

@@ -17,7 +17,7 @@ from .packing import Packing
 
 @dataclass(frozen=True)
 class ThinPartsKnobs:
-    """How boxes are looked into; tuned for time by `dev.py growth` and `dev.py bench`.
+    """How boxes are looked into; tuned for time by `dev.py bench`.
 
     Parameters
     ----------

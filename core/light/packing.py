@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints, each_once
 
-# tuned for time by `dev.py growth` and `dev.py bench`
+# tuned for time by `dev.py bench`
 MOST_PATCHES = 4096  # with more patches whole parts are looked for
 IN_BOXES = (512, 64, 8, 1)  # triangles, level by level below those of whole patches
 DIGITS = 10  # binary, of each coordinate by which triangles are sorted

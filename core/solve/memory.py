@@ -21,7 +21,7 @@ from ..rig.viewer import Viewer
 
 @dataclass(frozen=True)
 class Bytes:
-    """Bytes of a solve, fitted to the peaks of `dev.py bench` and `dev.py glasses`.
+    """Bytes of a solve, fitted to the peaks of `dev.py bench`.
 
     always : of every solve
     rays_by_numpy, shares_by_numpy : of batches of rays, and of a share of a batch, more without

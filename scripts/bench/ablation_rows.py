@@ -541,7 +541,7 @@ ROWS = [*TAIL, *MAP, *GLASS, *IMAGE, *SOLVE]
 
 # Records that no solve of these glasses depends on, and the bench that measures them instead
 ELSEWHERE = {
-    "bench": "`dev.py placement` (Add Rig) and `dev.py misalignment` (photographs)",
+    "bench": "`tests/core/test_spread.py` (Add Rig) and `dev.py paper` (photographs)",
     "image.seen_image.DotKnobs": "`dev.py paper`: the lattice as seen",
     "image.tone.Tone": "the user's choice",
     "image.reads.COARSE_SIDE": "only at a tolerance of 0.2 px and more",

@@ -1,4 +1,4 @@
-"""Does an atlas of warp maps hold between its places? `dev.py atlas`.
+"""Does an atlas of warp maps hold between its places? A part of `dev.py farm`.
 
 A head moves in a box before glass. Kiriko plans a grid of its places, halved until blended maps
 keep the tolerance, and writes their maps. Then heads at random places of the box are compared: the
@@ -6,35 +6,28 @@ map that the reader for others (scripts/atlas_reader.py) blends, and the one tha
 *off* is in picture px, over the display pixels whose path all maps share: at the median head the
 median, and the largest of what 95 % of the pixels keep; *at borders* are the other pixels, of
 those that are lit. *every pixel* is the 95 % of all pixels that both maps show, at borders too.
-
-Exits with 1 where an atlas misses its tolerance.
 """
 
-import argparse
-import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
 from atlas_reader import Atlas as Reader
-from bench.brought_glass import made
-from bench.glasses import rig_of
+from bench.solve import brought
 from kiriko.core.base.steps import finish
 from kiriko.core.lab.atlas import atlas_plan, head_map, making
 from kiriko.core.lab.atlas.atlas import Atlas, random_heads
 from kiriko.core.lab.atlas.heads import HeadBox
-from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 
 PIXELS = 256  # a side, of display and viewer
 HEADS = 100
 MOST = 1000
-GLASSES = "ball", "cube", "wine glass", "gem"
 BOX = HeadBox((-0.03, -0.02, -0.05), (0.03, 0.02, 0.05))  # m, a head in its seat
 TOLERANCE = 1.0  # px of the picture
 
@@ -72,18 +65,10 @@ HEADING = (
 )
 
 
-def rig_for(glass: str, pixels: int) -> Rig:
-    """A glass on the bench, with as many pixels a side."""
-    rig = rig_of(glass, made(glass))
-    viewer = replace(rig.viewer, width=pixels, height=pixels)
-    display = replace(rig.display, width=pixels, height=pixels)
-    return replace(rig, viewers=(viewer,), displays=(display,))
-
-
 def row(glass: str, pixels: int, n_heads: int, tolerance: float) -> Row:
     """Make an atlas of a glass, and try heads in it."""
     with tempfile.TemporaryDirectory() as name:
-        rig = rig_for(glass, pixels)
+        rig = brought(glass, pixels=pixels, display_pixels=pixels)
         of = making.Making(Session(), rig, rig.viewer, Settings(), Path(name))
         started = perf_counter()
         atlas = finish(atlas_plan.planned(of, BOX, tolerance, MOST, False, ""))
@@ -111,27 +96,3 @@ def _tried(of: making.Making, atlas: Atlas, n: int) -> Iterator[tuple[head_map.O
         apart = np.hypot(*((st - true.st)[both] * size).T)
         blended = head_map.Blended(found, is_whole)
         yield head_map.off(blended, true, atlas.picture_size), float(np.quantile(apart, 0.95))
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--glass", nargs="+", default=GLASSES, metavar="NAME")
-    parser.add_argument("--heads", type=int, default=HEADS, help=f"to try ({HEADS})")
-    parser.add_argument("--pixels", type=int, default=PIXELS, help=f"a side ({PIXELS})")
-    parser.add_argument(
-        "--tolerance", type=float, default=TOLERANCE, help=f"picture px ({TOLERANCE:g})"
-    )
-    arguments = parser.parse_args()
-
-    print(HEADING, flush=True)
-    rows = []
-    for glass in arguments.glass:
-        rows.append(row(glass, arguments.pixels, arguments.heads, arguments.tolerance))
-        print(rows[-1].text(), flush=True)
-    sys.exit(not all(one.is_kept for one in rows))
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,6 @@ Random ones are in scripts/fuzz/shapes.py.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Callable
@@ -269,18 +268,6 @@ FILLINGS = {"wine glass, filled": (wine, 1.34)}  # and their indices
 INDICES = {"gem": 2.42}  # others are of 1.49
 # m, the height that is looked at; others are looked at in their middle, SIZE across
 BOWLS = {"wine glass": 0.14, "wine glass, filled": 0.14}
-
-
-def add_glass_option(parser: argparse.ArgumentParser) -> None:
-    """Let a bench be asked for some of the glasses alone."""
-    parser.add_argument(
-        "--glass",
-        nargs="+",
-        metavar="NAME",
-        choices=GLASSES | OTHERS,
-        default=list(GLASSES),
-        help="only these, or others",
-    )
 
 
 def made(name: str) -> Mesh:

@@ -1,19 +1,19 @@
-"""Where the light of each viewer pixel lands, beside Cycles, through glass as artists bring it.
+"""Where the light of each viewer pixel lands, beside Cycles, through glass as artists bring it:
+`dev.py cycles`.
 
-`python3 scripts/dev.py cycles [--glass NAME ...] [--surface CHOICE ...] [--pixels N]`. Add Rig sets
-each glass up, and Cycles traces the middle of each viewer pixel, in single precision. Differences
-in display px, of 512. `apart` is the share of rays that arrive in Cycles and land more than a pixel
-elsewhere or nowhere in Kiriko: pixels on a border between two ways. `compared` is the share of
-Kiriko's light that arrives in Cycles, too. `gaps` and `normals` are the shares of Kiriko's light
-that goes in or out by a gap in open glass, and that is bent by normals which contradict their
-faces, as the result tells them; then 95 % and `apart` without both. Light beside the glass does not
-count. Where faces are curved, Cycles sees them cut into as many triangles as memory allows.
+Add Rig sets each glass up, and Cycles traces the middle of each viewer pixel, in single precision.
+Differences in display px, of 512. `apart`: part of the rays that arrive in Cycles and land more
+than a pixel elsewhere or nowhere in Kiriko: pixels on a border between two paths. `compared`: part
+of Kiriko's light that arrives in Cycles, too. `gaps` and `normals`: parts of Kiriko's light that
+go through a gap in open glass, and that normals bend which contradict their faces, as the result
+reports; then 95 % and `apart` without both. Light beside the glass does not count. Where faces are
+curved, Cycles sees them cut into as many triangles as memory allows.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections import defaultdict
+from collections.abc import Iterator
 
 import bpy
 import numpy as np
@@ -23,54 +23,34 @@ from fuzz.run import compared, how_far
 from kiriko.core.blender.scene import read
 from known.registered import registered
 
-from .brought_glass import GLASSES, INDICES, SIZE, add_glass_option, fitting
+from .brought_glass import GLASSES, INDICES, SIZE, fitting
 from .irregular import CHOICES
+from .runner import Bench, Row, option, run
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_glass_option(parser)
-    parser.add_argument(
-        "--surface",
-        nargs="+",
-        choices=CHOICES,
-        default=["facets", "automatic"],
-        help="only these choices",
-    )
-    parser.add_argument(
-        "--pixels", type=int, default=256, metavar="N", help="of the viewer, across"
-    )
-    arguments = parser.parse_args()
+def measure(name: str, make: object, arguments: argparse.Namespace) -> Iterator[Row]:
+    """Compare the landings through a glass, by some choices of *Surface*."""
     registered()
-
-    rows = [
-        f"{'glass':<16}{'surface':>10}{'median px':>11}{'95 % px':>9}"
-        f"{'apart %':>9}{'compared %':>12}{'gaps %':>9}{'normals %':>11}"
-        f"{'95 % px':>9}{'apart %':>9}"
-    ]
-    for name in arguments.glass:
-        for choice in arguments.surface:
-            scene = set_up(name, choice, arguments.pixels)
-            found = compared(scene, read(bpy.context.evaluated_depsgraph_get(), scene))
-            is_glass = found.is_glass
-            is_told = found.by_gap | found.by_odd_normal
-            of_all, of_rest = (
-                defaultdict(
-                    lambda: np.nan,
-                    how_far(found.is_ours & some, found.is_theirs & some, found.off) or {},
-                )
-                for some in (is_glass, is_glass & ~is_told)
-            )
-            is_ours = found.is_ours & is_glass
-            gaps, odd = (100 * some[is_ours].mean() for some in (found.by_gap, found.by_odd_normal))
-            told = f"{of_all['median']:11.4f}{of_all['most']:9.4f}{100 * of_all['apart']:9.2f}"
-            told += f"{100 * of_all['both']:12.1f}{gaps:9.2f}{odd:11.2f}"
-            told += f"{of_rest['most']:9.4f}{100 * of_rest['apart']:9.2f}"
-            rows.append(f"{name:<16}{choice:>10}{told}")
-
-    print("", *rows, sep="\n")  # apart from the lines that Blender prints
+    for choice in arguments.surface:
+        scene = set_up(name, choice, arguments.pixels)
+        found = compared(scene, read(bpy.context.evaluated_depsgraph_get(), scene))
+        is_reported = found.by_gap | found.by_odd_normal
+        of_all, of_rest = (
+            how_far(found.is_ours & some, found.is_theirs & some, found.off) or {}
+            for some in (found.is_glass, found.is_glass & ~is_reported)
+        )
+        is_ours = found.is_ours & found.is_glass
+        yield {
+            "surface": choice,
+            "median px": of_all.get("median"),
+            "95 % px": of_all.get("most"),
+            "apart %": 100 * of_all.get("apart", np.nan),
+            "compared %": 100 * of_all.get("both", np.nan),
+            "gaps %": 100 * found.by_gap[is_ours].mean(),
+            "normals %": 100 * found.by_odd_normal[is_ours].mean(),
+            "95 % px of the rest": of_rest.get("most"),
+            "apart % of the rest": 100 * of_rest.get("apart", np.nan),
+        }
 
 
 def set_up(name: str, choice: str, pixels: int) -> bpy.types.Scene:
@@ -89,5 +69,17 @@ def set_up(name: str, choice: str, pixels: int) -> bpy.types.Scene:
     return bpy.context.scene
 
 
+COLUMNS = {
+    "surface": "s", "median px": ".4f", "95 % px": ".4f", "apart %": ".2f", "compared %": ".1f",
+    "gaps %": ".2f", "normals %": ".2f", "95 % px of the rest": ".4f",
+    "apart % of the rest": ".2f",
+}  # fmt: skip
+
 if __name__ == "__main__":
-    main()
+    run(
+        __doc__,
+        "bench.cycles",
+        Bench(GLASSES, COLUMNS, measure),
+        option("--surface", nargs="+", choices=CHOICES, default=["facets", "automatic"]),
+        option("--pixels", type=int, default=256, metavar="N", help="of the viewer, across"),
+    )

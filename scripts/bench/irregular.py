@@ -1,23 +1,25 @@
-"""Display error of irregular and noisy meshes by each choice of
-*Surface*, held to closed forms of the surface that was meant.
+"""Display error of irregular, noisy and regular meshes by each choice of *Surface*, against closed
+forms of the surface that was meant: `dev.py irregular`.
 
-`python3 scripts/dev.py irregular [--mesh NAME ...]`. Rays and errors are those of `dev.py surface`.
-Vertices are moved by up to a part of an edge and put back onto the surface, and then off it as a
-scanner's are, by a part of the size; or Blender's own modifiers make a mesh anew: Decimate, Remesh
-by voxels, and Decimate after noise as on a scan; or it is the convex hull of so many random places
-on the shape. `rest` is the rms without the ten worst rays: they go another way, or leave at a
-grazing angle. After them regular meshes that are coarse, of so many segments around, or segments
-and rings. Normals are Blender's means. `curved` is the share of the triangles that
-*Automatic* follows as curved, `worse` by how many px rms it is further off than the better of the
-other two. `told` is the error that the result tells of *Automatic*, and `away` the share of the
-light that *Smooth* would send another way where the mesh is too coarse to tell which is right.
+Rays and errors are those of surface.py. Vertices are moved by up to a part of an edge (aside) and
+put back onto the surface, and then off it as a scanner's are, by a part of the size (noise); or
+Blender's modifiers make a mesh anew: Decimate, Remesh by voxels, Decimate after noise as on a scan;
+or it is the convex hull of random places; or it is regular and coarse, of so many segments around,
+or segments and rings. Normals are Blender's means. For each choice of *Surface*: median, rms, rms
+without the ten worst rays (they go another way, or leave at a grazing angle), 99 %. `curved`: part
+of the triangles that *Automatic* follows as curved. `worse`: px rms by which it is further off than
+the better of the others. `told`: the error that the result tells of *Automatic*. `away`: part of
+the light that *Smooth* would send another way where the mesh is too coarse to tell which is right.
+
+`--regular`: rms of facets with their own normals, with interpolated ones, and of curved faces.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -31,23 +33,32 @@ from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.tessellation import tessellation
 from known.reference_rigs import icosphere, mean_normals, rig, torus, uv_ellipsoid
 
+from .runner import Bench, Row, run
 from .surface import (
     BALL,
     BLENDERS,
     BLENDERS_TORUS,
     ELLIPSOID,
+    KINDS,
     LENTIL,
     OPTIONS,
     SHAPES,
     TORUS,
+    drawn,
     judged,
 )
+from .surface import errors as rms_of
 
 Floats = NDArray[np.float64]
 
 CHOICES: tuple[SurfaceChoice, ...] = ("facets", "smooth", "automatic")
-ASIDE = (0.0, 0.1, 0.2, 0.3)  # of an edge
-NOISE = (0.0, 1e-6, 1e-5, 3e-5, 1e-4, 1e-3, 1e-2)  # of the size
+# of an edge along the surface, of the size off it
+DISTURBED = (
+    *((aside, 0.0) for aside in (0.0, 0.1, 0.2, 0.3)),
+    *((0.0, noise) for noise in (1e-6, 1e-5, 3e-5, 1e-4, 1e-3, 1e-2)),
+    *((0.2, 1e-5), (0.2, 1e-3)),
+)
+SEGMENTS = 32, 64, 128, 256
 SEED = 6
 THINNED = {"kind": "DECIMATE", "ratio": 1 / 16}
 VOXELS = {"kind": "REMESH", "mode": "VOXEL", "voxel_size": 0.0015, "use_smooth_shade": True}
@@ -238,75 +249,69 @@ def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
     return Errors(median, rms, rest, p99, len(px) - len(arrived), curved)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    every = [*MESHES, *REBUILT, *HULLS]
-    parser.add_argument(
-        "--mesh", nargs="+", metavar="NAME", choices=every, default=every, help="only these"
-    )
-    arguments = parser.parse_args()
-    print(f"{'':<46}" + "".join(f"{choice:>40}" for choice in CHOICES))
-    columns = f"{'median':>10}{'rms':>10}{'rest':>10}{'99 % px':>10}" * 3
-    last = f"{'curved':>9}{'worse':>9}{'told':>10}{'away':>8}"
-    print(f"{'mesh':<28}{'aside':>8}{'noise':>8}  {columns}{last}")
-
-    worst = 0.0
-    for name in arguments.mesh:
-        if name in REBUILT:
-            worst = max(
-                worst, print_row(name, REBUILT[name][0], rebuilt(name), 0.0, REBUILT[name][2])
-            )
-            continue
-        if name in HULLS:
-            shape, n, noise = HULLS[name]
-            worst = max(worst, print_row(name, shape, hull(shape, n, noise), 0.0, noise))
-            continue
-        cases = (
-            [(aside, 0.0) for aside in ASIDE]
-            + [(0.0, noise) for noise in NOISE[1:]]
-            + [(0.2, 1e-5), (0.2, 1e-3)]
-        )
-        for aside, noise in cases:
-            worst = max(
-                worst, print_row(name, MESHES[name][0], disturbed(name, aside, noise), aside, noise)
-            )
-
-    print(
-        f"Automatic is at most {worst:.3f} px further off, rms, than the better of the other two.\n"
-    )
-    for shape, numbers in COARSE.items() if arguments.mesh == every else ():
-        for segments in numbers:
-            print_row(f"{shape}, {told(segments)}", shape, coarse(shape, segments), 0.0, 0.0)
-    if arguments.mesh == every:
-        print_row("torus, 24 x 12, sheared", "torus", sheared("torus", 24, 12), 0.0, 0.0)
+Meshes = Iterator[tuple[str, str, Mesh]]  # what was done, shape, mesh
 
 
-def told(segments: int | tuple[int, int]) -> str:
-    """Segments, and rings where they are not half as many."""
-    return f"{segments}" if isinstance(segments, int) else "{} x {}".format(*segments)
+def disturbances(name: str) -> Meshes:
+    """A mesh, disturbed in several ways."""
+    for aside, noise in DISTURBED:
+        yield f"{aside:g} {noise:g}", MESHES[name][0], disturbed(name, aside, noise)
 
 
-def print_row(name: str, shape: str, mesh: Mesh, aside: float, noise: float) -> float:
-    """Print the errors by each choice, and return by how many
-    px rms *Automatic* is worse than the better one.
-    """
-    drawn, smooth, automatic = (errors(shape, mesh, choice) for choice in CHOICES)
-    mesh = replace(mesh, surface="automatic")
-    found = finish(tessellation(make_plan(rig(mesh, **OPTIONS), Settings())))
-    worse = automatic.rms - min(drawn.rms, smooth.rms)
-    told = "".join(
-        f"{e.median:10.3g}{e.rms:10.3g}{e.rest:10.3g}{e.p99:10.3g}"
-        for e in (drawn, smooth, automatic)
-    )
-    print(
-        f"{name:<28}{aside:8g}{noise:8g}  {told}{automatic.curved:9.3f}{worse:9.3f}"
-        f"{found.error:10.3g}{found.coarse.elsewhere:8.3f}",
-        flush=True,
-    )
-    return worse
+def one(shape: str, make: Callable[[], Mesh]) -> Meshes:
+    """A mesh that stands for a shape."""
+    yield "", shape, make()
 
+
+def coarse_ones(shape: str) -> Meshes:
+    """Regular meshes of a shape."""
+    for segments in COARSE[shape]:
+        plain = f"{segments}" if isinstance(segments, int) else "{} x {}".format(*segments)
+        yield plain, shape, coarse(shape, segments)
+    if shape == "torus":
+        yield "24 x 12, sheared", shape, sheared(shape, 24, 12)
+
+
+def measure(_: str, meshes: Callable[[], Meshes], __: argparse.Namespace) -> Iterator[Row]:
+    """The errors of each mesh by each choice."""
+    for done, shape, mesh in meshes():
+        row: Row = {"mesh": done}
+        found = [errors(shape, mesh, choice) for choice in CHOICES]
+        for choice, e in zip(CHOICES, found, strict=True):
+            row[choice] = " ".join(f"{x:8.3g}" for x in (e.median, e.rms, e.rest, e.p99))
+        drawn_rms, smooth_rms, rms = (e.rms for e in found)
+        row |= {"curved": found[-1].curved, "worse": rms - min(drawn_rms, smooth_rms)}
+        mesh = replace(mesh, surface="automatic")
+        reported = finish(tessellation(make_plan(rig(mesh, **OPTIONS), Settings())))
+        yield row | {"told": reported.error, "away": reported.coarse.elsewhere}
+
+
+def measure_regular(shape: str, kinds: tuple[str, ...], _: argparse.Namespace) -> Iterator[Row]:
+    """The errors of finer and finer meshes."""
+    for segments in SEGMENTS:
+        n_triangles = len(drawn(shape, segments, kinds[0]).glasses[0].mesh.triangles)
+        yield {"triangles": n_triangles} | {kind: rms_of(shape, segments, kind) for kind in kinds}
+
+
+CASES = {
+    **{name: partial(disturbances, name) for name in MESHES},
+    **{name: partial(one, REBUILT[name][0], partial(rebuilt, name)) for name in REBUILT},
+    **{name: partial(one, HULLS[name][0], partial(hull, *HULLS[name])) for name in HULLS},
+    **{f"{shape}, coarse": partial(coarse_ones, shape) for shape in COARSE},
+}
+COLUMNS = {
+    "mesh": "", **dict.fromkeys(CHOICES, ""), "curved": ".3f", "worse": ".3f", "told": ".3g",
+    "away": ".3f",
+}  # fmt: skip
 
 if __name__ == "__main__":
-    main()
+    run(
+        __doc__,
+        "bench.irregular",
+        Bench(CASES, COLUMNS, measure),
+        regular=Bench(
+            dict.fromkeys(SHAPES, KINDS),
+            {"triangles": "d", **dict.fromkeys(KINDS, ".3g")},
+            measure_regular,
+        ),
+    )

@@ -1,11 +1,11 @@
-"""Core at its hardest: against mpmath at fifty digits on random
-cases, and with rays at vertices that may not leak.
+"""Optics against mpmath at fifty digits, and rays at vertices that may not leak: `dev.py judge`.
 
-The first table is of 1e5 cases of each kind, hard ones among them: the worst relative error where
-the problem is a good one (k > 1e-6), the worst part of its mark (1e-12 there, 4 eps / sqrt k
-below), how many cases are of the wrong class and by how much others missed the class. The second is
-of rays aimed at all vertices and all middles of edges of closed meshes, from outside and from
-inside, straight on and refracted.
+Of 100 000 random cases of each kind, hard ones among them: the worst relative error where the
+problem is a good one (k > 1e-6), the worst part of its mark (1e-12 there, 4 eps / sqrt k below),
+how many cases are of the wrong class, and by how much others missed the class.
+
+`--leaks`: rays aimed at all vertices and all middles of edges of closed meshes, from outside and
+from inside, straight on and refracted.
 """
 
 import argparse
@@ -30,6 +30,8 @@ from kiriko.core.rig.settings import Settings
 from known.closed_forms import unit
 from known.judges import JUDGES
 from known.reference_rigs import icosphere, mean_normals, rig, smooth_mesh, split_quads, torus
+
+from .runner import MISSED, Bench, Row, option, run
 
 Floats = NDArray[np.float64]
 
@@ -194,54 +196,57 @@ def leaks_of(shape: str, mesh: Mesh, every: int = 1) -> Leaks:
     )
 
 
-def print_verdicts(n: int, seed: int) -> None:
-    head = (
-        f"{'what':<32} {'cases':>7} {'worst error':>12} {'of its mark':>12} {'wrong':>6} {'off':>8}"
-    )
-    print(f"{head} {'kept':>5} {'s':>5}  where")
-
-    for ask in JUDGES:
+def verdicts(_: str, ask: Callable, arguments: argparse.Namespace) -> Iterator[Row]:
+    """What one judge finds on random cases."""
+    started = time.process_time()
+    for v in ask(arguments.cases, arguments.seed):
+        seconds = time.process_time() - started
         started = time.process_time()
-        for v in ask(n, seed):
-            seconds = time.process_time() - started
-            started = time.process_time()
-            line = (
-                f"{v.what:<32} {v.n_cases:7d} {v.error:12.1e} {v.part:12.2g} {v.n_wrong:6d}"
-                f" {v.off:8.0e}"
-            )
-            print(f"{line} {'yes' if v.is_kept else 'NO':>5} {seconds:5.0f}  {v.where}", flush=True)
+        yield {
+            "what": v.what,
+            "cases": v.n_cases,
+            "worst error": v.error,
+            "of its mark": v.part,
+            "wrong": v.n_wrong,
+            "off": v.off,
+            "kept": "yes" if v.is_kept else MISSED,
+            "s": seconds,
+            "where": v.where,
+        }
 
 
-def print_leaks() -> None:
-    print(
-        f"{'mesh':<16} {'triangles':>9} {'rays':>8} {'lost inside':>12} {'side unseen':>12}"
-        f" {'missed':>7} {'s':>5}"
-    )
+def leaking(_: str, size: int, __: argparse.Namespace) -> Iterator[Row]:
+    """How many rays escape from each mesh of a size."""
+    for shape, kind, mesh in leak_cases(size):
+        started = time.process_time()
+        found = leaks_of(shape, mesh)
+        yield {
+            "mesh": f"{shape}, {kind}",
+            "triangles": len(mesh.triangles),
+            "rays": found.n_rays,
+            "lost inside": found.lost,
+            "side unseen": found.odd,
+            "missed": found.missed,
+            "kept": MISSED if any(found[2:]) else "yes",
+            "s": time.process_time() - started,
+        }
 
-    for size in (0, 1):
-        for shape, kind, mesh in leak_cases(size):
-            started = time.process_time()
-            found = leaks_of(shape, mesh)
-            line = (
-                f"{shape + ', ' + kind:<16} {len(mesh.triangles):9d} {found.n_rays:8d}"
-                f" {found.lost:12d} {found.odd:12d}"
-            )
-            print(f"{line} {found.missed:7d} {time.process_time() - started:5.0f}", flush=True)
 
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--cases", type=int, default=100_000, help="of each kind, to be judged by mpmath"
-    )
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--leaks", action="store_true", help="only the rays that may not leak")
-    arguments = parser.parse_args()
-    if not arguments.leaks:
-        print_verdicts(arguments.cases, arguments.seed)
-        print()
-    print_leaks()
-
+VERDICTS = {
+    "what": "", "cases": "d", "worst error": ".1e", "of its mark": ".2g", "wrong": "d",
+    "off": ".0e", "kept": "s", "s": ".0f", "where": "",
+}  # fmt: skip
+LEAKS = {
+    "mesh": "", "triangles": "d", "rays": "d", "lost inside": "d", "side unseen": "d",
+    "missed": "d", "kept": "s", "s": ".0f",
+}  # fmt: skip
 
 if __name__ == "__main__":
-    main()
+    run(
+        __doc__,
+        "bench.judge",
+        Bench({ask.__name__: ask for ask in JUDGES}, VERDICTS, verdicts),
+        option("--cases", type=int, default=100_000, help="of each kind"),
+        option("--seed", type=int, default=0),
+        leaks=Bench({"5 000 triangles": 0, "82 000 triangles": 1}, LEAKS, leaking),
+    )

@@ -1,15 +1,15 @@
-"""Updates a second of Live, and its longest single steps, on
-balls and a wine glass. Runs inside Blender, by dev.py.
+"""Updates a second of Live, and its longest single steps, on balls and a wine glass: `dev.py live`.
 
-What is measured of the final picture comes after it is shown, while nothing
-changes: it counts for the column *whole s* alone.
+Drawing in the interface comes on top. What is measured of the final picture comes after it is
+shown, while nothing changes: it counts for the column *whole s* alone. `late`: part of the turns
+that took more than 0.1 s. `--machine`: a whole solve on one thread, by which machines are compared.
 """
 
 from __future__ import annotations
 
 import argparse
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -19,6 +19,7 @@ from known.reference_rigs import ball_rig
 from known.registered import registered
 
 from . import brought_glass as glasses
+from .runner import Bench, Row, in_turns, option, run
 
 registered()
 
@@ -51,8 +52,6 @@ GLASS = {
     "100 k": (lambda: ball(224, 225), BALL, 0.0),
     "wine glass": (wine_glass, BOWL, glasses.BOWLS["wine glass"] - MIDDLE),
 }
-YARDSTICK_RUNS = 5
-MARK = 0.45  # s, that such a solve is to take
 BLOCKING = 0.1  # s that nothing may take after the first build
 
 
@@ -68,17 +67,21 @@ class Times:
     turns: list[float] = field(default_factory=list)
     longest: dict[str, float] = field(default_factory=dict)
 
-    def lines(self, name: str) -> str:
-        """A row of the table."""
-        first = statistics.median(self.first)
-        last = statistics.median(self.last)
-        whole = statistics.median(self.whole)
+    @property
+    def row(self) -> Row:
+        """Of the table."""
+        first, last, whole = map(statistics.median, (self.first, self.last, self.whole))
         kind, worst = max(self.longest.items(), key=lambda step: step[1])
-        late = sum(seconds > BLOCKING for seconds in self.turns) / len(self.turns)
-        return (
-            f"{name:<28} {1 / first:10.2f} {1 / last:10.2f} {first:8.3f} {last:8.3f}"
-            f" {whole:8.3f} {1000 * worst:10.0f} {late:7.1%}  {kind}"
-        )
+        return {
+            "first /s": 1 / first,
+            "final /s": 1 / last,
+            "first s": first,
+            "final s": last,
+            "whole s": whole,
+            "longest ms": 1000 * worst,
+            "late %": 100 * sum(seconds > BLOCKING for seconds in self.turns) / len(self.turns),
+            "longest step": kind,
+        }
 
 
 def rig_of(
@@ -137,20 +140,6 @@ def margin(rig: dict[str, bpy.types.Object], n: int) -> None:
     bpy.context.scene.kiriko.margin = 1 + n % 2
 
 
-def yardstick() -> float:
-    """Median seconds of whole solves of the ball of `dev.py
-    bench`, on one thread: by it machines are compared.
-    """
-    a_rig = ball_rig()
-    loading.use_threads(1)
-    seconds = []
-    for _ in range(YARDSTICK_RUNS):
-        started = perf_counter()
-        finish(Session().solve(a_rig))
-        seconds.append(perf_counter() - started)
-    return statistics.median(seconds)
-
-
 CHANGES = {
     "viewer moved": move("VIEWER"),
     "glass moved": move("GLASS"),
@@ -158,50 +147,41 @@ CHANGES = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--updates", type=int, default=20, help="of each kind; medians are shown")
-    parser.add_argument("--pixels", type=int, default=512, help="a side, of viewer and display")
-    parser.add_argument("--case", choices=GLASS, help="only this glass")
-    parser.add_argument(
-        "--steps", action="store_true", help="list the longest step of each kind, too"
-    )
-    arguments = parser.parse_args()
-    print(
-        f"Viewer and display {arguments.pixels} x {arguments.pixels}, median of"
-        f" {arguments.updates} updates; drawing"
-    )
-    print("in the interface comes on top. 'late' is the share of turns that took more than 0.1 s.")
-    heads = (
-        f"{'first /s':>10} {'final /s':>10} {'first s':>8} {'final s':>8} {'whole s':>8}"
-        f" {'longest ms':>10}"
-        f" {'late':>7}"
-    )
-    print(f"{'glass, change':<28} {heads}")
+def measure(name: str, case: tuple, arguments: argparse.Namespace) -> Iterator[Row]:
+    """The first build, then updates of each kind."""
+    pixels, updates = arguments.pixels, arguments.updates
+    rig = rig_of(*case, pixels)
+    build = Times()
+    update(build)
+    yield {"change": "first build", **build.row}
+    for change, apply in CHANGES.items():
+        times = Times()
+        for n in range(updates):
+            apply(rig, n)
+            update(times)
+        yield {"change": change, **times.row}
+    live.stop()
 
-    for triangles, of_glass in GLASS.items():
-        if arguments.case not in (None, triangles):
-            continue
-        rig = rig_of(*of_glass, arguments.pixels)
-        build = Times()
-        update(build)
-        print(build.lines(f"{triangles}, first build"), flush=True)
-        for name, change in CHANGES.items():
-            times = Times()
-            for n in range(arguments.updates):
-                change(rig, n)
-                update(times)
-            print(times.lines(f"{triangles}, {name}"), flush=True)
-            if arguments.steps:
-                for kind, seconds in sorted(times.longest.items(), key=lambda step: -step[1]):
-                    print(f"    {1000 * seconds:7.1f} ms  {kind}")
-        live.stop()
 
-    print(
-        f"By the same machine now: a whole solve of the ball of `dev.py bench`, on one thread,"
-        f" {yardstick():.2f} s (mark: {MARK} s)."
-    )
+def measure_machine(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
+    """A whole solve of the reference ball, on one thread: by it machines are compared."""
+    a_rig = ball_rig()
+    loading.use_threads(1)
+    seconds, _ = in_turns({name: lambda: finish(Session().solve(a_rig))}, 5)
+    yield {"change": "a whole solve, one thread", "final s": seconds[name]}
 
+
+COLUMNS = {
+    "change": "", "first /s": ".2f", "final /s": ".2f", "first s": ".3f", "final s": ".3f",
+    "whole s": ".3f", "longest ms": ".0f", "late %": ".1f", "longest step": "",
+}  # fmt: skip
 
 if __name__ == "__main__":
-    main()
+    run(
+        __doc__,
+        "bench.live",
+        Bench(GLASS, COLUMNS, measure),
+        option("--updates", type=int, default=20, help="of each kind; medians are shown"),
+        option("--pixels", type=int, default=512, help="a side, of viewer and display"),
+        machine=Bench({"reference ball": None}, COLUMNS, measure_machine),
+    )

@@ -1,65 +1,73 @@
-"""Kiriko beside Mitsuba on glass as artists bring it, in one run on one machine: `dev.py marks`.
+"""Kiriko beside Mitsuba 3, in turns on one machine: `dev.py marks`.
 
-For each glass the same mesh, viewer and display for both: facets with interpolated normals, 512 x
-512 pixels, but for `--display`. Mitsuba's splat takes 100 samples a pixel on all threads, or as
-many as `--samples` says (mitsuba_splat.py). Kiriko solves at its default settings: the mesh *as
-drawn*, as Mitsuba shows it, and by *Automatic*, which follows the curved surface and has no judge
-here. `s` are seconds that passed; an error is that of the source image, as in side_by_side.py,
-against a splat of many samples, over all display pixels alike, and *as seen*: weighed by how much
-the viewer sees of each. `apart` is the share of the rays that Mitsuba's loop takes elsewhere: it
-goes astray where a mesh overlaps itself or has two faces in one place, and is no judge there.
-`--finer` gives Kiriko more viewer pixels, for the same display: it
-takes longer, and errs less where borders run.
+The same mesh, viewer and display for both: facets with interpolated normals, 512 x 512 pixels.
+Mitsuba's splat (mitsuba_splat.py) takes `--samples` a pixel. Kiriko solves at its default settings,
+*as drawn* (the mesh that Mitsuba shows) and by *Automatic*, which follows the curved surface and
+has no judge here. `s`: median wall seconds. An error is the RMSE of the source image, linear, over
+the display pixels that the judge sees, holes as black; *as seen*, each is weighted by how much the
+viewer sees of it. The judge is a splat of `--reference` samples in two independent halves A and B:
+the mean of (image - A)(image - B) is the squared error without the judge's own noise. `x`: times
+Mitsuba's seconds. `apart`: part of the rays that Mitsuba takes elsewhere: it goes astray where a
+mesh overlaps itself or has two faces in one place, and is no judge there.
 
-With `--effort 1 4 16`, instead: what *Effort* costs and gains, of the mesh as drawn, and with
-`--samples 25 100` after it what more samples a pixel do for the splat: processor seconds of one
-thread, rays, the shares of the view that are sampled and unresolved, and the errors; each `power`
-is that of time by which the error before it falls from the line above: -0.5 halves it in four times
-the seconds.
+`--effort`: what *Effort* costs and gains, and what more samples do for the splat: processor seconds
+of one thread. A `power` is that of time by which the error falls from the row above.
+
+`--ball`: the reference ball, judged by a splat of the sphere that it stands for (Mitsuba's own
+splat: of its triangles), by several tolerances and samples, once more after the viewer has moved,
+with another picture, and by the splat over embreex. Use `--threads 1` on one core.
 """
 
 from __future__ import annotations
 
 import argparse
-import statistics
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from time import perf_counter, process_time, thread_time
+from time import process_time, thread_time
 
 import numpy as np
 
-from environments import machine, run_in_newest_blender
+from environments import run_in_newest_blender
 from kiriko.core.base.steps import finish
 from kiriko.core.glass.meshes import geometric_normals
+from kiriko.core.image.source_image import splat
+from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from known.reference_rigs import finer, glass_rig, zone_plate
+from known.reference_rigs import ball_rig, finer, glass_rig, zone_plate
 
 from . import mitsuba_splat
-from .mitsuba_splat import Floats, MitsubaSplat, image_from_sums
-from .side_by_side import SPP, Judge, share_apart
+from .mitsuba_splat import Judge, MitsubaSplat, image_from_sums, share_apart
+from .runner import Bench, Row, in_turns, option, run
+
+GLASSES = (
+    "ball", "cube", "ellipsoid", "bottle", "wine glass", "vase", "Suzanne", "text, bevelled",
+    "text, remeshed", "gem", "cut cylinder", "displaced ball", "scan", "large scan", "bauble",
+    "nine balls",
+)  # fmt: skip
+SPP = 100
+EFFORTS = 1, 4, 16, 64
+SAMPLES = 25, 50, 100, 200
+TOLERANCES = 1.0, 0.1, 0.01
+EMBREEX_SPP = 4
+ASIDE = np.array([1e-3, 0.0, 0.0])  # m
 
 
-def meshes(folder: Path, names: list[str]) -> dict[str, tuple[Mesh, float]]:
-    """Glasses and their indices by name, made by Blender, which is not in this process."""
-    if run_in_newest_blender("bench.brought_glass", folder, *names):
-        sys.exit("The glasses were not made, for the reason above.")
-    return {
-        path.stem: _loaded(path)
-        for path in sorted(folder.glob("*.npz"), key=lambda p: p.stat().st_mtime_ns)
-    }
-
-
-def _loaded(path: Path) -> tuple[Mesh, float]:
-    with np.load(path) as found:
-        parts = {name: found[name][()] for name in found.files}  # single numbers, not arrays of one
+@cache
+def made(name: str) -> tuple[Mesh, float]:
+    """The mesh of a glass and its index, made by Blender, which is not in this process."""
+    with tempfile.TemporaryDirectory() as folder:
+        if run_in_newest_blender("bench.brought_glass", folder, name):
+            sys.exit("The glass was not made, for the reason above.")
+        with np.load(Path(folder, f"{name}.npz")) as found:
+            parts = {part: found[part][()] for part in found.files}  # numbers, not arrays of one
     index = parts.pop("index")
     return Mesh(**parts), index
 
@@ -78,162 +86,153 @@ def smooth_all_over(mesh: Mesh) -> Mesh:
     )
 
 
-def timed(work: Callable[[], object], rounds: int) -> tuple[float, object]:
-    """Median of the seconds that some runs take, and the result of the last."""
-    seconds = []
-    for _ in range(rounds):
-        started = perf_counter()
-        found = work()
-        seconds.append(perf_counter() - started)
-    return statistics.median(seconds), found
+def with_mesh(a_rig: Rig, mesh: Mesh) -> Rig:
+    """The rig with another mesh for its glass."""
+    return replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=mesh),))
 
 
-def solved(a_rig: Rig, surface: str) -> Solution:
-    """A whole solve from scratch."""
-    glass = a_rig.glasses[0]
-    glass = replace(glass, mesh=replace(glass.mesh, surface=surface))
-    return finish(Session().solve(replace(a_rig, glasses=(glass,)), Settings()))
+def of_surface(a_rig: Rig, surface: str) -> Rig:
+    """The rig with a choice of *Surface*."""
+    return with_mesh(a_rig, replace(a_rig.glasses[0].mesh, surface=surface))
 
 
-def print_glass(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
-    """Print the line of a glass."""
+def solved(a_rig: Rig, session: Session | None = None, **settings: float) -> Solution:
+    """A whole solve, from scratch without a session."""
+    return finish((session or Session()).solve(a_rig, Settings(**settings)))
+
+
+def prepared(name: str, arguments: argparse.Namespace) -> tuple[Rig, MitsubaSplat, Judge]:
+    """A glass's rig, Mitsuba's splat of it, and the judge."""
+    mesh, index = made(name)
     a_rig = glass_rig(mesh, ior=index, image=zone_plate(), display_pixels=arguments.display)
-    splat = MitsubaSplat(
-        replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=smooth_all_over(mesh)),))
+    loop = MitsubaSplat(with_mesh(a_rig, smooth_all_over(mesh)))
+    loop.sums(1)  # compiled by now
+    return a_rig, loop, Judge(loop.rig, arguments.reference, is_sphere=False)
+
+
+def measure(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
+    """Mitsuba, and Kiriko by two choices of surface."""
+    a_rig, loop, judge = prepared(name, arguments)
+    ours = finer(a_rig, arguments.finer)
+    seconds, found = in_turns(
+        {
+            "Mitsuba": lambda: loop.sums(arguments.samples),
+            "drawn": lambda: solved(of_surface(ours, "facets")),
+            "auto": lambda: solved(of_surface(ours, "automatic")),
+        },
+        arguments.rounds,
     )
-    judge = Judge(splat.rig, arguments.reference, is_sphere=False)
-    samples = arguments.samples[0]
-    splat.sums(samples)  # compiled by now
-    theirs, sums = timed(lambda: splat.sums(samples), arguments.rounds)
-
-    with loading.off() if arguments.numpy else nullcontext():
-        our_rig = finer(a_rig, arguments.finer)
-        drawn_seconds, drawn = timed(lambda: solved(our_rig, "facets"), arguments.rounds)
-        seconds, _ = timed(lambda: solved(our_rig, "automatic"), arguments.rounds)
-
-    of_theirs, of_drawn = (
-        f"{judge.error(image):9.4f}{judge.seen_error(image):9.4f}"
-        for image in (image_from_sums(sums), drawn.source)
-    )
-    apart = 100 * share_apart(splat.rig, splat)
-    print(
-        f"{name:<16}{len(mesh.triangles):10d}{theirs:9.2f}{of_theirs}{drawn_seconds:9.2f}{of_drawn}"
-        f"{seconds:9.2f}{drawn_seconds / theirs:9.2f}{seconds / theirs:9.2f}{apart:8.1f}%",
-        flush=True,
-    )
+    theirs, drawn = image_from_sums(found["Mitsuba"]), found["drawn"].source
+    yield {
+        "triangles": len(a_rig.glasses[0].mesh.triangles),
+        **{f"{way} s": one for way, one in seconds.items()},
+        "its error": judge.error(theirs),
+        "as seen": judge.seen_error(theirs),
+        "error": judge.error(drawn),
+        "as seen ": judge.seen_error(drawn),
+        "drawn x": seconds["drawn"] / seconds["Mitsuba"],
+        "auto x": seconds["auto"] / seconds["Mitsuba"],
+        "apart %": 100 * share_apart(loop.rig, loop),
+    }
 
 
-def print_efforts(name: str, mesh: Mesh, index: float, arguments: argparse.Namespace) -> None:
-    """Print a line for each Effort, and for each number of samples of the splat."""
-    a_rig = glass_rig(mesh, ior=index, image=zone_plate())
-    glass = a_rig.glasses[0]
-    drawn = replace(a_rig, glasses=(replace(glass, mesh=replace(mesh, surface="facets")),))
-    splat = MitsubaSplat(replace(a_rig, glasses=(replace(glass, mesh=smooth_all_over(mesh)),)))
-    judge = Judge(splat.rig, arguments.reference, is_sphere=False)
-
+def measure_efforts(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
+    """A row for each Effort, and for each number of samples of the splat."""
+    a_rig, loop, judge = prepared(name, arguments)
     loading.use_threads(1)
-    before = None
-    for effort in arguments.effort:
-        started = thread_time()
-        solution = finish(Session().solve(drawn, Settings(effort=effort)))
-        seconds = thread_time() - started
-        error = solution.first.map_error
-        print(
-            f"{name:<16}{effort:8d}{seconds:9.2f}{solution.n_rays:10d}"
-            f"{100 * error.sampled:11.2f}{100 * error.unresolved:13.2f}",
-            end="",
-        )
-        before = print_errors(judge, solution.source, seconds, before)
-
-    n_threads = mitsuba_splat.threads()
     mitsuba_splat.use_threads(1)
-    splat.sums(1)  # compiled by now
-    before = None
-    for samples in arguments.samples:
+    drawn = of_surface(a_rig, "facets")
+    n_pixels = a_rig.viewer.width * a_rig.viewer.height
+    before: Row = {}
+    for effort in EFFORTS:
+        started = thread_time()
+        solution = solved(drawn, effort=effort)
+        row = {"way": f"Effort {effort}", "CPU s": thread_time() - started}
+        error = solution.first.map_error
+        row |= {"rays": solution.n_rays, "sampled %": 100 * error.sampled}
+        row |= {"unresolved %": 100 * error.unresolved}
+        before = row | fallen(judge, solution.source, row["CPU s"], before)
+        yield before
+    before = {}
+    for samples in SAMPLES:
         started = process_time()
-        sums = splat.sums(samples)
-        seconds = process_time() - started
-        n_rays = samples * a_rig.viewer.width * a_rig.viewer.height
-        print(f"{name:<16}{f'{samples} spp':>8}{seconds:9.2f}{n_rays:10d}{'':24}", end="")
-        before = print_errors(judge, image_from_sums(sums), seconds, before)
-
-    mitsuba_splat.use_threads(n_threads)
+        image = image_from_sums(loop.sums(samples))
+        row = {"way": f"{samples} spp", "CPU s": process_time() - started}
+        row |= {"rays": samples * n_pixels}
+        before = row | fallen(judge, image, row["CPU s"], before)
+        yield before
 
 
-def print_errors(
-    judge: Judge, image: Floats, seconds: float, before: Sequence[float] | None
-) -> tuple[float, float, float]:
-    """Print the errors of an image and the powers of time by which
-    they fall from those before. Return time and errors.
-    """
-    found = seconds, judge.error(image), judge.seen_error(image)
-    powers = [f"{'':7}"] * 2
-    if before:
-        later, *falls = np.log(found) - np.log(before)
-        powers = [f"{fall / later:7.2f}" for fall in falls]
-
-    print(f"{found[1]:9.4f}{powers[0]}{found[2]:9.4f}{powers[1]}", flush=True)
-    return found
+def fallen(judge: Judge, image: np.ndarray, seconds: float, before: Row) -> Row:
+    """The errors of an image, and the powers of time by which they fall from the row before."""
+    row: Row = {"error": judge.error(image), "as seen": judge.seen_error(image)}
+    for head, power in (("error", "power"), ("as seen", "power ")) if before else ():
+        row[power] = np.log(row[head] / before[head]) / np.log(seconds / before["CPU s"])
+    return row
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--glass", nargs="+", metavar="NAME", default=[], help="only these")
-    parser.add_argument(
-        "--reference", type=int, default=1024, metavar="SPP", help="samples of the judge"
-    )
-    parser.add_argument("--rounds", type=int, default=1, help="runs of each; medians are shown")
-    parser.add_argument(
-        "--finer",
-        type=float,
-        default=1.0,
-        metavar="N",
-        help="times finer a viewer for Kiriko, each way",
-    )
-    parser.add_argument(
-        "--samples", nargs="+", type=int, default=[SPP], metavar="SPP", help="of Mitsuba's splat"
-    )
-    parser.add_argument(
-        "--display", type=int, default=512, metavar="PIXELS", help="of the display, each way"
-    )
-    parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
-    parser.add_argument(
-        "--effort", nargs="+", type=int, metavar="N", help="what these cost and gain, instead"
-    )
-    arguments = parser.parse_args()
-    if arguments.effort:
-        print(
-            f"{'glass':<16}{'effort':>8}{'CPU s':>9}{'rays':>10}{'sampled %':>11}"
-            f"{'unresolved %':>13}{'error':>9}{'power':>7}{'as seen':>9}{'power':>7}"
-        )
-        print_all(print_efforts, arguments)
-        return
-
-    print(f"{machine()}. Kiriko and Mitsuba on all threads; x: times Mitsuba's seconds.")
-    heads = (
-        "Mitsuba",
-        "error",
-        "as seen",
-        "drawn s",
-        "error",
-        "as seen",
-        "auto s",
-        "drawn x",
-        "auto x",
-        "apart",
-    )
-    print(f"{'glass':<16}{'triangles':>10}" + "".join(f"{head:>9}" for head in heads))
-    print_all(print_glass, arguments)
+def measure_ball(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
+    """All ways in turns, each judged by what it shows."""
+    a_rig = ball_rig(5, ior=1.49, image=zone_plate(1024))
+    if arguments.threads:
+        mitsuba_splat.use_threads(arguments.threads)
+    loop = MitsubaSplat(a_rig)
+    loop.sums(1)
+    by_triangles, by_sphere = (Judge(a_rig, arguments.reference, way) for way in (False, True))
+    session, plan = Session(), make_plan(of_surface(a_rig, "facets"), Settings())
+    viewer = a_rig.viewer
+    aside = replace(a_rig, viewers=(replace(viewer, position=viewer.position + ASIDE),))
+    other = replace(a_rig.picture, image=1 - a_rig.picture.image)
+    shown = replace(a_rig, pictures=(other,))
+    solved(a_rig, session)
+    works: Mapping[str, Callable[[], object]] = {
+        **{f"Kiriko, {t:g} px": lambda t=t: solved(a_rig, tolerance=t) for t in TOLERANCES},
+        "Kiriko, another picture": lambda: solved(shown, session),
+        "Kiriko, the first picture again": lambda: solved(a_rig, session),
+        "Kiriko, viewer moved": lambda: solved(aside, session),
+        **{f"Mitsuba, {spp} spp": lambda spp=spp: loop.sums(spp) for spp in (1, 10, SPP)},
+        f"splat over embreex, {EMBREEX_SPP} spp": lambda: finish(splat(plan, EMBREEX_SPP)),
+    }
+    seconds, found = in_turns(works, arguments.rounds)
+    fastest = seconds["Kiriko, 0.1 px"]
+    for way, one in found.items():
+        row = {"way": way, "s": seconds[way], "x": seconds[way] / fastest}
+        if isinstance(one, Solution):
+            if way.endswith(("px", "again")):
+                row |= {"error": by_sphere.error(one.source), "rays": one.n_rays}
+                row["holes"] = by_sphere.holes(one.display_coverage > 0)
+        elif way.startswith("Mitsuba"):
+            row |= {"error": by_triangles.error(image_from_sums(one))}
+            row["holes"] = by_triangles.holes(one[..., 3] > 0)
+        else:
+            row["error"] = by_triangles.error(one)
+        yield row
 
 
-def print_all(print_one: Callable[..., None], arguments: argparse.Namespace) -> None:
-    """Print what there is to tell of each glass."""
-    with tempfile.TemporaryDirectory() as folder:
-        for name, (mesh, index) in meshes(Path(folder), arguments.glass).items():
-            print_one(name, mesh, index, arguments)
-
+COLUMNS = {
+    "triangles": "d", "Mitsuba s": ".2f", "its error": ".4f", "as seen": ".4f", "drawn s": ".2f",
+    "error": ".4f", "as seen ": ".4f", "auto s": ".2f", "drawn x": ".2f", "auto x": ".2f",
+    "apart %": ".1f",
+}  # fmt: skip
+EFFORT_COLUMNS = {
+    "way": "", "CPU s": ".2f", "rays": "d", "sampled %": ".2f", "unresolved %": ".2f",
+    "error": ".4f", "power": ".2f", "as seen": ".4f", "power ": ".2f",
+}  # fmt: skip
 
 if __name__ == "__main__":
-    main()
+    cases = dict.fromkeys(GLASSES)
+    run(
+        __doc__,
+        "bench.marks",
+        Bench(cases, COLUMNS, measure),
+        option("--reference", type=int, default=1024, metavar="SPP", help="samples of the judge"),
+        option("--samples", type=int, default=SPP, metavar="SPP", help="of Mitsuba's splat"),
+        option("--finer", type=float, default=1.0, metavar="N", help="times finer a viewer"),
+        option("--display", type=int, default=512, metavar="PIXELS", help="of the display"),
+        effort=Bench(cases, EFFORT_COLUMNS, measure_efforts),
+        ball=Bench(
+            {"reference ball": None},
+            {"way": "", "s": ".3f", "x": ".1f", "error": ".5f", "holes": "d", "rays": "d"},
+            measure_ball,
+        ),
+    )

@@ -1,24 +1,22 @@
-"""Display error of glass as artists bring it, by each choice of *Surface*, held to the surface
-that was meant: what Subdivision goes towards, or the lathe of the same profile, finely divided.
+"""Display error of glass as artists bring it, by each choice of *Surface*, against the surface that
+was meant, what Subdivision goes towards, or the lathe of the same profile: `dev.py meant`.
 
-`python3 scripts/dev.py meant [--glass NAME ...] [--levels N]`. Wine glass and bottle are Blender's,
-by so many levels of Subdivision; the judge is the limit of the same cage by known/catmull_clark.py.
-So are rings of 24 steps, with so many points around an uneven profile, and bodies of so many steps
-that end on their axis, made without Blender.
-The vase is the curve of fourth degree through its profile's points, at so many of it and 32 steps
-around. Normals are means, and the judge's own are exact. Errors in display px, of random rays
-through the bench's viewer where the judge's map is smooth: a viewer pixel aside, each way, light
-lands on the display, too, less than 10 px away and within 1 px of where it goes straight on.
-`judge` tells by how much one of four times fewer triangles differs at 50 and 99 % of those rays,
-and how much one of four times more, in facets with interpolated normals, without a curved face.
-`curved` is the share of the triangles that *Automatic* follows as curved, `worse` by how many px
-rms it is further off than the better of the other two.
+Wine glass and bottle are Blender's, by one and two levels of Subdivision (`--levels-3`: by three);
+the judge is the limit of the same cage by known/catmull_clark.py. So are rings of 24 steps, with so
+many points around an uneven profile, and bodies of so many steps that end on their axis. The vase
+is the curve of fourth degree through its profile's points, at so many of it and 32 steps around.
+Normals are means, and the judge's own are exact. Errors in display px (median, rms, 99 %, and how
+many were lost), of random rays where the judge's map is smooth: a viewer pixel aside, each way,
+light lands on the display, too, less than 10 px away and within 1 px of where it goes straight on.
+The first row of a glass: by how much judges of four times fewer triangles, and of four times more
+in facets, differ at 50 and 99 % of the rays. `curved`: part of the triangles that *Automatic*
+follows as curved; `worse`: px rms by which it is further off than the better of the other two.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import bpy
@@ -44,6 +42,7 @@ from known.reference_rigs import glass_rig, mean_normals, split_quads
 
 from . import brought_glass as glasses
 from .irregular import CHOICES
+from .runner import Bench, Row, run
 
 Floats = NDArray[np.float64]
 
@@ -217,65 +216,39 @@ def apart(a: Floats, b: Floats) -> Floats:
     return np.linalg.norm(a - b, axis=1)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    names = [*all_meant(1)]
-    parser.add_argument(
-        "--glass", nargs="+", metavar="NAME", choices=names, default=names, help="only these"
-    )
-    parser.add_argument(
-        "--levels",
-        type=int,
-        default=2,
-        help="of Subdivision, at the most (2); the judge has one more",
-    )
-    arguments = parser.parse_args()
-    meant = all_meant(arguments.levels)
-    rows = []
-    for name in arguments.glass:
-        rows += told(name, meant[name])
-    print("", *rows, sep="\n")
-
-
-def told(name: str, meant: Meant) -> list[str]:
-    """The lines of a glass."""
+def measure(name: str, meant: Meant, _: argparse.Namespace) -> Iterator[Row]:
+    """The errors of a glass's meshes by each choice; before them what the judges differ by."""
     xy = np.random.default_rng(3).uniform(1, 511, (RAYS, 2))
     judge = planned(meant.judge(1), "smooth")
     exact = landings(judge, xy)
-    n_landed = np.isfinite(exact[:, 0]).sum()
     is_judged = is_smooth_map(judge, xy, exact)
     xy, exact = xy[is_judged], exact[is_judged]
-    coarser, plainly = (
-        "{:.2g} and {:.2g}".format(*np.nanquantile(apart(exact, found), (0.5, 0.99)))
-        for found in (
-            landings(planned(meant.judge(0), "smooth"), xy),
-            landings(planned(meant.judge(2), "facets"), xy),
-        )
-    )
-    rows = [
-        f"{name}: {len(xy)} rays of {n_landed} that land; judge {coarser}, by facets {plainly} px",
-        f"{'':>5}{'triangles':>10}" + "".join(f"{choice:>31}" for choice in CHOICES),
-        f"{'':>15}"
-        + f"{'median':>9}{'rms':>8}{'99 %':>8}{'lost':>6}" * 3
-        + f"{'curved':>8}{'worse':>8}",
-    ]
+    coarser = planned(meant.judge(0), "smooth"), planned(meant.judge(2), "facets")
+    off = (np.nanquantile(apart(exact, landings(plan, xy)), (0.5, 0.99)) for plan in coarser)
+    yield {"kind": "judge", "rays": len(xy)} | {
+        choice: f"{half:.2g} and {most:.2g}"
+        for choice, (half, most) in zip(("coarser", "by facets"), off, strict=True)
+    }
     for kind in meant.kinds:
         mesh = meant.mesh(kind)
-        row, rms = f"{kind:>5}{len(mesh.triangles):10d}", []
+        row: Row = {"kind": str(kind), "triangles": len(mesh.triangles)}
+        rms = []
         for choice in CHOICES:
             plan = planned(mesh, choice)
             px = apart(exact, landings(plan, xy))
             known = px[np.isfinite(px)]
             rms.append(float(np.sqrt((known**2).mean())))
-            row += f"{np.median(known):9.3g}{rms[-1]:8.3g}{np.quantile(known, 0.99):8.3g}"
-            row += f"{len(px) - len(known):6d}"
-        share = sum(plan.counts.n_curved) / len(mesh.triangles)
-        rows.append(row + f"{share:8.2f}{rms[2] - min(rms[:2]):8.3f}")
+            numbers = np.median(known), rms[-1], np.quantile(known, 0.99)
+            row[choice] = " ".join(f"{x:8.3g}" for x in numbers) + f"{len(px) - len(known):6d}"
+        row["curved"] = sum(plan.counts.n_curved) / len(mesh.triangles)
+        yield row | {"worse": rms[2] - min(rms[:2])}
 
-    return [*rows, ""]
 
+COLUMNS = {
+    "kind": "d", "triangles": "d", **dict.fromkeys(CHOICES, ""), "curved": ".2f", "worse": ".3f",
+    "rays": "d", "coarser": ">13", "by facets": ">13",
+}  # fmt: skip
 
 if __name__ == "__main__":
-    main()
+    tables = (Bench(all_meant(n), COLUMNS, measure) for n in (2, 3))
+    run(__doc__, "bench.meant", next(tables), levels_3=next(tables))

@@ -1,5 +1,4 @@
-"""The splat as a loop of Mitsuba 3 and Dr.Jit: the opponent
-of `dev.py compare`, and a judge from outside.
+"""The splat as a loop of Mitsuba 3 and Dr.Jit: the opponent of `dev.py marks`, and its judge.
 
 It carries the same values as core/image/source_image.py, in single precision and on all threads:
 random points of the viewer's pixels, refraction at the triangles with interpolated normals or at a
@@ -15,7 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import LEAST_LLVM, MISSING_LLVM
+from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.landings import Landings
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import WAVELENGTH, Mesh, Rig
+from kiriko.core.rig.settings import Settings
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +32,8 @@ if dr.detail.llvm_version()[0] < LEAST_LLVM:
 # m, along the ray: spawn_ray's own is so large that it moves landings by 0.12 display px
 OFFSET = 1e-6
 MOST_EVENTS = 32  # as in core.rig.settings.Settings
+AT_ONCE = 128  # spp of a judge in one launch: sums of single precision stay exact to 1e-6
+CHECKED = 100_000  # rays whose landings are compared
 
 
 def threads() -> int:
@@ -297,3 +302,61 @@ class MitsubaSplat:
 def image_from_sums(sums: Floats) -> Floats:
     """Source image (H, W, 3), black where no sample landed."""
     return sums[..., :3] / np.maximum(sums[..., 3:], 1)
+
+
+class Judge:
+    """Two independent splats of many samples, and which display pixels they can judge."""
+
+    def __init__(self, rig: Rig, spp: int, is_sphere: bool) -> None:
+        loop = MitsubaSplat(rig, is_sphere)
+        halves = [_many(loop, spp // 2, first_seed) for first_seed in (1 << 20, 1 << 21)]
+        self.images = [image_from_sums(sums) for sums in halves]
+        self.is_judged = np.logical_and.reduce([sums[..., 3] > 0 for sums in halves])
+        self.counts = halves[0][..., 3] + halves[1][..., 3]
+        self.n_left_out = int(np.logical_xor(*(sums[..., 3] > 0 for sums in halves)).sum())
+
+    def error(self, image: Floats) -> float:
+        """RMSE of an image whose noise, if it has any, is independent of the judges'."""
+        one, other = ((image - half)[self.is_judged] for half in self.images)
+        return float(np.sqrt(max(np.mean(one * other), 0.0)))
+
+    def seen_error(self, image: Floats) -> float:
+        """The same, each display pixel weighed by how much the viewer sees of it."""
+        one, other = ((image - half)[self.is_judged] for half in self.images)
+        mean = np.average((one * other).mean(axis=1), weights=self.counts[self.is_judged])
+        return float(np.sqrt(max(mean, 0.0)))
+
+    def holes(self, is_painted: NDArray[np.bool_]) -> int:
+        return int((self.is_judged & ~is_painted).sum())
+
+
+def _many(loop: MitsubaSplat, spp: int, first_seed: int) -> Floats:
+    """Sums over many samples, in double precision."""
+    starts = range(0, spp, AT_ONCE)
+    return sum(
+        loop.sums(min(AT_ONCE, spp - first), first_seed + first).astype(float) for first in starts
+    )
+
+
+def _landings(rig: Rig, loop: MitsubaSplat) -> tuple[Landings, Floats]:
+    """Kiriko's landings and Mitsuba's, of the same rays."""
+    size = np.array([rig.viewer.width, rig.viewer.height])
+    # single precision, or the two would not get the same rays
+    xy = (np.random.default_rng(0).random((CHECKED, 2)) * size).astype(np.float32).astype(float)
+    return trace_all(make_plan(rig, Settings()), *rig.viewer.rays(xy)), loop.landings(xy)
+
+
+def share_apart(rig: Rig, loop: MitsubaSplat) -> float:
+    """Share, 0..1, of the rays that see the display by either,
+    which Mitsuba takes more than a pixel elsewhere.
+    """
+    ours, theirs = _landings(rig, loop)
+    size = rig.display.width, rig.display.height
+    seen = [
+        ((xy >= 0) & (xy < size)).all(axis=1)
+        for xy in (np.where(ours.has_arrived[:, None], ours.xy, -1), theirs)
+    ]
+    with np.errstate(invalid="ignore"):
+        is_alike = np.linalg.norm(ours.xy - theirs, axis=1) <= 1
+    either = seen[0] | seen[1]
+    return float((either & ~(seen[0] & seen[1] & is_alike)).sum() / max(either.sum(), 1))

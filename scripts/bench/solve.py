@@ -1,214 +1,228 @@
-"""Seconds and peak memory of whole solves, each in a process of its own: `dev.py bench`.
+"""Whole solves of the reference rigs, and of glass as artists bring it: `dev.py bench`.
 
-With `--engines`: of a ball's solves by Blender's BVH beside
-Embree, for both in turns, and of the engines alone.
+Viewer and display have 512 x 512 pixels, *Surface* is Automatic. Each case has a process of its
+own. `solve`: wall and processor seconds from scratch; `step`: its longest step, in which no Esc is
+heard; `repaint`: another picture; `moved`: the viewer a tenth of a millimetre aside; then seconds
+of the solve's parts. `curved`: part of the triangles with a curved face; `beyond`: part of the view
+that is off by more than the tolerance; `sampled`: where light is chaotic. `MB`: memory taken, on
+Linux, and `told x`: how many times that differs from the estimate.
+
+`--stages`: percent of the time that each stage takes; their means, rounded, are the shares in
+core/base/stages.py. `--light`: share of the light beside the glass, of the view whose display pixel
+has a stronger path, and the PSNR, dB, of all that is seen against the ideal image: by the mean, by
+the strongest path, and by the mean with Suppress Glare at 0.5 and 1.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
+import ctypes
+import gc
 import statistics
-import subprocess
 import sys
-from dataclasses import replace
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
 
-from environments import as_module
+from kiriko.core.base.stages import SHARES, spans
 from kiriko.core.base.steps import finish
-from kiriko.core.lab.measure.work_precision import peak_memory
-from kiriko.core.light.engines import make_engine
-from kiriko.core.native import loading
+from kiriko.core.image.ghosts import Paths
+from kiriko.core.lab.measure.choices import measure_choices
+from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
-from known.reference_rigs import ball_rig, box, cube_rig, icosphere, lattice_image, rig
+from kiriko.core.solve.solution import Solution
+from known.reference_rigs import ball_rig, box, cube_rig, glass_rig, lattice_image, rig
 
-PICTURE = 1024
+from .brought_glass import GLASSES, OTHERS, filled, made
+from .runner import Bench, Row, option, run
+
 MOVED = np.array([1e-4, 0.0, 0.0])  # m, the viewer between two solves
-CASES = {
-    "ball, 20 k triangles, 512 -> 512": lambda: ball_rig(5, image=lattice_image(PICTURE)),
-    "the same as drawn": lambda: rig(
-        replace(icosphere(0.025, 5), surface="facets"), image=lattice_image(PICTURE)
-    ),
-    "ball, 1 k triangles, 512 -> 512": lambda: ball_rig(3, image=lattice_image(PICTURE)),
-    "ball, 5 k triangles, 512 -> 512, 1e-4 px": lambda: ball_rig(4, image=lattice_image(PICTURE)),
-    "ball, 1.3 M triangles, 512 -> 512": lambda: ball_rig(8, image=lattice_image(PICTURE)),
-    "cube, 512 -> 512": lambda: cube_rig(image=lattice_image(PICTURE)),
-    "ball, 20 k triangles, 512 -> 4096": lambda: ball_rig(
-        5, display_pixels=4096, image=lattice_image(PICTURE)
-    ),
-    "ball, 20 k triangles, 4096 -> 512": lambda: ball_rig(
-        5, pixels=4096, image=lattice_image(PICTURE)
-    ),
-    "ball, 20 k triangles, 512 -> 8192": lambda: ball_rig(
-        5, display_pixels=8192, image=lattice_image(PICTURE)
-    ),
-    "slab, 512 -> 512": lambda: rig(box([0.3, 0.03, 0.3]), image=lattice_image(PICTURE)),
+PICTURE = 1024  # px
+TOLERANCES = {"ball, 5 k, 1e-4 px": 1e-4}  # display px, of cases that have their own
+
+
+def reference(make: Callable[..., Rig], *sizes: int, **more: int) -> Callable[[], Rig]:
+    """A reference rig that shows the lattice."""
+    return lambda **options: make(*sizes, image=lattice_image(PICTURE), **more | options)
+
+
+def brought(name: str, **options: int) -> Rig:
+    """A glass on the bench, with its filling."""
+    return glass_rig(filled(name, replace(made(name), surface="automatic")), **options)
+
+
+REFERENCES = {
+    "ball, 20 k": reference(ball_rig, 5),
+    "ball, 1 k": reference(ball_rig, 3),
+    "ball, 5 k, 1e-4 px": reference(ball_rig, 4),
+    "ball, 1.3 M": reference(ball_rig, 8),
+    "cube, reference": reference(cube_rig),
+    "slab": reference(partial(rig, box([0.3, 0.03, 0.3]))),
+    "ball, display 4096": reference(ball_rig, 5, display_pixels=4096),
+    "ball, viewer 4096": reference(ball_rig, 5, pixels=4096),
+    "ball, display 8192": reference(ball_rig, 5, display_pixels=8192),
 }
-# display px, of cases that have their own
-TOLERANCES = {"ball, 5 k triangles, 512 -> 512, 1e-4 px": 1e-4}
-ENGINES = ("Embree", "Blender's BVH")
-ENGINE_LEVELS = (3, 5, 7)  # of a ball of 20 * 4^level triangles
-N_RAYS = 1 << 16
+BROUGHT = {name: partial(brought, name) for name in [*GLASSES, *OTHERS]}
 
 
-def peak() -> float:
-    """Most memory that this process has had, MB."""
-    return (peak_memory() or np.nan) / 1e6
+@dataclass
+class Watched:
+    """Where a solve stood, 0..1 as it told, and after how many seconds."""
 
+    told: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
 
-def measure(name: str, runs: int) -> dict[str, object]:
-    """Solve from scratch `runs` times and paint another picture as often; then as often for a
-    viewer that moved.
-    """
-    a_rig = CASES[name]()
-    settings = Settings(tolerance=TOLERANCES.get(name, Settings().tolerance))
-    before = peak()
-
-    whole = []
-    again = []
-    moved = []
-    parts = []
-    for _ in range(runs):
-        session = Session()
+    def watch(self, work: Generator[float, None, Solution]) -> Solution:
+        """Run a solve to its end."""
         started = perf_counter()
-        solution = finish(session.solve(a_rig, settings))
-        whole.append(perf_counter() - started)
-        parts.append(solution.seconds)
-        a_rig.picture.image[:] = np.flip(a_rig.picture.image, 0).copy()
-        started = perf_counter()
-        finish(session.solve(a_rig, settings))
-        again.append(perf_counter() - started)
+        while True:
+            try:
+                self.told.append(next(work))
+            except StopIteration as end:
+                return end.value
+            finally:
+                self.seconds.append(perf_counter() - started)
 
-    most = peak()
-    for k in range(1, runs + 1):
-        viewer = replace(a_rig.viewer, position=a_rig.viewer.position + k * MOVED)
-        started = perf_counter()
-        finish(session.solve(replace(a_rig, viewers=(viewer,)), settings))
-        moved.append(perf_counter() - started)
+    @property
+    def longest(self) -> float:
+        """Seconds of the longest step."""
+        return float(np.diff(self.seconds, prepend=0.0).max())
 
-    return {
-        "solve": statistics.median(whole),
-        "repaint": statistics.median(again),
-        "moved": statistics.median(moved),
-        "parts": {part: statistics.median(p[part] for p in parts) for part in parts[0]},
+    @property
+    def of_stages(self) -> np.ndarray:
+        """(n,) part of the time, 0..1, that each stage takes."""
+        ends = [end for _, end in spans(*((stage,) for stage in SHARES))]
+        after = np.searchsorted(self.told, np.array(ends) - 1e-9)
+        return np.diff(np.array(self.seconds)[after], prepend=0.0) / self.seconds[-1]
+
+
+class Memory:
+    """Bytes that are taken from now on, at the most; 0 where that is not known."""
+
+    def __init__(self) -> None:
+        self._before = 0
+        if sys.platform == "linux":
+            gc.collect()
+            ctypes.CDLL(None).malloc_trim(0)
+            Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+            self._before = self._read("VmRSS")
+
+    @property
+    def taken(self) -> int:
+        return self._read("VmHWM") - self._before if self._before else 0
+
+    def _read(self, name: str) -> int:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * int(dict(line.split(":", 1) for line in lines)[name].split()[0])
+
+
+def rig_of(make: Callable[..., Rig], arguments: argparse.Namespace) -> Rig:
+    """The rig of a case, with a display of another size where that is asked for."""
+    return make(display_pixels=arguments.display) if arguments.display else make()
+
+
+def measure(name: str, make: Callable[..., Rig], arguments: argparse.Namespace) -> Iterator[Row]:
+    """Solve, paint another picture and move the viewer, in turns."""
+    a_rig = rig_of(make, arguments)
+    if arguments.surface:
+        parts = (replace(g, mesh=replace(g.mesh, surface=arguments.surface)) for g in a_rig.glasses)
+        a_rig = replace(a_rig, glasses=tuple(parts))
+    tolerance = TOLERANCES.get(name, Settings().tolerance)
+    settings = Settings(tolerance=tolerance, effort=arguments.effort)
+    n_triangles = sum(len(glass.mesh.triangles) for glass in a_rig.glasses)
+    curved = sum(make_plan(a_rig, settings).counts.n_curved) / n_triangles
+    image = a_rig.picture.image
+    memory = Memory()
+    rows = []
+    for k in range(arguments.rounds):
+        session, watched = Session(), Watched()
+        of_processor = process_time()
+        solution = watched.watch(session.solve(a_rig, settings))
+        of_processor = process_time() - of_processor
+        row = {"solve s": watched.seconds[-1], "CPU s": of_processor, "step s": watched.longest}
+        row |= {f"{part} s": solution.seconds[part] for part in ("plan", "tracing", "shares")}
+        if not k:
+            taken = memory.taken or np.nan
+            told = sum(estimated(a_rig, settings, solution.first.view_map).values())
+
+        turned = replace(a_rig.picture, image=np.flip(image, k % 2).copy())
+        viewer = replace(a_rig.viewer, position=a_rig.viewer.position + MOVED)
+        other = replace(a_rig, pictures=(turned,))
+        for column, again in (("repaint", other), ("moved", replace(a_rig, viewers=(viewer,)))):
+            started = perf_counter()
+            finish(session.solve(again, settings))
+            row[f"{column} s"] = perf_counter() - started
+        rows.append(row)
+
+    error = solution.first.map_error
+    yield {
+        **{column: statistics.median(row[column] for row in rows) for column in rows[0]},
+        "triangles": n_triangles,
         "rays": solution.n_rays,
-        "shares": len(solution.first.shares),
-        "peak": most,
-        "told": before + sum(estimated(a_rig, settings, solution.first.view_map).values()) / 1e6,
+        "curved": curved,
+        "beyond %": 100 * (error.facet_limited + error.unresolved),
+        "sampled %": 100 * error.sampled,
+        "MB": taken / 1e6,
+        "told x": max(told / taken, taken / told),
     }
 
 
-def measure_engine(name: str, level: int) -> dict[str, float]:
-    """Processor seconds of one engine for a ball: to build it, for a ray (us), for a solve.
+def measure_stages(
+    name: str, make: Callable[..., Rig], arguments: argparse.Namespace
+) -> Iterator[Row]:
+    """Percent of the time of each stage."""
+    watched = Watched()
+    watched.watch(Session().solve(rig_of(make, arguments)))
+    parts = (100 * float(part) for part in watched.of_stages)
+    yield {"solve s": watched.seconds[-1], **dict(zip(SHARES, parts, strict=True))}
 
-    And peak MB of all that.
-    """
-    import bpy  # noqa: F401 - without it there is no mathutils
 
-    os.environ["KIRIKO_KERNEL"] = "off"  # which would ask neither
-    if name != "Embree":
-        sys.modules["embreex"] = None  # no import finds it from now on
-    corners = icosphere(1.0, level).corners.astype(np.float32)
-    started = process_time()
-    engine = make_engine(corners)
-    built = process_time()
-    if engine.name != name:
-        sys.exit(f"There is no {name} here, but {engine.name}.")
-    rays = ball_rig(0, pixels=512).viewer.rays(
-        np.random.default_rng(0).uniform(0, 512, (N_RAYS, 2))
-    )
-    origins, directions = (values.astype(np.float32) for values in (rays[0] / 0.025, rays[1]))
-    shot_from = process_time()
-    engine.shoot(origins, directions)
-    shot = process_time()
-    finish(Session().solve(ball_rig(level, image=lattice_image(PICTURE))))
-
-    return {
-        "build": built - started,
-        "ray": (shot - shot_from) / N_RAYS * 1e6,
-        "solve": process_time() - shot,
-        "peak": peak(),
+def measure_light(
+    name: str, make: Callable[..., Rig], arguments: argparse.Namespace
+) -> Iterator[Row]:
+    """What Ghosts and Suppress Glare cost or gain."""
+    a_rig, settings = rig_of(make, arguments), Settings(effort=arguments.effort)
+    seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
+    first = finish(Session().solve(a_rig, replace(settings, ghosts="strongest"))).first
+    paths = Paths(first.shares.display_size)
+    for shares in first.shares:
+        paths.add(shares)
+    weight, contested = paths.weights()
+    yield {
+        "glare %": 100 * first.glare.share,
+        "contested %": 100 * float((weight * contested).sum() / weight.sum()),
+        "mean": seen["mean", 0],
+        "strongest": seen["strongest", 0],
+        "0.5": seen["mean", 0.5],
+        "1": seen["mean", 1],
     }
 
 
-def compare_engines(runs: int) -> None:
-    """A line for each size and engine: the least of several runs, in which both take turns."""
-    heads = f"{'build s':>8} {'us a ray':>9} {'solve s':>8} {'times Embree':>13} {'peak MB':>8}"
-    print(f"{'triangles':<10} {'engine':<14} {heads}")
-    for level in ENGINE_LEVELS:
-        found = {name: [] for name in ENGINES}
-        for _ in range(runs):
-            for name in ENGINES:
-                found[name].append(ask("--engine", name, "--level", str(level)))
-        for name, each in found.items():
-            least = {key: min(m[key] for m in each) for key in each[0]}
-            ratio = statistics.median(
-                m["solve"] / e["solve"] for m, e in zip(each, found["Embree"], strict=True)
-            )
-            print(
-                f"{20 * 4**level:<10} {name:<14} {least['build']:8.3f} {least['ray']:9.2f}"
-                f" {least['solve']:8.2f} {ratio:13.2f} {least['peak']:8.0f}",
-                flush=True,
-            )
-
-
-def ask(*options: str) -> dict[str, object]:
-    """Measurements of this script in another process."""
-    command = [sys.executable, *as_module("bench.solve"), *options]
-    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--runs", type=int, default=3, help="solves of each case; medians are shown"
-    )
-    parser.add_argument("--case", choices=CASES, help="measure one case here and print it as JSON")
-    parser.add_argument(
-        "--engines", action="store_true", help="Blender's BVH beside Embree instead"
-    )
-    parser.add_argument(
-        "--engine", choices=ENGINES, help="measure one engine here and print it as JSON"
-    )
-    parser.add_argument(
-        "--level", type=int, choices=ENGINE_LEVELS, default=5, help="how fine a ball for --engine"
-    )
-    parser.add_argument("--threads", type=int, default=0, help="0: as many as the machine has")
-    arguments = parser.parse_args()
-    loading.use_threads(arguments.threads)
-    if arguments.engine:
-        print(json.dumps(measure_engine(arguments.engine, arguments.level)))
-        return
-
-    if arguments.engines:
-        compare_engines(arguments.runs)
-        return
-
-    if arguments.case:
-        print(json.dumps(measure(arguments.case, arguments.runs)))
-        return
-
-    heads = (
-        f"{'solve s':>8} {'repaint s':>9} {'moved s':>8} {'plan s':>7} {'trace s':>8}"
-        f" {'shares s':>8} {'rays':>9} {'peak MB':>8}"
-    )
-    print(f"{'case':<40} {heads} {'told MB':>8}")
-
-    options = ["--runs", str(arguments.runs), "--threads", str(arguments.threads)]
-    for name in CASES:
-        m = ask("--case", name, *options)
-        print(
-            f"{name:<40} {m['solve']:8.2f} {m['repaint']:9.3f} {m['moved']:8.2f}"
-            f" {m['parts']['plan']:7.2f} {m['parts']['tracing']:8.2f} {m['parts']['shares']:8.2f}"
-            f" {m['rays']:9d} {m['peak']:8.0f} {m['told']:8.0f}",
-            flush=True,
-        )
-
+COLUMNS = {
+    "triangles": "d", "solve s": ".2f", "CPU s": ".2f", "step s": ".2f", "repaint s": ".3f",
+    "moved s": ".2f", "plan s": ".2f", "tracing s": ".2f", "shares s": ".2f", "rays": "d",
+    "curved": ".2f", "beyond %": ".2f", "sampled %": ".2f", "MB": ".0f", "told x": ".2f",
+}  # fmt: skip
+NUMBERS = "glare %", "contested %", "mean", "strongest", "0.5", "1"
+TABLED = {name: BROUGHT[name] for name in GLASSES}
 
 if __name__ == "__main__":
-    main()
+    run(
+        __doc__,
+        "bench.solve",
+        Bench(REFERENCES | BROUGHT, COLUMNS, measure, is_apart=True),
+        option("--surface", choices=("facets", "smooth", "automatic"), help="instead of Automatic"),
+        option("--effort", type=int, default=Settings().effort, help="where light is chaotic"),
+        option("--display", type=int, metavar="PIXELS", help="of the display, each way"),
+        stages=Bench(
+            TABLED, {"solve s": ".2f", **dict.fromkeys(SHARES, ".1f")}, measure_stages, mean="mean"
+        ),
+        light=Bench(TABLED, dict.fromkeys(NUMBERS, ".1f"), measure_light),
+    )

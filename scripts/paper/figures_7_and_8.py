@@ -13,29 +13,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kiriko.core.base.arrays import Floats
+from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
 from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
 from kiriko.core.rig.rig import Rig
-from kiriko.core.solve.solution import without_glass
+from kiriko.core.rig.settings import Settings
+from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import Solution, without_glass
 
 if TYPE_CHECKING:
     from kiriko.core.blender.scene import Reading
 
 from .infloasion import infloasion
-from .published import HALF, PAPER_DX, PLAIN, SOURCE
-from .solves import solve
-from .tables import Table
+from .published import HALF, PAPER_DX, PLAIN, SOURCE, Table
 
 # of the pictures by Cycles
 PIXELS = 512
 SAMPLES = 64
 # where Cycles is measured: with 4 its dots are off by up to 0.06 px, with 64 by 0.003
 CYCLES_SAMPLES = 16
-ABOUT_LATTICE = (
-    "Against the ideal image, in pixels of a frame in which the lattice is 1165 px wide from dot"
-    " to dot, over 49 dots; dx to the right, dy downward. Apart: distance between the dots of"
-    " core's simulation and of Cycles. The paper measured photographs."
-)
+
+
+def solve(rig: Rig, **settings: float) -> Solution:
+    """A solve from nothing."""
+    return finish(Session().solve(rig, Settings(**settings)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +120,8 @@ def figures_7_and_8(out: Path) -> list[Condition]:
     """Measure the conditions, with pictures of them into `out`."""
     import bpy
 
-    from demo import RIGS, quiet
+    from demo import RIGS
+    from environments import quiet
     from kiriko.operators import work
     from pictures import light_the_glass
 

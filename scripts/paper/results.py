@@ -1,75 +1,83 @@
-"""The paper's results beside ours, as pictures and tables in out/paper/: `dev.py paper`.
+"""The paper's results beside Kiriko's, as tables and pictures in out/paper/: `dev.py paper`.
 
-Runs inside Blender.
+`cube`: the lattice in the cube, figures 7 and 8. `ball`: the ball's source image, figure 5.
+`misalignment`: which part of the cube's bench matters, and what one photograph tells of it.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-import kiriko
 from environments import machine
 from kiriko.core.files import disk
 
-from .figure_5 import figure_5
-from .figures_7_and_8 import figures_7_and_8, lattice_table, points_csv
-from .page import page
-from .plot import figure_8
-from .published import SPP
-from .tables import markdown
+from .published import SPP, markdown
+
+PARTS = "cube", "ball", "misalignment"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="these parts")
     parser.add_argument(
         "--out", type=Path, default=Path("out/paper"), help="folder for the results (out/paper)"
     )
     parser.add_argument(
-        "--spp",
-        type=int,
-        default=SPP,
-        help=f"samples a viewer pixel of the splat ({SPP}, as in the paper)",
+        "--spp", type=int, default=SPP, help=f"samples a viewer pixel of the splat ({SPP})"
     )
     parser.add_argument(
         "--benches", type=int, default=200, help="random benches that are calibrated (200)"
     )
     arguments = parser.parse_args()
-    import bpy
-
-    from bench import misalignment as misaligned
-    from demo import RIGS, quiet  # which registers Kiriko
-    from kiriko.operators import work
-
     out = arguments.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    print("cube: solving, rendering, measuring ...", flush=True)
+    print(f"{machine()}. Files: {arguments.out}/", flush=True)
+    if "cube" in arguments.only:
+        show_cube(out)
+    if "ball" in arguments.only:
+        show_ball(out, arguments.spp)
+    if "misalignment" in arguments.only:
+        show_misalignment(arguments.benches)
+
+
+def show_cube(out: Path) -> None:
+    """Measure the lattice in the cube in each condition."""
+    from .figures_7_and_8 import figures_7_and_8, lattice_table, points_csv
+    from .plot import figure_8
+
     conditions = figures_7_and_8(out)
-    lattice = lattice_table(conditions)
     disk.write_text(out / "lattice.csv", points_csv(conditions))
     disk.write_text(out / "figure_8.svg", figure_8(conditions))
-    print(f"\n{markdown(lattice)}\n", flush=True)
+    print(f"\n{markdown(lattice_table(conditions))}", flush=True)
+
+
+def show_ball(out: Path, spp: int) -> None:
+    """Measure the ball's source image by each plate and each way."""
+    import bpy
+
+    from demo import RIGS  # which registers Kiriko
+    from environments import quiet
+    from kiriko.operators import work
+
+    from .figure_5 import figure_5
+
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with quiet():
         RIGS["ball"]()
-    times = figure_5(work.read(bpy.context).rig, arguments.spp, out)
-    print(f"\n{markdown(times)}\n\n{machine()}")
-    print("\nbenches that are off: derivatives, explanations, fits ...", flush=True)
-    bench = misaligned.cube_bench()
-    sections = {
-        "Misalignment: which screw matters": misaligned.sensitivities(bench),
-        "What would make the paper's numbers": misaligned.explain(
-            bench.rig, misaligned.tolerance_of
-        ).tables,
-        "Calibration: what one photograph tells": misaligned.fits(bench, arguments.benches, seed=0),
-    }
-    for tables in sections.values():
-        misaligned.show(tables)
-    disk.write_text(out / "index.html", page(times, lattice, sections, arguments.spp))
-    print(f"Files: {arguments.out}/")
-    kiriko.unregister()
-    sys.stdout.flush()
+    print(f"\n{markdown(figure_5(work.read(bpy.context).rig, spp, out))}", flush=True)
+
+
+def show_misalignment(benches: int) -> None:
+    """Measure what a bench that is off does, and what its photograph tells."""
+    from .misalignment import cube_bench, fits, sensitivities
+
+    bench = cube_bench()
+    for tables in (sensitivities(bench), fits(bench, benches, seed=0)):
+        for about, table in tables.items():
+            print(f"\n{about}:\n\n{markdown(table)}", flush=True)
 
 
 if __name__ == "__main__":

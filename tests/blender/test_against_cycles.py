@@ -184,36 +184,6 @@ def test_cube(kiriko, scene, lattice):
     assert before.mean > 100
 
 
-@pytest.mark.long(reason="four renders of the ball, which other tests compare with Cycles")
-def test_two_eyes_see_the_ball_at_the_depth_that_is_told(kiriko, scene):
-    """Dots in renders of both eyes give two lines of sight by Blender's own cameras; where these
-    come nearest, and how high either runs, is what core's `two_eyes` has.
-
-    An eye's dots may be off their prediction by 0.05 px of 1165 on the mean, as in `dev.py eyes
-    --cycles`. What both see may be off by no more, on the mean over the dots: 0.020 mm of depth and
-    0.0044 arcmin; of single dots by four standard deviations of a normal distribution of that mean.
-    """
-    from bench.pair_in_cycles import pairs
-
-    assert bpy.ops.kiriko.add_rig(
-        field=0.05, picture_size=0.03, display_size=0.08, display_resolution=(512, 512)
-    ) == {"FINISHED"}
-    bpy.ops.kiriko.two_eyes()
-    left, right = (scene.objects[f"Kiriko {side} Eye"] for side in ("Left", "Right"))
-    apart = (left.matrix_world.translation - right.matrix_world.translation).length
-    away = (left.parent.location - scene.objects["Kiriko Picture"].location).length
-    pixel = 0.03 * 6 / 7 / 1165  # m of the picture, from the first of 7 dots to the last
-    allowed = [0.05 * pixel * away / apart, 0.05 * math.degrees(pixel / away) * 60]
-
-    plain, both = pairs(scene, ("uncompensated", "for_both"), samples=3)
-    for pair in (plain, both):
-        assert pair.is_known.all()
-        assert (pair.off.mean(axis=1) < allowed).all()
-        assert (pair.off.max(axis=1) < 5 * np.array(allowed)).all()
-        assert np.ptp(pair.depth[0]) > 150 * allowed[0]
-    assert both.depth[0].mean() - plain.depth[0].mean() > 8 * allowed[0]
-
-
 @pytest.mark.parametrize(
     "name",
     ["tablet", "aquarium"],

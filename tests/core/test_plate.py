@@ -10,7 +10,6 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from bench.plate import MirrorMesh, agreement, plate_frame, random_light
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.glass.surfaces import make_surface
@@ -26,6 +25,7 @@ from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.closed_forms import unit
 from known.marching import march, turned
+from known.mirror_mesh import MirrorMesh, agreement, plate_frame, random_light
 from known.reference_rigs import ball_rig, box, rectangle
 
 EPS = np.finfo(float).eps

@@ -1,4 +1,4 @@
-"""Display error against edge length, as `dev.py surface`
+"""Display error against edge length, as `dev.py irregular --regular`
 measures it: orders, and how much better curved faces are.
 """
 

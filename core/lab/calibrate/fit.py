@@ -21,7 +21,7 @@ from .misalignment import FEWEST, Bench
 @dataclass(frozen=True)
 class Fitting:
     """Which points are believed, and when a fit is; held to simulated benches by
-    tests/core/test_misalignment.py and `dev.py misalignment`.
+    tests/core/test_misalignment.py and `dev.py paper`.
 
     unlikely : times the noise: points that stay so far from a fit are none of this bench's
     least_used : share of the measured points that have to be seen in the fitted rig

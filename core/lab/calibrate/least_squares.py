@@ -14,7 +14,7 @@ from .misalignment import FEWEST, Bench
 @dataclass(frozen=True)
 class Damping:
     """How least squares are damped; held to simulated benches by tests/core/test_misalignment.py
-    and `dev.py misalignment`.
+    and `dev.py paper`.
 
     most_steps : of least squares
     first, step : of the normal equations' diagonal; times more where a

@@ -1,18 +1,7 @@
-"""The closed form of a mirror array against a mesh of all
-its mirrors, traced through Embree: `dev.py plate`.
+"""Every mirror of a plate as two triangles, traced by Embree: a judge of the closed form."""
 
-First, do they agree: the fate of a ray (reflections at each layer, odd or even) and where it comes
-out, for smaller and smaller steps off the mirror just met, which the mesh needs because Embree's
-float32 would find that mirror again. Then paths a second of one run, in turns, in processor time:
-the mesh in world axes, where the boxes of its diagonal strips overlap; the mesh in the axes of its
-mirrors; the closed form. Last, whole paths of the ball rig.
-"""
-
-import argparse
-import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from time import process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -21,13 +10,10 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from kiriko.core.base.vectors import dot
-from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.optics import transmittance
 from kiriko.core.light.plate import ArrayFrame, Crossing, PlatePath, array_frame
-from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import PRESETS, MirrorArray, Plate
-from kiriko.core.rig.settings import Settings
-from known.reference_rigs import ball_rig, rectangle
+from known.reference_rigs import rectangle
 
 Floats = NDArray[np.float64]
 
@@ -38,20 +24,13 @@ ARRAY = replace(PRESETS["ASKA3D-488"], phase=(0.5, 0.5))
 SIDE = 0.488
 MARGIN = 0.005
 STEEPEST = 70.0  # degrees of incidence
-OFFSETS = (1e-3, 3e-4, 1e-4, 3e-5)  # mm
-MIDDLE = 0.06  # m: float32 tells places apart to 2e-6 mm there, to 1.5e-5 mm at the plate's corners
-TIMED_OFFSET = 1e-4  # mm, the least at which no mirror is met again at the plate's corners
 PATHS = np.array(
     [PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8
 )
 SAME_PLACE = 1e-3  # mm, of comings out
 # of a ray with mirrors: the steepest has 6, a ray with more is caught in a mirror
 MOST_MEETINGS = 30
-# rays that are timed: through the mesh in world axes, by other ways
-N_SLOW = 1 << 13
-N_FAST = 1 << 18
 BATCH = 1 << 14  # rays at once: of 2^11 to 2^16 the fastest for the mesh and for the closed form
-N_BALL = 1 << 17
 
 
 def plate_frame(array: MirrorArray = ARRAY, side: float = SIDE, is_own: bool = False) -> ArrayFrame:
@@ -217,98 +196,3 @@ def chunks(light: tuple[Floats, Floats]) -> Iterator[tuple[Floats, ...]]:
     """Light, BATCH rays at a time."""
     for first in range(0, len(light[0]), BATCH):
         yield tuple(part[first : first + BATCH] for part in light)
-
-
-def seconds_in_turns(ways: Sequence[Callable[[], object]], runs: int) -> Floats:
-    """Processor seconds (runs, ways)."""
-    times = np.empty((runs, len(ways)))
-    for run in range(runs):
-        for k, way in enumerate(ways):
-            started = process_time()
-            way()
-            times[run, k] = process_time() - started
-    return times
-
-
-def print_agreement(n_rays: int) -> None:
-    mesh = MirrorMesh(plate_frame(is_own=True))
-    print(
-        f"{' + '.join(map(str, mesh.n_mirrors))} mirrors, up to {STEEPEST:g} degrees of incidence"
-    )
-    place = f"and {SAME_PLACE:g} mm"
-    print(
-        f"{'rays':>8} {'within':>10} {'offset':>9} {'same path':>11} {place:>12}"
-        f" {'median apart':>14}"
-    )
-
-    for side in (SIDE, MIDDLE):
-        light = random_light(mesh.frame, n_rays, side)
-        for offset in OFFSETS:
-            found = agreement(mesh, light, offset)
-            line = (
-                f"{n_rays:8d} {MM * side:7.0f} mm {offset:6.0e} mm {found.path:11.4%}"
-                f" {found.place:12.4%}"
-            )
-            print(f"{line} {found.apart:11.1e} mm", flush=True)
-
-
-def print_speed(runs: int) -> None:
-    world = MirrorMesh(plate_frame())
-    own = MirrorMesh(plate_frame(is_own=True))
-    slow = random_light(world.frame, N_SLOW)
-    fast = random_light(own.frame, N_FAST)
-    ways = {
-        "mesh in world axes": (
-            N_SLOW,
-            lambda: [world.folded(*some, TIMED_OFFSET) for some in chunks(slow)],
-        ),
-        "mesh in its mirrors' axes": (
-            N_FAST,
-            lambda: [own.folded(*some, TIMED_OFFSET) for some in chunks(fast)],
-        ),
-        "closed form": (N_FAST, lambda: [own.frame.folded(*some) for some in chunks(fast)]),
-    }
-    a_ray = seconds_in_turns([way for _, way in ways.values()], runs) / [
-        n for n, _ in ways.values()
-    ]
-    print(f"\n{'way':<28} {'paths a second':>15} {'closed form is faster':>22}")
-    for k, name in enumerate(ways):
-        ratio = statistics.median(a_ray[:, k] / a_ray[:, -1])
-        print(f"{name:<28} {1 / statistics.median(a_ray[:, k]):15.0f} {ratio:20.1f} x", flush=True)
-
-
-def print_ball_rig(runs: int) -> None:
-    ideal = ball_rig()
-    mirrors = replace(ideal, plates=(replace(ideal.plates[0], array=ARRAY),))
-    light = ideal.viewer.rays(
-        np.random.default_rng(0).uniform(0, (ideal.viewer.width, ideal.viewer.height), (N_BALL, 2))
-    )
-    plans = [make_plan(rig, Settings()) for rig in (ideal, mirrors)]
-    ways = {
-        "ideal plate": lambda: trace_all(plans[0], *light),
-        "mirror array, its image": lambda: trace_all(plans[1], *light, "imaged"),
-        "mirror array, all its light": lambda: trace_all(plans[1], *light, "folded"),
-    }
-    times = seconds_in_turns(list(ways.values()), runs)
-    print(f"\n{'path through the ball rig':<28} {'paths a second':>15} {'costs':>22}")
-
-    for k, name in enumerate(ways):
-        ratio = statistics.median(times[:, k] / times[:, 0])
-        print(
-            f"{name:<28} {N_BALL / statistics.median(times[:, k]):15.0f} {ratio:20.2f} x",
-            flush=True,
-        )
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rays", type=int, default=1 << 20, help="rays that have to agree")
-    parser.add_argument("--runs", type=int, default=5)
-    arguments = parser.parse_args()
-    print_agreement(arguments.rays)
-    print_speed(arguments.runs)
-    print_ball_rig(arguments.runs)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,11 +1,9 @@
-"""The effect of a bench that is off on the lattice in the cube, and the errors that
-a photograph tells of it: `dev.py misalignment`.
+"""The effect of a bench that is off on the lattice in the cube, and what a photograph tells of it.
 
 The paper's cube rig with an ASKA3D-488, 49 points over 1165
 viewer pixels; simulated photographs with noise.
 """
 
-import argparse
 from collections import Counter
 from dataclasses import replace
 
@@ -20,9 +18,8 @@ from kiriko.core.lab.calibrate.misalignment import Bench, spread
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import cube_rig
-from paper.explain import explain
-from paper.published import PAPER_DX, SOURCE
-from paper.tables import Table, markdown
+
+from .published import PAPER_DX, SOURCE, Table
 
 ACROSS = 1165  # viewer px from the first to the last point
 # m
@@ -154,30 +151,3 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
     rows += [[bench.parameters[k].name, f"{one[k]:.1%}", f"{two[k]:.1%}"] for k in np.argsort(one)]
 
     return {about: rows}
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--benches", type=int, default=BENCHES, help=f"random benches that are fitted ({BENCHES})"
-    )
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--no-explain", action="store_true", help="do not ask what would make the paper's numbers"
-    )
-    arguments = parser.parse_args()
-    bench = cube_bench()
-    show(sensitivities(bench))
-    if arguments.benches:
-        show(fits(bench, arguments.benches, arguments.seed))
-    if not arguments.no_explain:
-        show(explain(bench.rig, tolerance_of).tables)
-
-
-def show(tables: dict[str, Table]) -> None:
-    for about, table in tables.items():
-        print(f"{about}:\n\n{markdown(table)}\n", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,159 @@
+"""What all benches share: options, processes, timing in turns, a table, and the exit code.
+
+A bench is data: a `Bench` has cases by name, the columns of its table, and a function that measures
+one case. A module may have several tables; the option with a table's name chooses it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+from environments import as_module, machine, quiet
+from kiriko.core.native import loading
+
+Row = dict[str, Any]
+MISSED = "MISSED"  # a row with this value in it ends the bench with 1
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A table.
+
+    cases : by name, whatever `measure` needs of one
+    columns : the format of each number of a row, by the column's head; empty: words
+    measure : the rows of a case, by its name, the case and the options
+    is_apart : measure each case in a process of its own
+    mean : name of a last row with the means, or nothing
+    """
+
+    cases: Mapping[str, Any]
+    columns: Mapping[str, str]
+    measure: Callable[[str, Any, argparse.Namespace], Iterable[Row]]
+    is_apart: bool = False
+    mean: str = ""
+
+
+def option(*names: str, **more: Any) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """A further option of a bench, as `add_argument` takes it."""
+    return names, more
+
+
+def run(about: str, module: str, main: Bench, *options: tuple, **tables: Bench) -> None:
+    """Read the options, measure, print, and leave with 1 where a mark is missed."""
+    parser = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--only", "--glass", nargs="+", default=[], metavar="NAME", help="cases of these names"
+    )
+    parser.add_argument("--rounds", type=int, default=1, help="of each; medians are shown")
+    parser.add_argument("--threads", type=int, default=0, help="of the kernel; 0: all")
+    parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
+    parser.add_argument("--json", action="store_true", help="a line of JSON for each row")
+    for name in tables:
+        parser.add_argument(
+            f"--{name.replace('_', '-')}", action="store_true", help="this table instead"
+        )
+    for names, more in options:
+        parser.add_argument(*names, **more)
+    arguments = parser.parse_args()
+
+    bench = next((table for name, table in tables.items() if getattr(arguments, name)), main)
+    names = chosen(bench.cases, arguments.only)
+    if not names:
+        parser.error(f"no case is called so: there are {', '.join(bench.cases)}")
+    loading.use_threads(arguments.threads)
+    with loading.off() if arguments.numpy else nullcontext():
+        rows = measured(bench, module, names, arguments)
+        shown = print_json(rows) if arguments.json else print_table(bench, rows)
+    sys.exit(any(MISSED in row.values() for row in shown))
+
+
+def chosen(cases: Mapping[str, Any], words: list[str]) -> list[str]:
+    """The cases of these names; of those with a word in their names where none is called so."""
+    exact = [name for word in words for name in cases if name == word]
+    return exact or [name for name in cases if all(word in name for word in words)]
+
+
+def measured(
+    bench: Bench, module: str, names: list[str], arguments: argparse.Namespace
+) -> Iterator[Row]:
+    """The rows of some cases."""
+    for name in names:
+        if bench.is_apart and len(names) > 1:
+            command = [sys.executable, *as_module(module), *sys.argv[1:], "--json", "--only", name]
+            answer = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+            yield from (json.loads(line) for line in answer.splitlines() if line[:1] == "{")
+        else:
+            with quiet():
+                rows = list(bench.measure(name, bench.cases[name], arguments))
+            yield from ({"case": name, **row} for row in rows)
+
+
+def print_json(rows: Iterable[Row]) -> list[Row]:
+    """Print a line for each row; all of them."""
+    shown = []
+    for row in rows:
+        shown.append(row)
+        print(json.dumps(row, default=float), flush=True)
+    return shown
+
+
+def print_table(bench: Bench, rows: Iterable[Row]) -> list[Row]:
+    """Print the rows under their heads; all of them."""
+    first = max(map(len, [*bench.cases, bench.mean])) + 2
+
+    def show(row: Row) -> None:
+        cells = ((head, form, written(row.get(head), form)) for head, form in bench.columns.items())
+        line = "".join(
+            f"{cell:>{max(len(head), 7) + 2}}" if form else f"  {cell:<36}"
+            for head, form, cell in cells
+        )
+        print(f"{row['case']:{first}}{line}".rstrip(), flush=True)
+
+    print(f"{machine()}.")
+    show({"case": "", **{head: head for head in bench.columns}})
+    shown = []
+    for row in rows:
+        shown.append(row)
+        show(row)
+    if bench.mean and shown:
+        show({"case": bench.mean, **means(shown)})
+    return shown
+
+
+def written(value: Any, form: str) -> str:
+    """A cell: text as it is, nothing for what is unknown."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return value if isinstance(value, str) else f"{value:{form}}"
+
+
+def means(rows: list[Row]) -> Row:
+    """The mean of each number."""
+    numbers = [head for head, value in rows[0].items() if isinstance(value, (int, float))]
+    return {head: statistics.fmean(row[head] for row in rows) for head in numbers}
+
+
+def in_turns(
+    works: Mapping[str, Callable[[], Any]], rounds: int, clock: Callable[[], float] = perf_counter
+) -> tuple[dict[str, float], dict[str, Any]]:
+    """Median seconds of works that take turns, and what each made last."""
+    seconds: dict[str, list[float]] = {name: [] for name in works}
+    made = {}
+    for _ in range(rounds):
+        for name, work in works.items():
+            started = clock()
+            made[name] = work()
+            seconds[name].append(clock() - started)
+    return {name: statistics.median(times) for name, times in seconds.items()}, made
