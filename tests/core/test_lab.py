@@ -124,7 +124,7 @@ def mtf_by_formula(rig: Rig, frequencies: Floats) -> Floats:
     a value that is uniform in +- p P(r) along their normal.
     """
     array = rig.plates[0].array
-    (mirrors,) = make_plan(rig, NO_GLASS).arrays.values()
+    (mirrors,) = make_plan(rig, NO_GLASS).arrays
     right, up, ahead = rig.viewer.axes
     depth = np.sqrt(1 - (1 - (ahead @ mirrors.axes[2]) ** 2) / array.ior**2)
     contrast = np.ones(len(frequencies))
@@ -153,7 +153,7 @@ def traced_shares(rig: Rig, angle: float, n: int, seed: int) -> dict[str, tuple[
     of n rays that come to the plate at an angle, rad.
     """
     plan = make_plan(rig, replace(NO_GLASS, brightness=True))
-    (mirrors,) = plan.arrays.values()
+    (mirrors,) = plan.arrays
     ahead = np.sin(angle) * mirrors.axes[1] + np.cos(angle) * mirrors.axes[2]
     places = (
         mirrors.centre + np.random.default_rng(seed).uniform(-0.1, 0.1, (n, 2)) @ mirrors.axes[:2]
