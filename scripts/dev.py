@@ -101,7 +101,7 @@ def run_script(name: str, rest: list[str]) -> int:
 
 
 def test(arguments: argparse.Namespace) -> None:
-    """Lint, run each test in the newest Blender and a smoke file in the older
+    """Lint, run each test in the newest Blender and those marked `every_blender` in the older
     ones, build, install and solve from the zip.
     """
     sys.exit(

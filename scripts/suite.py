@@ -49,7 +49,6 @@ CORE_PARTS = 2
 BLENDER_PARTS = 4
 WITHOUT_KERNEL = 1  # the part that the oldest Blender runs with numpy alone
 NOT_LONG = ("-m", "not long")
-SMOKE = "tests/blender/test_smoke.py"
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
     """All steps, in the order in which they start, the longest first.
 
     The gate runs each test once, in the newest Blender or beside the newest numpy; in the others
-    the tests marked `numpy_alone` and the smoke file. `everywhere` runs all tests in all of them,
+    the tests marked `numpy_alone` and `every_blender`. `everywhere` runs all tests in all of them,
     and those marked `long` in the newest.
 
     tools : environment of the steps for which any Blender will do
@@ -115,7 +114,8 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
 
 def smoke(blenders: Sequence[str], pytest: Sequence[str]) -> list[Step]:
     """The steps of the gate in older Blenders."""
-    return [Step(f"smoke-{short(name)}", name, (*pytest, SMOKE)) for name in blenders]
+    smoke = (*pytest, "-m", "every_blender", "tests/blender")
+    return [Step(f"smoke-{short(name)}", name, smoke) for name in blenders]
 
 
 def more_steps(newest: str, blenders: Sequence[str], pytest: Sequence[str]) -> list[Step]:

@@ -20,6 +20,7 @@ def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
+@pytest.mark.every_blender
 def test_solve_writes_everything_and_tells_its_progress(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -117,6 +118,7 @@ def test_results_are_replaced_only_when_told(
     assert (saved / "ideal.png").read_bytes() != b"mine"
 
 
+@pytest.mark.every_blender
 def test_broken_rig_is_one_sentence(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:

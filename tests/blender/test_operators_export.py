@@ -34,6 +34,7 @@ def solved(scene: bpy.types.Scene) -> bpy.types.Scene:
     return scene
 
 
+@pytest.mark.every_blender
 @pytest.mark.parametrize("form", STEP)
 def test_file_holds_the_source_at_the_displays_resolution(
     solved: bpy.types.Scene, io: ModuleType, tmp_path: Path, form: str
@@ -107,26 +108,6 @@ def test_export_without_a_source_says_to_solve_first(scene: bpy.types.Scene) -> 
     """The button is grey before the first solve and says why."""
     with pytest.raises(RuntimeError, match="solve first"):
         bpy.ops.kiriko.export()
-
-
-def test_broken_image_file_is_one_sentence(
-    io: ModuleType, tmp_path: Path, kiriko: ModuleType
-) -> None:
-    """Reading a file that is missing, or is no image, names it."""
-    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
-    (tmp_path / "broken.png").write_bytes(b"no image")
-    for name in ("broken.png", "missing.png"):
-        with pytest.raises(errors.ImageError, match=name):
-            io.read(tmp_path / name)
-
-
-def test_a_name_that_no_file_can_have_is_one_sentence(
-    solved: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """A name that is too long is refused, not raised through."""
-    with pytest.raises(RuntimeError, match="choose another") as caught:
-        bpy.ops.kiriko.export(filepath=str(tmp_path / ("x" * 300 + ".png")))
-    assert "Traceback" not in str(caught.value)
 
 
 def test_the_suffix_of_an_explicit_path_chooses_the_format(
@@ -286,27 +267,3 @@ def test_the_dialogue_completes_the_name_and_the_panel_follows(
         )
 
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
-
-
-def test_one_setting_says_whether_files_are_replaced(blender: ModuleType) -> None:
-    """That of the panel, which dialogues show, too: none has one of its own beside it. Frames have
-    another one, by another name.
-    """
-    for name in ("export", "export_maps", "export_atlas", "export_job", "bench_drawing"):
-        properties = getattr(bpy.ops.kiriko, name).get_rna_type().properties
-        assert properties["overwrite"].is_hidden
-    settings = bpy.context.scene.kiriko.bl_rna.properties
-    named = [one.identifier for one in settings if one.name == "Overwrite"]
-    assert named == ["export_overwrite"]
-
-
-def test_the_dialogue_asks_nothing_beside_the_panel(blender: ModuleType) -> None:
-    """Names that are taken are red, others than images are
-    not listed, and there is no second Overwrite.
-    """
-    properties = bpy.ops.kiriko.export.get_rna_type().properties
-    assert [p.identifier for p in properties if not p.is_hidden and p.identifier != "rna_type"] == [
-        "filepath"
-    ]
-    assert properties["check_existing"].default is True
-    assert properties["filter_glob"].default == "*.exr;*.png;*.tif;*.tiff"

@@ -2,9 +2,8 @@
 
 import importlib
 import json
-import re
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -104,6 +103,7 @@ def test_glass_that_disperses_has_a_map_for_each_colour(
     assert not np.allclose(maps[0], maps[-1], atol=0.2)
 
 
+@pytest.mark.every_blender
 def test_all_formats_are_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """All files and their description; the scene is as it was, without a source image."""
     small_rig()
@@ -217,37 +217,6 @@ def export_maps_told(folder: Path, formats: set[str], capfd: pytest.CaptureFixtu
     capfd.readouterr()
     assert bpy.ops.kiriko.export_maps(directory=str(folder), formats=formats) == {"FINISHED"}
     return capfd.readouterr().out
-
-
-def test_progress_is_printed_and_nothing_is_there_before_the_end(
-    scene: bpy.types.Scene,
-    kiriko: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture,
-) -> None:
-    """Who kills Blender while rays are traced finds no temporary folder; each printed number is
-    larger than the one before.
-    """
-    small_rig()
-    long_work = importlib.import_module(f"{kiriko.__name__}.operators.long_work")
-    module = importlib.import_module(f"{kiriko.__name__}.operators.export_maps")
-    monkeypatch.setattr(long_work, "SILENT", 0.0)
-    there = []
-
-    def seen(maps: Generator) -> Generator:
-        there.append(list(tmp_path.iterdir()))
-        return (yield from maps)
-
-    own = module.maps_of
-    monkeypatch.setattr(module, "maps_of", lambda *given: seen(own(*given)))
-    told = export_maps_told(tmp_path, {"NPZ"}, capfd)
-    assert re.search(r"^Kiriko: Takes about [\d.]+ GB of memory\.$", told, re.MULTILINE)
-    assert there == [[]]
-    numbers = [int(n) for n in re.findall(r"^Kiriko: Export Maps (\d+) %$", told, re.MULTILINE)]
-    assert len(numbers) > 5
-    assert numbers == sorted(numbers)
-    assert {path.name for path in tmp_path.iterdir()} == {"warp.npz", "maps.json"}
 
 
 def test_maps_that_memory_does_not_hold_are_refused(

@@ -110,6 +110,7 @@ def is_rounding(difference: np.ndarray) -> bool:
     return float(np.abs(difference).max()) < 1e-6
 
 
+@pytest.mark.every_blender
 def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> None:
     """After glass, camera, plate or picture were turned, the
     source image is that of a plain solve, to rounding.
@@ -759,6 +760,7 @@ def test_image_is_saved_with_the_file(live: ModuleType, tmp_path) -> None:
     assert np.array_equal(shown(), before)
 
 
+@pytest.mark.every_blender
 def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) -> None:
     """Pressed again it ends; the image is packed, and no change is followed any more."""
     rig = follow(live)

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -101,6 +100,7 @@ def plain(value: object) -> object:
     return value if isinstance(value, float) else tuple(value)
 
 
+@pytest.mark.every_blender
 @pytest.mark.parametrize("layout", NAMES)
 def test_active_mesh_gets_the_material(scene: bpy.types.Scene, layout: str) -> None:
     """It takes the active slot of the selected mesh, once
@@ -168,22 +168,6 @@ def test_without_a_selected_mesh_a_plane_is_made(scene: bpy.types.Scene, metres:
     )
 
 
-def test_undo_takes_it_back(scene: bpy.types.Scene) -> None:
-    """After undo the file is as before, and doing it again works."""
-    plane()
-    bpy.ops.ed.undo_push(message="before")
-    before = inventory()
-    bpy.ops.kiriko.add_plate_material()
-    bpy.ops.ed.undo_push(message="Add Plate Material")
-    after = inventory()
-    assert after != before
-    bpy.ops.ed.undo()
-    assert inventory() == before
-    assert not bpy.data.objects["Mine"].material_slots
-    assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}
-    assert inventory() == after
-
-
 def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
     """A cube and a mesh without faces: one sentence each, and nothing is appended or changed."""
     for thing, words in (
@@ -197,19 +181,6 @@ def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
             bpy.ops.kiriko.add_plate_material()
         assert inventory() == before
         assert not thing.material_slots
-
-
-def test_linked_mesh_is_refused(scene: bpy.types.Scene, linked: Callable) -> None:
-    """A material of another file is not changed here."""
-    own = plane("Theirs")
-    theirs = linked(own)
-    bpy.data.objects.remove(own)
-    scene.collection.objects.link(theirs)
-    theirs.select_set(True)
-    bpy.context.view_layer.objects.active = theirs
-    with pytest.raises(RuntimeError, match="linked from another file"):
-        bpy.ops.kiriko.add_plate_material()
-    assert "Kiriko Plate" not in bpy.data.materials
 
 
 def test_missing_file_is_told(

@@ -9,6 +9,7 @@ import pytest
 from small_rigs import inventory, pixels, small_rig
 
 
+@pytest.mark.every_blender
 def test_an_ideal_plate_shows_the_picture_and_no_stray_light(scene, kiriko):
     small_rig()
     bpy.ops.kiriko.solve()
@@ -48,42 +49,6 @@ def test_another_display_wants_another_solve(scene):
     with pytest.raises(RuntimeError, match="solve again"):
         bpy.ops.kiriko.simulate()
     assert inventory() == before
-
-
-def test_stray_light_and_noise_are_told(scene, kiriko):
-    """In words with their standard errors, added as those of independent numbers.
-
-    None of what there is none of.
-    """
-    simulate, plate, core = (
-        importlib.import_module(f"{kiriko.__name__}.{name}")
-        for name in ("operators.simulate", "core.light.plate", "core.image.simulation")
-    )
-    path = plate.PlatePath
-    light = dict.fromkeys(path, 0.0)
-    error = light | {path.STRAY_1: 0.024, path.THROUGH: 0.032, path.NONE: 0.01}
-    light |= {
-        path.IMAGED: 1.2,
-        path.STRAY_1: 0.4,
-        path.THROUGH: 0.1,
-        path.REFLECTED: 0.1,
-        path.NONE: 0.2,
-    }
-    found = core.Simulation(np.zeros((1, 1, 3)), 0.0123, light, error, 4)
-
-    assert simulate.told(found) == (
-        ", 30 % (+- 2 %) of it stray light of the plate, 10 % (+- 0.5 %) of it past the plate,"
-        " noise 0.012 of white"
-    )
-
-    only = dict.fromkeys(path, 0.0) | {path.IMAGED: 1.0}
-    assert (
-        simulate.told(core.Simulation(found.image, 0.5, only, error, 4)) == ", noise 0.5 of white"
-    )
-    assert (
-        simulate.told(core.Simulation(found.image, 0.0, dict.fromkeys(path, 0.0), error, 4))
-        == ": nothing"
-    )
 
 
 def test_the_operator_says_how_much_is_stray(scene, kiriko):

@@ -100,6 +100,7 @@ def test_map_without_glass_is_the_mirror_image(core: ModuleType, scene: bpy.type
     assert (found[..., 2] == 1).all()
 
 
+@pytest.mark.every_blender
 def test_cycles_agrees_on_a_turned_cube(core: ModuleType) -> None:
     """Through flat faces, Cycles and Kiriko's tracer land on the same point."""
     small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)

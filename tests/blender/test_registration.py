@@ -2,6 +2,9 @@ from types import ModuleType
 
 import addon_utils
 import bpy
+import pytest
+
+pytestmark = pytest.mark.every_blender
 
 EXTENSION = "bl_ext.user_default.kiriko"
 

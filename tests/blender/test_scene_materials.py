@@ -67,6 +67,7 @@ def index(reading: Any) -> float:
     return reading.rig.glasses[0].ior(587.6e-9)
 
 
+@pytest.mark.every_blender
 @pytest.mark.parametrize(
     ("kind", "source"),
     [("Glass", "Glass BSDF"), ("Refraction", "Refraction BSDF"), ("Principled", "Principled BSDF")],
@@ -297,44 +298,3 @@ def test_material_set_by_geometry_nodes(read: Callable[[], Any]) -> None:
     reading = read()
     assert index(reading) == pytest.approx(2.0)
     assert reading.materials[0].material_name == "after"
-
-
-def test_settings_from_a_script_count_at_once(read: Callable[[], Any]) -> None:
-    """Override and priority set after the scene was evaluated are read as they are now."""
-    stone = add_glass()
-    read()
-    stone.kiriko.use_ior = True
-    stone.kiriko.ior = 1.75
-    stone.kiriko.priority = 3
-    reading = read()
-    assert index(reading) == pytest.approx(1.75)
-    assert reading.rig.glasses[0].priority == 3
-
-
-def test_animated_index(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """A driven index in a material is read as it is at the current frame."""
-    material = clear_material()
-    socket = material.node_tree.nodes["Glass BSDF"].inputs["IOR"]
-    socket.driver_add("default_value").driver.expression = "1 + frame / 10"
-    add_glass(material)
-    for frame in (5, 7):
-        scene.frame_set(frame)
-        assert index(read()) == pytest.approx(1 + frame / 10)
-
-
-def test_settings_have_words_for_the_user(scene: bpy.types.Scene) -> None:
-    """Every setting has a label and one line without a full stop.
-
-    A value out of range is brought back into it.
-    """
-    stone = add_glass()
-    for settings in (stone.kiriko, scene.kiriko, scene.kiriko.result):
-        for prop in settings.bl_rna.properties:
-            if prop.identifier not in {"rna_type", "name"}:
-                assert prop.name, prop.identifier
-                assert prop.description, prop.identifier
-                assert not prop.description.endswith("."), prop.identifier
-    scene.kiriko.max_events = 0
-    stone.kiriko.resolution = (0, 100_000)
-    assert scene.kiriko.max_events == 1
-    assert tuple(stone.kiriko.resolution) == (1, 32768)

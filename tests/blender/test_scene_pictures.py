@@ -1,9 +1,8 @@
 import importlib
-import tracemalloc
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -298,17 +297,6 @@ def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
     assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 2.3 * 1.5 / 255
 
 
-def test_srgb_bytes_are_decoded_by_the_formula(read: Callable[[], Any], tmp_path: Path) -> None:
-    """An opaque 8-bit sRGB picture is the piecewise sRGB curve of its bytes, top row first."""
-    pixels = random_pixels().astype(float)
-    pixels[..., 3] = 1
-    write(pixels.astype(np.float32), tmp_path / "art.png")
-    add_plane(texture_material(bpy.data.images.load(str(tmp_path / "art.png"))))
-    wanted = linear_from_srgb(np.rint(pixels[::-1, :, :3] * 255) / 255)
-    # float32 of numbers up to 1
-    assert np.abs(read().rig.picture.image[..., :3] - wanted).max() < 1e-7
-
-
 @pytest.mark.parametrize("space", ["sRGB", "Non-Color"])
 @pytest.mark.parametrize("alpha", ["STRAIGHT", "NONE"])
 @pytest.mark.parametrize("is_float", [False, True])
@@ -335,6 +323,7 @@ def test_the_kernel_decodes_as_numpy_does(
                 picture.decoded(image, broken, "the picture")
 
 
+@pytest.mark.every_blender
 @pytest.mark.parametrize("channels", [1, 3])
 def test_pictures_with_fewer_channels(
     read: Callable[[], Any], tmp_path: Path, channels: int
@@ -348,6 +337,7 @@ def test_pictures_with_fewer_channels(
     assert (found[..., 3] == 1).all()
 
 
+@pytest.mark.every_blender
 def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) -> None:
     """Generated pictures are read from memory, a packed one when its file is gone."""
     plane = add_plane(None)
@@ -485,21 +475,6 @@ def test_picture_without_an_image(read: Callable[[], Any], errors: ModuleType) -
             read()
 
 
-@pytest.mark.parametrize("scale", [(0, 1, 1), (1, 0, 1), (0, 0, 0)])
-def test_a_picture_scaled_to_nothing_has_no_faces(
-    read: Callable[[], Any], errors: ModuleType, scale: tuple[int, int, int]
-) -> None:
-    """As a plate or a display: its image is there, though on no face. Without thickness it is one
-    as before.
-    """
-    plane = add_plane(texture_material(bpy.data.images.new("art", *SIZE)))
-    plane.scale = (1, 1, 0)
-    assert read().rig.picture.image.shape[1::-1] == SIZE
-    plane.scale = scale
-    with pytest.raises(errors.MeshError, match="The picture 'poster' has no faces with an area"):
-        read()
-
-
 @pytest.mark.parametrize("how", ["missing", "broken"])
 def test_picture_file_that_cannot_be_read(
     read: Callable[[], Any], errors: ModuleType, tmp_path: Path, how: str
@@ -575,59 +550,6 @@ def test_a_picture_that_would_not_fit_is_refused(
     assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
 
 
-@pytest.mark.parametrize("is_float", [False, True])
-def test_reading_takes_no_more_than_the_pixels(kiriko: ModuleType, is_float: bool) -> None:
-    """Their 16 bytes each, and the buffers of a few rows."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
-    image = bpy.data.images.new("large", 2048, 2048, float_buffer=is_float)
-    tracemalloc.start()
-    try:
-        module.read_pixels(image, "the picture")
-        taken = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert 1.0 <= taken / (16 * 2048**2) < 1.25
-
-
-def test_pixels_are_read_once_a_change(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once when they are first asked for, and once after each news of the image.
-
-    The array is the same while the numbers are, and nobody can write to it.
-    """
-    picture, shapes = (
-        importlib.import_module(f"{kiriko.__name__}.core.blender.{name}")
-        for name in ("picture", "shapes")
-    )
-    image = generated()
-    n_read = 0
-
-    def counted(*_: object) -> None:
-        nonlocal n_read
-        n_read += 1
-
-    monkeypatch.setattr(picture, "check_free", counted)
-    update = SimpleNamespace(id=SimpleNamespace(original=image), is_updated_geometry=False)
-    news = SimpleNamespace(updates=[update], id_type_updated=lambda kind: kind == image.id_type)
-    kept = shapes.Kept()
-    first = kept.pixels(image, "the picture")
-
-    assert kept.pixels(image, "the picture") is first
-    assert n_read == 1
-    assert not first.flags.writeable
-
-    kept.notice(news)
-    assert kept.pixels(image, "the picture") is first
-    assert n_read == 2
-    told = kept.fingerprint_of(first)
-
-    image.pixels[0] = 0.125
-    kept.notice(news)
-    other = kept.pixels(image, "the picture")
-    assert n_read == 3
-    assert other is not first
-    assert kept.fingerprint_of(other) != told == kept.fingerprint_of(first)
-
-
 def test_tiled_picture(read: Callable[[], Any]) -> None:
     """Of a picture in several tiles the first is read, and a note says so."""
     plane = add_plane(None)
@@ -635,14 +557,6 @@ def test_tiled_picture(read: Callable[[], Any]) -> None:
     reading = read()
     assert reading.rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
     assert reading.notes == ("Only the first tile of the image 'tiles' is used.",)
-
-
-def test_two_pictures_are_for_the_check(read: Callable[[], Any]) -> None:
-    """Two picture planes are both read, so that the rig's check can name them."""
-    image = generated()
-    add_plane(texture_material(image), "one")
-    add_plane(texture_material(image), "two")
-    assert sorted(p.name for p in read().rig.pictures) == ["one", "two"]
 
 
 def test_an_image_without_a_file_is_told_to_be_empty(scene: bpy.types.Scene) -> None:
