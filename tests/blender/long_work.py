@@ -363,7 +363,11 @@ def run(name: str) -> Callable[[], object]:
         "report": ("seconds", "overwrite"),
         "export_maps": ("directory", "overwrite"),
     }.get(name, ())
-    always = {"allow_stale": True} if name == "export" else {}
+    always = {
+        "export": {"allow_stale": True},
+        "best_place": {"take": True},
+        "turn_back": {"take": True},
+    }.get(name, {})
     return lambda: operator(**always, **{option: getattr(given, option) for option in options})
 
 

@@ -2,7 +2,6 @@
 
 import errno
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -11,7 +10,6 @@ import pytest
 
 from long_work import (
     FEW,
-    asked,
     broken,
     errors,
     failing,
@@ -113,19 +111,6 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
     assert state() == before
 
 
-def test_a_report_on_a_full_disk_names_its_folder(rig: dict) -> None:
-    """At whatever step the disk is full: never a temporary file
-    or folder, of which nothing is left by then.
-    """
-    before = state()
-    for room in (0, 100, 1500):
-        with full_disk(room):
-            text = refusal(run("report"))
-        assert f"'{bpy.context.scene.kiriko.report_folder}" in text
-        assert "kiriko-" not in text
-        assert state() == before
-
-
 def test_a_report_is_written_whole_or_not_at_all(
     rig: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -209,67 +194,3 @@ def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
 
     assert product("solve") == before
     assert before == whole("solve")
-
-
-def test_a_picture_whose_file_is_gone_is_named(rig: dict, tmp_path: Path) -> None:
-    """Before it was read the solve is refused; in the middle of a solve it makes no difference."""
-    path = tmp_path / "mine.png"
-    part("core.files.image_io").write(path, np.random.default_rng(1).random((8, 8, 3)), "PNG8")
-    rig["PICTURE"].kiriko.image = image = bpy.data.images.load(str(path))
-    content = path.read_bytes()
-    path.unlink()
-    before = state()
-    with pytest.raises(RuntimeError, match=r"mine\.png.* is missing or broken"):
-        bpy.ops.kiriko.solve()
-    assert state()[1:] == before[1:]
-    path.write_bytes(content)
-    image.reload()
-    solved = asked("solve").steps(bpy.context)
-    next(solved)
-    path.unlink()
-    part("core.base.steps").finish(solved)
-    after = product("solve")
-    path.write_bytes(content)
-
-    assert after == whole("solve")
-    bpy.ops.kiriko.live()
-    settle()
-    path.unlink()
-    image.reload()
-    bpy.context.view_layer.update()
-    settle()
-    text, is_problem = part("operators.live").status()
-
-    assert is_problem
-    assert "mine.png" in text
-    assert product("solve") == after
-    path.write_bytes(content)
-
-    # that an image which no material uses is loaded again Blender does not tell
-    for chosen in (None, image):
-        image.reload()
-        rig["PICTURE"].kiriko.image = chosen
-        settle()
-
-    assert not part("operators.live").status()[1]
-    assert product("solve") == after
-    part("operators.live").stop()
-
-
-def test_a_library_that_is_gone_is_a_missing_part(
-    rig: dict, linked: Callable, tmp_path: Path
-) -> None:
-    """Glass that was linked from a file which is not there any more is told as missing.
-
-    The last image stays.
-    """
-    theirs = linked(rig["GLASS"])
-    bpy.data.objects.remove(rig["GLASS"])
-    bpy.context.scene.collection.objects.link(theirs)
-    assert bpy.ops.kiriko.solve() == {"FINISHED"}
-    before = product("solve")
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    (tmp_path / f"{theirs.name}.blend").unlink()
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
-    assert "glass" in refusal(run("solve")).lower()
-    assert product("solve") == before
