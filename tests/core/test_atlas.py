@@ -162,17 +162,6 @@ def test_atlas_keeps_its_tolerance_by_the_reader_for_others(ball_atlas):
         assert np.abs(coverage - true.coverage).mean() < 0.02
 
 
-@pytest.mark.parametrize("lost", [np.nan, np.inf])
-def test_the_reader_refuses_a_head_that_is_nowhere(ball_atlas, lost):
-    """As of a tracker that has lost it."""
-    made_of, _ = ball_atlas
-    spec = importlib.util.spec_from_file_location("atlas_reader", READER)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    with pytest.raises(ValueError, match="wait until it is tracked"):
-        module.Atlas(made_of.folder).at(0.0, lost, 0.0)
-
-
 def test_reader_needs_numpy_alone(ball_atlas):
     made_of, _ = ball_atlas
     command = [sys.executable, "-I", READER, made_of.folder, "0.01", "0", "0"]
@@ -198,39 +187,6 @@ def test_work_that_was_stopped_goes_on(ball_atlas):
     assert lost.read_bytes() == before
     assert kept.stat().st_mtime_ns == time
     assert not [path for path in made_of.folder.iterdir() if path.name.startswith(".")]
-
-
-def test_maps_of_the_plan_are_not_traced_again(tmp_path, monkeypatch):
-    """Where the head moves along one axis, planning has traced every place, each once."""
-    traced = []
-    at = making.Making.at
-    monkeypatch.setattr(making.Making, "at", lambda self, x: traced.append(x) or at(self, x))
-    made_of, atlas = make(tmp_path, rig(box([0.06, 0.02, 0.06]), **SMALL), TO_THE_RIGHT, 0.01)
-    assert len(atlas.grid) >= 3
-    assert len(traced) == len(set(traced)) == 2 * len(atlas.grid) - 1
-
-    monkeypatch.setattr(making, "solved_at", None)
-    assert drain(making.made(made_of, atlas, range(len(atlas.grid)))) == len(atlas.grid)
-    assert making.missing(tmp_path, atlas) == []
-    found = head_map.read(tmp_path / atlas.maps[1])
-    again = drain(at(made_of, atlas.grid.offsets()[1]))
-    assert all(
-        np.array_equal(*both, equal_nan=True)
-        for both in zip(
-            (found.st, found.coverage, found.path),
-            (again.st, again.coverage, again.path),
-            strict=True,
-        )
-    )
-
-
-def test_finer_grid_keeps_the_maps_of_the_coarser(ball_atlas):
-    _, atlas = ball_atlas
-    finer = making.finer(replace(atlas, checked={"most_px": 1.0}), 1000)
-    assert len(finer.grid) > len(atlas.grid)
-    assert set(atlas.maps) < set(finer.maps)
-    with pytest.raises(RigError, match=f"more than {len(atlas.grid)} places"):
-        making.finer(replace(atlas, checked={"most_px": 1.0}), len(atlas.grid))
 
 
 def test_index_of_another_rig_is_not_replaced(ball_atlas):
@@ -312,17 +268,6 @@ def test_source_images_come_and_stay_beside_the_same_maps(tmp_path):
 
 def contents(folder, pattern="*"):
     return {path.name: path.read_bytes() for path in folder.glob(pattern)}
-
-
-def test_what_an_atlas_will_take_is_told_however_small(ball_atlas):
-    """Two digits, never none; with source images, their pixels as they would lie in memory."""
-    _, atlas = ball_atlas
-    few = {**atlas.planned, "seconds_a_map": 0.21 / len(atlas.grid), "bytes_a_map": 400}
-    told = str(atlases.amount(replace(atlas, planned=few)))
-    assert told.endswith(f"about 0.0035 min and {400 * len(atlas.grid) / 1e6:.2g} MB")
-    told = str(atlases.amount(replace(atlas, planned=few, image_key="")))
-    most = len(atlas.grid) * 48 * 48 * 3 / 1e6
-    assert told.endswith(f", and up to {most:.2g} MB of source images")
 
 
 def test_overwriting_removes_maps_that_are_no_part(tmp_path):

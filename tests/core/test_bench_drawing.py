@@ -15,7 +15,7 @@ from kiriko.core.lab.drawing.bench import SCALES, draw_bench
 from kiriko.core.lab.drawing.datum import find_datum, standing
 from kiriko.core.lab.drawing.outlines import contour, rectangle
 from kiriko.core.lab.drawing.seen import draw_seen
-from kiriko.core.lab.drawing.sheet import SIZES, spread
+from kiriko.core.lab.drawing.sheet import SIZES
 from kiriko.core.rig.rig import Rig
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere
 from known.reference_rigs import rectangle as a_rectangle
@@ -133,57 +133,6 @@ def test_dots_stand_where_the_viewer_sees_the_lattice() -> None:
 
     x, y = seen[0]
     assert f"{x:.1f}, {y:.1f}" in svg
-
-
-@given(st.lists(st.floats(-50, 50), min_size=1, max_size=8))
-@settings(max_examples=100, deadline=None)
-def test_labels_are_spread_as_little_as_may_be(places: list[float]) -> None:
-    """They keep their order and a gap, and no other ones nearby are nearer to their places."""
-    gap = 4.0
-    found = spread(places, gap)
-    order = np.argsort(places, kind="stable")
-    assert (np.diff(found[order]) >= gap - 1e-9).all()
-
-    # least squares under the gaps, by projection: (place - found) may not point to a better one
-    cost = ((found - places) ** 2).sum()
-    random = np.random.default_rng(0)
-    for _ in range(50):
-        other = found[order] + random.normal(0, 1, len(places))
-        other = np.maximum.accumulate(other - gap * np.arange(len(other)))
-        other += gap * np.arange(len(other))
-        assert ((other - np.array(places)[order]) ** 2).sum() >= cost - 1e-9
-
-
-def test_many_parts_have_a_row_each_and_stay_on_the_sheet() -> None:
-    """Sixty balls on A4: letters go on behind Z, and no text leaves the paper."""
-    a_rig = ball_rig(2)
-    (glass,) = a_rig.glasses
-    many = tuple(
-        replace(
-            glass,
-            name=f"ball {n}",
-            mesh=replace(glass.mesh, vertices=glass.mesh.vertices + np.array([0.06 * n, 0, 0])),
-        )
-        for n in range(60)
-    )
-    a_rig = replace(a_rig, glasses=many)
-    svg = draw_bench(a_rig, a_rig.viewer)
-    for n in range(60):
-        assert f">ball {n}<" in svg
-    assert ">BK<" in svg  # glass 60, and plate, display and picture: 63
-    for x, y in re.findall(r'<text x="(\S+)" y="(\S+)"', svg):
-        assert 0 <= float(x) <= 297
-        assert 0 <= float(y) <= 210
-    assert "Scale 1 : " in svg
-
-
-def test_numbers_have_no_negative_zero() -> None:
-    """The default bench has parts in its middle plane."""
-    a_rig = ball_rig(2)
-    texts = re.findall(r">([^<]+)</text>", draw_bench(a_rig, a_rig.viewer))
-    assert "-0.0" not in texts
-    assert "-180.0" not in texts
-    assert texts.count("0.0") > 1
 
 
 def test_any_name_is_text() -> None:

@@ -101,14 +101,6 @@ def test_no_label_covers_another_of_its_curve_or_leaves_the_diagram():
                 assert 0 <= top < bottom <= HEIGHT
 
 
-def test_labels_side_by_side_or_below_each_other_are_both_written():
-    """Near along one axis only."""
-    points = ((1.0, 1.0), (1.0, 1.5), (1.5, 1.0), (100.0, 100.0))
-    svg = read(log_log("", "", "", [Curve("one", points, ("a", "b", "c", "d"))]))
-    (curve,) = curves_of(svg)
-    assert [label.text for label in curve.iter(f"{SVG}text")] == ["a", "b", "c", "d"]
-
-
 def test_curves_are_told_apart_and_named():
     """By colour and by mark, in the diagram and in its legend.
 
@@ -129,12 +121,3 @@ def test_curves_are_told_apart_and_named():
     ]
     assert [mark.get("fill") for mark in legend if mark.tag != f"{SVG}text"] == list(COLOURS[:2])
     assert "x > y" in [text.text for text in svg.iter(f"{SVG}text")]
-
-
-@pytest.mark.parametrize("sign", ["\x00", "\x01", "\x1f", "\ufffe", "\ud800", "\n"])
-def test_signs_that_xml_has_not_are_blanks(sign):
-    """An object's name in Blender may hold control characters."""
-    name = f"eye{sign}1"
-    svg = read(log_log(name, "", "", [Curve(name, ((1.0, 1.0), (10.0, 10.0)))]))
-    assert [curve.find(f"{SVG}title").text for curve in curves_of(svg)] == ["eye 1"]
-    assert [text.text for text in svg.iter(f"{SVG}text")].count("eye 1") == 2

@@ -10,12 +10,10 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.lab.atlas.heads import viewer_at
-from kiriko.core.lab.measure import eye_box as eye_box_module
 from kiriko.core.lab.measure.eye_box import EDGE, N_POINTS, WAYS, EyeBox, Walk, eye_box
 from kiriko.core.lab.measure.eye_box_curves import BEYOND, as_data, as_svg, curves_of
 from kiriko.core.lab.measure.eye_box_surface import MOST, octahedron, surface_of
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.map import points
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rig
 from known.work import drain
@@ -156,19 +154,6 @@ def test_its_drawing_has_a_line_for_each_way_and_number():
     }
 
 
-def test_curves_of_a_head_that_sees_nothing_tell_that():
-    """A display that no light comes from: no angle, nothing seen, and a drawing all the same."""
-    a_rig = slab_rig()
-    display = a_rig.display
-    far = replace(display.mesh, vertices=display.mesh.vertices + np.array([5.0, 0, 0]))
-    walk = Walk(make_plan(replace(a_rig, displays=(replace(display, mesh=far),)), Settings()))
-    found = drain(walk.box())
-    curves = drain(curves_of(walk, found))
-    assert {one.coverage for one in curves} == {(0.0,) * 7}
-    assert {one.largest_px for one in curves} == {(None,) * 7}
-    assert len(list(ET.fromstring(as_svg(found, "eye", curves)))) == 9
-
-
 def test_on_the_ball_it_is_that_of_a_walk_by_steps():
     """Six ways, each within 2 % of a walk in steps, by the angles and by what is seen."""
     a_rig = ball_rig(4, display=0.075, **SMALL)
@@ -183,20 +168,6 @@ def test_on_the_ball_it_is_that_of_a_walk_by_steps():
         assert finish(walk.part(0.98 * extent * way)) <= 1, name
         if not found.is_open[NAMES.index(name)]:
             assert finish(walk.part(1.02 * extent * way)) > 1, name
-
-
-def test_more_points_make_no_smaller_box(monkeypatch):
-    """Glass is worst at the picture's edges: ends by angles are those of nine times as many points,
-    to 2 %, and an end by what is seen is no farther.
-    """
-    a_rig = ball_rig(4, display=0.1, picture=0.025, **SMALL)
-    few = drain(eye_box(a_rig, Settings()))
-    monkeypatch.setattr(eye_box_module, "N_POINTS", 31)
-    many = drain(eye_box(a_rig, Settings()))
-    for name in NAMES:
-        if name != "down":
-            assert getattr(few, name) == pytest.approx(getattr(many, name), rel=0.02), name
-    assert few.down <= 1.02 * many.down
 
 
 def test_more_may_be_off_so_it_goes_farther():
@@ -243,46 +214,6 @@ def test_viewers_that_disagree_leave_no_box():
     )
     found = drain(eye_box(replace(a_rig, viewers=viewers), Settings(), limit=0.01))
     assert found.left == found.right == found.up == found.nearer == 0
-
-
-def test_a_head_costs_as_much_whoever_the_picture_is_solved_for():
-    """Where the display shows a point does not depend on the head: nine viewers are asked once."""
-    a_rig = ball_rig(4, display=0.075, **SMALL)
-    place = a_rig.picture_place
-    nine = tuple(
-        replace(viewer_at(a_rig.viewer, place, (x, 0.0, z)), name=f"{x} {z}")
-        for x in (-0.01, 0.0, 0.01)
-        for z in (-0.01, 0.0, 0.01)
-    )
-    rays = []
-    for viewers in (a_rig.viewers, nine):
-        walk = Walk(make_plan(replace(a_rig, viewers=viewers), Settings()))
-        finish(walk.begin())
-        rays.append(sum(walk.off((0.05, 0.02, 0.01))))
-    assert rays[1] < 1.1 * rays[0]
-
-
-def test_heads_are_looked_from_together(monkeypatch):
-    """A batch of few rays takes nearly as long as one of many: a box and its surface, of more than
-    a hundred heads, take no more batches than twenty heads that are looked from one by one.
-    """
-    walk = begun(make_plan(ball_rig(4, display=0.075, **SMALL), Settings()), 0.5)
-    n_batches = [0]
-    tracing = points.tracing
-
-    def counted(*of, **options):
-        n_batches[0] += 1
-        return tracing(*of, **options)
-
-    monkeypatch.setattr(points, "tracing", counted)
-    offsets = [(0.004, 0.002, 0.0), (-0.008, 0.0, 0.01)]
-    alone = [finish(walk.part(offset)) for offset in offsets]
-    n_alone = n_batches[0] / len(offsets)
-    assert finish(walk.parts(offsets)) == alone
-
-    n_batches[0] = 0
-    drain(surface_of(walk, drain(walk.box())))
-    assert n_batches[0] <= 20 * n_alone
 
 
 def test_the_surface_is_closed_and_made_of_eighths_of_ellipsoids():

@@ -13,7 +13,7 @@ from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
 from kiriko.core.lab.farm import extension, join
 from kiriko.core.lab.farm.atlas_job import AtlasJob
-from kiriko.core.lab.farm.job import Choice, Job, asset_references, parameter_values
+from kiriko.core.lab.farm.job import Choice, Job, parameter_values
 
 FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)
 RIGS = tuple(Choice(name, name.lower()) for name in ("Rig", "Rig.001"))
@@ -44,13 +44,6 @@ def test_tasks_are_chunks_of_frames_and_all_is_relative() -> None:
     paths = [one["default"] for one in made["parameterDefinitions"] if one["type"] == "PATH"]
     assert not [path for path in paths if Path(path).is_absolute() or ".." in path]
     assert json.loads(json.dumps(made)) == made
-
-
-def test_frames_are_in_a_form_that_every_scheduler_reads() -> None:
-    """Each frame once: Open Job Description refuses ranges that overlap."""
-    made = dataclasses.replace(FRAMES, frames="2-4,1-3").template
-    values = {one["name"]: one["value"] for one in parameter_values(made)["parameterValues"]}
-    assert values["Frames"] == "1-4"
 
 
 def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
@@ -163,11 +156,6 @@ def test_atlas_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str)
     ATLAS.check()
 
 
-def test_files_beside_the_bundle_are_named() -> None:
-    """Schedulers that copy files find them in Deadline Cloud's list."""
-    assert asset_references(["/b", "/a"])["assetReferences"]["inputs"]["filenames"] == ["/a", "/b"]
-
-
 @pytest.fixture
 def images(tmp_path: Path) -> list[Path]:
     """Three frames, whole and alike."""
@@ -218,16 +206,6 @@ def test_logs_are_one_in_the_order_of_frames(tmp_path: Path) -> None:
     assert [one["frame"] for one in found] == [1, 3, 6, 7]
     assert found[-1]["seconds"] == 2
     assert join.join_logs(tmp_path) == 4  # once more changes nothing
-
-
-def test_logs_of_long_lists_have_names_that_disks_take(tmp_path: Path) -> None:
-    """A chunk of frames that are no range is told by its list; each another name, all joined."""
-    frames = [n * n for n in range(1, 200)]
-    lists = [",".join(map(str, frames)), ",".join(map(str, [*frames[:-1], 7_000_000]))]
-    for n, part in enumerate(lists):
-        assert len(join.log_of(part).encode()) < 128
-        (tmp_path / join.log_of(part)).write_text(json.dumps({"frame": n, "error": None}))
-    assert join.join_logs(tmp_path) == 2
 
 
 def installed(folder: Path) -> Path:

@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of, strongest_paths
+from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.light.compile_plan import make_plan
@@ -56,67 +55,6 @@ def some_shares(random, n, n_pixels, n_paths):
         random.random(n),
         random.integers(1, 1 + n_paths, n).astype(np.uint64),
     )
-
-
-def test_sums_are_the_same_bits_in_however_many_parts_shares_come():
-    """And what is sorted for them is a few times the shares, however many parts these have: where
-    each share has a path of its own, as by hard glass, it was the square of that.
-    """
-    random = np.random.default_rng(11)
-    n, n_parts = 4096, 64
-    np_unique = np.unique
-    for n_paths in (3, 1 << 40):
-        shares = some_shares(random, n, 50, n_paths)
-        whole, parts = Paths((50, 1)), Paths((50, 1))
-        whole.add(shares)
-        sizes = []
-
-        def unique(values, sizes=sizes, **options):
-            sizes.append(len(values))
-            return np_unique(values, **options)
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(np, "unique", unique)
-            for which in np.array_split(np.arange(n), n_parts):
-                parts.add(shares.at(which))
-            found = parts.strongest()
-        assert (found == whole.strongest()).all()
-        for one, other in zip(parts.weights(), whole.weights(), strict=True):
-            assert (one == other).all()
-        assert sum(sizes) <= 5 * n
-
-
-def test_a_display_is_looked_at_in_parts(monkeypatch):
-    """What is found is what all shares at once find, of a display whose pixels are no multiple of
-    the parts; and no step sorts more than a part of them.
-    """
-    random = np.random.default_rng(12)
-    n, n_pixels = 1 << 16, 1000
-    shares = some_shares(random, n, n_pixels, 1 << 40)
-    whole = Paths((n_pixels, 1))
-    whole.add(shares)
-    expected = whole.strongest()
-    some = [shares.at(which) for which in np.array_split(np.arange(n), 50)]
-    batches = SimpleNamespace(display_size=shares.display_size, pausing=lambda: iter([None, *some]))
-    sorted_in_step = []
-
-    def unique(values, **options):
-        sorted_in_step[-1] += len(values)
-        return np_unique(values, **options)
-
-    np_unique = np.unique
-    monkeypatch.setattr(np, "unique", unique)
-    steps = strongest_paths(batches)
-    while True:
-        sorted_in_step.append(0)
-        try:
-            next(steps)
-        except StopIteration as done:
-            found = done.value
-            break
-    assert (found == expected).all()
-    assert max(sorted_in_step) <= n / 16
-    assert sum(sorted_in_step) <= 5 * n
 
 
 def test_the_strongest_path_has_the_largest_sum():

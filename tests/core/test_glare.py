@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
-from kiriko.core.image.glare import LightBeside, look_beside, looking_beside
+from kiriko.core.image.glare import LightBeside
 from kiriko.core.image.simulation import LUMINANCE
-from kiriko.core.lab.calibrate.misalignment import Bench
-from kiriko.core.lab.measure.choices import measure_choices
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.trace import trace_all
@@ -221,16 +218,6 @@ def test_where_the_glare_is(place, where):
     assert light.seen_of(np.zeros((1, 1, 3), np.float32)) == (0.0, "")
 
 
-def test_rays_of_the_sample_are_spread_over_the_image():
-    """One in each of 64 x 64 parts of the viewer's image, of those that come from the display."""
-    a_rig = two_balls()
-    light = finish(look_beside(make_plan(a_rig, Settings())))
-    part = np.floor(light.view / 96 * 64).astype(int)
-    assert len(np.unique(part, axis=0)) == len(part)
-    assert 0 < light.is_beside.sum() < len(part)
-    assert looking_beside(make_plan(a_rig, Settings())).settings.looks_beside
-
-
 def test_grown_margins_stay_dark_where_they_would_be_seen():
     """Pixels beside covered ones that are seen beside the glass are not grown into."""
     a_rig = ball()
@@ -274,32 +261,6 @@ def test_the_error_of_the_map_is_that_of_the_light_through_the_glass():
         [r.text.split(":")[0][:20] for r in found.remarks if r.is_warning] for found in (one, other)
     ]
     assert len(told[0]) == len(told[1]) > 0
-
-
-def test_points_beside_the_glass_are_not_seen_in_it():
-    """A calibration knows the same points, whatever the weight of light beside the glass."""
-    a_rig = ball()
-    view = np.stack(np.meshgrid(*2 * [np.linspace(4, 92, 9)]), axis=-1).reshape(-1, 2)
-    one, other = (
-        Bench(a_rig, Settings(suppress_glare=glare), view).display for glare in (0.0, 1.0)
-    )
-    np.testing.assert_array_equal(one, other)
-    assert np.isnan(one[:, 0]).any()
-
-
-def test_choices_are_told_in_decibels():
-    """Mean and strongest path, and weights of Suppress Glare: as
-    the seen images say, the least squares the best.
-    """
-    a_rig = ball()
-    found = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, Settings()))}
-    assert set(found) == {("mean", 0.0), ("mean", 0.5), ("mean", 1.0), ("strongest", 0.0)}
-    assert found["mean", 1.0] > found["mean", 0.5] > found["mean", 0.0]
-    solution = solve(a_rig)
-    expected = -10 * np.log10(((solution.seen(beside=True) - solution.ideal()) ** 2).mean())
-    assert found["mean", 0.0] == pytest.approx(expected, abs=0.01)
-    everywhere = finish(measure_choices(a_rig, Settings(only_through_glass=False)))
-    assert [choice[:2] for choice in everywhere] == [("mean", 0.0), ("strongest", 0.0)]
 
 
 @pytest.mark.parametrize("glare", [-0.1, 1.5, np.nan])

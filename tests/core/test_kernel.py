@@ -26,14 +26,13 @@ from kiriko.core.glass import (
     quartics,
     vertex_fields,
 )
-from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertex_fields import RIDGE
 from kiriko.core.glass.vertices import Vertices
 from kiriko.core.image import native_paint, outline, picture, reads, source_image
 from kiriko.core.image.picture import of_square
-from kiriko.core.image.pyramid import Pyramid, Taps
+from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.source_image import Painting, find_strokes
 from kiriko.core.light import (
     engine_triangles,
@@ -56,7 +55,7 @@ from kiriko.core.light.native import (
 )
 from kiriko.core.light.near_misses import ThinParts
 from kiriko.core.light.rays import Rays, ReachedError
-from kiriko.core.light.trace import Step, recording, trace_all, tracing
+from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.map import bisection, native_divide, share_batches
 from kiriko.core.map import cells as cells_module
 from kiriko.core.map import dividing as map_dividing
@@ -69,7 +68,6 @@ from kiriko.core.native import loading, structures
 from kiriko.core.native.structures import STRUCTURES
 from kiriko.core.rig.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
 from kiriko.core.rig.settings import Settings
-from known import both_ways as both_ways_module
 from known.both_ways import find_parted
 from known.closed_forms import unit
 from known.rasterised import rasterise, to_display
@@ -218,20 +216,6 @@ def test_same_landings(name):
     assert_same(expected, found)
 
 
-@pytest.mark.parametrize("name", RIGS)
-def test_same_landings_on_faces_that_each_fitted(name):
-    """Numpy's whole way beside the kernel's: 1e-8 of the display,
-    since least squares at a rim make rounding larger.
-    """
-    a_rig = RIGS[name]()
-    rays = rays_of(a_rig)
-    with loading.off():
-        expected = trace_all(make_plan(a_rig, Settings()), *rays)
-    assert_same(
-        expected, trace_all(make_plan(a_rig, Settings()), *rays), 1e-8 * a_rig.display.width
-    )
-
-
 @pytest.mark.parametrize(
     "some",
     [
@@ -319,25 +303,6 @@ def test_glass_aside_is_told():
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: torus(0.02, 0.008, 12, 6), lambda: bottle(), lambda: icosphere(0.025, 1)]
-)
-def test_one_tree_holds_faces_of_all_degrees(make):
-    """Points of curved faces, of those of lower degree too, lie
-    in the boxes of the tree that all of them share.
-    """
-    (layer,) = (held.layer for held in make_plan(rig(make()), DEFAULT).layers if held.layer.curved)
-    boxes = finish(trees._face_boxes(layer, layer.curved))
-    k = np.repeat(layer.curved.triangle, 15)
-    u, v = np.random.default_rng(0).dirichlet(np.ones(3), len(k))[:, :2].T
-    for degree in (4, 3, 2):
-        faces = layer.curved if degree == 4 else layer.curved.lowered(degree)
-        assert faces.whole is faces.lowered(2).whole is layer.curved
-        points = (faces.points(k, u, v) - layer.centre) / layer.radius
-        assert ((points >= boxes[k, 0]) & (points <= boxes[k, 1])).all()
-    assert np.ptp(boxes, axis=1).max() < 2.5
-
-
-@pytest.mark.parametrize(
     "make", [lambda: icosphere(0.025, 3), lambda: torus(0.02, 0.008, 24, 12), lambda: bottle()]
 )
 def test_the_tree_is_a_ray_engine(make):
@@ -368,27 +333,6 @@ def test_the_tree_is_a_ray_engine(make):
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
     assert (nowhere.triangle == -1).all()
-
-
-def test_any_number_of_threads_gives_the_same():
-    """Bit for bit."""
-    a_rig = rig(bent_facets(bottle()))
-    plan = make_plan(a_rig, Settings())
-    rays = rays_of(a_rig)
-    by_threads = []
-
-    try:
-        for number in (1, 2, 7, 1000):
-            loading.use_threads(number)
-            by_threads.append(trace_all(plan, *rays))
-    finally:
-        loading.use_threads(0)
-
-    for other in by_threads[1:]:
-        for f in fields(Landings):
-            assert getattr(by_threads[0], f.name).tobytes() == getattr(other, f.name).tobytes(), (
-                f.name
-            )
 
 
 @settings(max_examples=60)
@@ -448,39 +392,6 @@ def test_a_rig_that_was_pickled_is_followed():
     assert np.array_equal(expected.xy, found.xy, equal_nan=True)
 
 
-def far_spike(metres):
-    """A ball with flat faces, one vertex of which lies many metres aside."""
-    mesh = icosphere(0.025, 2, smooth=False)
-    vertices = mesh.vertices.copy()
-    vertices[np.argmax(vertices[:, 0])] = [metres, 0.15 * metres, -0.76 * metres]
-    return replace(mesh, vertices=vertices, corner_normals=None)
-
-
-def test_a_face_that_only_numpys_engine_meets_is_none_that_the_kernel_passes():
-    """In a mesh of kilometres an engine in float32 takes a ray to meet a face that it passes by
-    tenths of a millimetre. There the kernel goes on, and is right to.
-    """
-    a_rig = rig(far_spike(5520.0))
-    found = find_parted(make_plan(a_rig, Settings()), *rays_of(a_rig, 20_000))
-    assert found.n_parted > 0
-    assert found.n_wrong == 0
-
-
-def test_a_face_that_is_passed_by_is_found(monkeypatch):
-    """Each ray that meets a cube is led past it where the kernel is given one that stands aside."""
-    there, aside = (rig(box([0.03, 0.03, 0.03], centre=(x, 0, 0))) for x in (0.0, 10.0))
-    plans = [make_plan(a_rig, Settings()) for a_rig in (there, aside)]
-    each = iter(plans)
-    monkeypatch.setattr(
-        both_ways_module, "tracing", lambda _, *rays, **more: tracing(next(each), *rays, **more)
-    )
-    rays = rays_of(there, 1000)
-    steps: list[Step] = []
-    finish(tracing(plans[0], *rays, steps=steps))
-    is_on_cube = steps[0].triangle < len(there.glasses[0].mesh.triangles)
-    assert find_parted(plans[0], *rays).n_wrong == is_on_cube.sum() > 100
-
-
 def behind_hull(plan):
     """The layer of curved faces."""
     (layer,) = (held.layer for held in plan.layers if held.layer.curved is not None)
@@ -516,15 +427,6 @@ def test_a_ray_that_is_lost_behind_a_hull_has_all_faces_asked():
     assert len(found[1]) == len(steps)
     for ours, theirs in zip(found[1], steps, strict=True):
         assert all(map(np.array_equal, ours, theirs))
-
-
-def test_no_tree_of_faces_is_made_where_no_ray_is_lost():
-    """As through a ball, whose hull tells of every face that is met."""
-    a_rig = rig(icosphere(0.025, 3))
-    plan = make_plan(a_rig, DEFAULT)
-    found = trace_all(plan, *rays_of(a_rig))
-    assert (found.n_events > 2).mean() > 0.1
-    assert not trees.has_face_tree(behind_hull(plan))
 
 
 NAN = np.nan
@@ -580,37 +482,6 @@ def test_plates_of_mirrors(layout, light):
     assert_same(expected, found)
 
 
-def test_what_it_does_not_know_is_left_to_numpy():
-    """Surfaces of another kind: light is followed all the same."""
-    plan = make_plan(ball_rig(2), Settings())
-
-    class Other(CurvedFaces):
-        pass
-
-    (number,) = (i for i, held in enumerate(plan.layers) if held.layer.curved is not None)
-    layers = list(plan.layers)
-    layer = layers[number].layer
-    of_layer = {f.name: getattr(layer.curved, f.name) for f in fields(CurvedFaces)}
-    layers[number] = replace(layers[number], layer=layer.bent(Other(**of_layer)))
-
-    assert plan_structures.left_out(layers, plan.parts.kind) == "faces of another kind"
-    rays = rays_of(plan.rig, 50)
-    found = trace_all(replace(plan, layers=tuple(layers)), *rays)
-    assert_same(trace_all(plan, *rays), found)
-
-
-def test_a_long_way_is_left_to_numpy(monkeypatch):
-    """Where it would take too much memory to write ways
-    down by ray they are written event by event.
-    """
-    a_rig = ball_rig(2)
-    plan = make_plan(a_rig, Settings())
-    rays = rays_of(a_rig, 100)
-    expected = finish(recording(plan, *rays))[1]
-    monkeypatch.setattr(kernel_tracer, "MOST_RECORDED", 1000)
-    assert np.array_equal(finish(recording(plan, *rays))[1], expected)
-
-
 @pytest.mark.parametrize("is_known", [True, False])
 def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     """The kernel, however many events their ways and courses may have; numpy where there is a part
@@ -654,20 +525,6 @@ def test_a_library_of_another_version_is_not_used(monkeypatch):
         loading.loaded.cache_clear()
 
     assert loading.library() is not None
-
-
-def test_a_library_that_is_not_ours_is_not_used(monkeypatch):
-    """One without our functions is as good as none."""
-    import _ctypes
-
-    monkeypatch.setattr(loading, "find_library", lambda: Path(_ctypes.__file__))
-    loading.loaded.cache_clear()
-    try:
-        assert loading.library() is None
-    finally:
-        monkeypatch.undo()
-        loading.loaded.cache_clear()
-    assert [loading.library().kiriko_layout(i) for i in (-1, 0, 1000)] == [-1, loading.VERSION, -1]
 
 
 def test_work_that_was_begun_is_ended_by_the_kernel():
@@ -777,20 +634,6 @@ def test_same_ends_of_branches(name):
             if not isinstance(ours, np.ndarray):
                 values = ([getattr(p, f.name) for f in fields(ours)] for p in (ours, theirs))
             assert all(a.tobytes() == b.tobytes() for a, b in zip(*values, strict=True))
-
-
-def test_ends_of_branches_where_a_ray_is_lost_behind_a_hull():
-    """The same bits as where the tree over all faces is there."""
-    a_rig = rig(bottle())
-    points, edges = some_edges(make_plan(a_rig, DEFAULT), 3000)
-    plan = make_plan(replace(a_rig, glasses=rig(bottle()).glasses), DEFAULT)
-    assert not trees.has_face_tree(behind_hull(plan))
-    found = ends_of(plan, points, edges)
-    assert trees.has_face_tree(behind_hull(plan))
-    again = ends_of(plan, points, edges)
-    assert np.array_equal(found[0], again[0])
-    assert found[1].xy.tobytes() == again[1].xy.tobytes()
-    assert np.array_equal(found[2], again[2])
 
 
 def test_glass_aside_is_told_where_branches_end():
@@ -963,20 +806,6 @@ def test_same_polygons_across_an_outline(k):
 
 
 @settings(max_examples=200)
-@given(
-    st.lists(
-        st.tuples(st.floats(), st.floats()) | st.tuples(st.floats(-4, 9), st.floats(-4, 9)),
-        min_size=4,
-        max_size=4,
-    )
-)
-def test_same_shares_of_any_polygon(corners):
-    """Whatever floats its corners are, near and far."""
-    for k in (3, 4):
-        assert_same_shares((5, 4), VIEW[None, :k], np.array([corners[:k]]))
-
-
-@settings(max_examples=200)
 @given(st.lists(st.tuples(st.floats(), st.floats()), min_size=8, max_size=8))
 def test_no_polygon_breaks_it(corners):
     """Whatever floats its corners are on both images: its shares lie on the display."""
@@ -1027,36 +856,6 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     )
 
 
-def test_lots_are_divided_alike_by_any_number_of_threads_or_left():
-    """Bit for bit; lots that nobody asks for any more are let go of when no thread is at them."""
-    size = 300, 200
-    quads = VIEW[None] * size * np.linspace(0.2, 1, 9)[:, None, None]
-    lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
-
-    def found():
-        return list(native_divide.divided(lots, len(lots) * [np.int32], 1 << 18, False))
-
-    by_threads = []
-    try:
-        for number in (1, 2, 7):
-            loading.use_threads(number)
-            by_threads.append(found())
-            parts = native_divide.divided(lots, len(lots) * [np.int32], 1 << 18, False)
-            left = parts.gi_frame.f_locals["begun"]._left
-            assert left.alive
-            del parts
-            assert not left.alive
-    finally:
-        loading.use_threads(0)
-
-    assert [n for n, _ in by_threads[0]] == list(range(len(lots)))
-    for others in by_threads[1:]:
-        for (n, ours), (other, theirs) in zip(by_threads[0], others, strict=True):
-            assert n == other
-            for values, others_values in zip(ours[:-1], theirs[:-1], strict=True):
-                assert values.tobytes() == others_values.tobytes()
-
-
 def test_several_images_are_added_to_side_by_side():
     """By numbers of pixels, narrow and wide, and by places, by any number of threads."""
     random = np.random.default_rng(9)
@@ -1077,34 +876,12 @@ def test_several_images_are_added_to_side_by_side():
         loading.use_threads(0)
 
 
-@pytest.mark.parametrize("size", [(0, 1), (1, 0), (0, 0)])
-def test_nothing_is_added_to_an_image_without_pixels(size):
-    """By places or numbers: memory around an empty image stays as it is."""
-    around = np.ones(9)
-    image = around[4:4].reshape(size)
-    for where in (np.zeros((3, 2)), np.zeros(3, np.int32), np.zeros(3, np.int64)):
-        native_divide.add((image, where, np.ones(3)))
-    assert (around == 1).all()
-
-
 def test_a_display_of_more_pixels_than_an_int32_counts():
     """The pixel's number is as large as it has to be."""
     size = 70_000, 70_000
     found = assert_same_shares(size, VIEW[None], VIEW[None] + 69_998.4)
     assert found.display_index.dtype == np.int64
     assert found.display_index.max() == 70_000**2 - 1
-
-
-def test_cells_that_it_does_not_know_are_left_to_numpy():
-    """Of more than four corners, or without a partner on the
-    other image: nothing is read that is not there.
-    """
-    quads = VIEW[None].repeat(3, axis=0)
-    assert native_divide.can_divide(quads, quads)
-    for cells in ((quads, quads[:2]), (quads[:, :3], quads), 2 * [quads[:, [0, 1, 2, 3, 3]]]):
-        assert not native_divide.can_divide(*cells)
-    with loading.off():
-        assert not native_divide.can_divide(quads, quads)
 
 
 # --- near misses of rays ---
@@ -1154,16 +931,6 @@ def test_same_bundles_pass_by(n_triangles, k):
             assert np.array_equal(finish(parts.touch(*bundles)), expected)
     finally:
         loading.use_threads(0)
-
-
-def test_bundles_that_it_does_not_know_are_left_to_numpy():
-    """Of more rays than it has room for."""
-    dice = np.random.default_rng(3)
-    parts = some_parts(dice, 50)
-    bundles = some_bundles(dice, 40, 36, 2)
-    assert not parts._of_kernel.knows(bundles[2])
-    assert parts._of_kernel.knows(bundles[2][:, :32])
-    assert len(finish(parts.touch(*bundles))) == 40
 
 
 @settings(max_examples=100)
@@ -1258,22 +1025,6 @@ def test_same_painting(shape, place, projection):
     assert (expected.max() > 0.1) == (place != unseen[projection])
 
 
-def test_painting_by_any_number_of_threads_gives_the_same():
-    """Bit for bit."""
-    dice = np.random.default_rng(13)
-    a_picture = Picture("p", dice.random((64, 64, 4)).astype(np.float32), PICTURES["turned"])
-    shares = shares_of(dice, 20_000, (200, 100))
-    by_threads = []
-    try:
-        for number in (1, 2, 3, 15, 16, 1000):
-            loading.use_threads(number)
-            by_threads.append(painted(a_picture, viewer_of("perspective"), shares))
-    finally:
-        loading.use_threads(0)
-    assert by_threads[0].any()
-    assert all(other.tobytes() == by_threads[0].tobytes() for other in by_threads)
-
-
 @pytest.mark.parametrize("shape", [(64, 64), (1, 7), (5, 1), (1, 1), (33, 50)])
 def test_taps_that_are_kept_paint_the_same_bits(shape):
     """The second painting keeps them, the third uses them; of another picture, too, whose rows
@@ -1350,27 +1101,6 @@ def test_no_share_breaks_the_painting(place):
     assert np.array_equal(found, painted(a_picture, viewer, left))
 
 
-def test_a_picture_that_is_not_flat_is_left_to_numpy():
-    """Its strokes are taps; those that were found before the
-    kernel was switched off are painted all the same.
-    """
-    dice = np.random.default_rng(15)
-    bent = icosphere(0.03, 1)
-    bent = replace(bent, uv=dice.random((len(bent.triangles), 3, 2)))
-    image = dice.random((8, 8, 4)).astype(np.float32)
-    shares = shares_of(dice, 100)
-    viewer = viewer_of("perspective")
-
-    assert isinstance(find_strokes(PicturePlace("p", 8, 8, bent), viewer, shares), Taps)
-    strokes = find_strokes(PicturePlace("p", 8, 8, PICTURES["turned"]), viewer, shares)
-    assert isinstance(strokes, native_paint.FlatStrokes)
-    painting = Painting(shares.display_size)
-    with loading.off():
-        painting.add(Pyramid(image), strokes)
-
-    assert painting._total.any()
-
-
 def shaken(mesh, by):
     """Vertices moved by up to a part of the mesh's size."""
     at = mesh.vertices + by * np.ptp(mesh.vertices) * np.random.default_rng(5).uniform(
@@ -1417,59 +1147,6 @@ def test_same_curved_faces(name):
     points, others = (faces.points_on(3) for faces in (found, expected))
     np.testing.assert_allclose(points, others, rtol=0, atol=1e-10 * np.ptp(mesh.vertices))
     np.testing.assert_allclose(found.vertex_normal, expected.vertex_normal, rtol=0, atol=2e-10)
-
-
-@settings(max_examples=100)
-@given(st.integers(0, 2**32), st.floats())
-def test_same_faces_of_any_offsets(seed, one):
-    """Coefficients, normals, and which are whole and swollen, whatever floats offsets are: a face
-    that is no number is neither.
-    """
-    dice = np.random.default_rng(seed)
-    n = 21
-    corners = dice.normal(size=(n, 3, 3))
-    at_corners, facets = unit(dice.normal(size=(n, 3, 3)) + 2), unit(dice.normal(size=(n, 3)) + 1)
-    offsets = spoilt(dice, dice.normal(size=(12, 3, n)) * 10.0 ** -dice.integers(0, 9, n), one)
-    offsets[..., 0] = np.nan
-
-    def found():
-        is_whole, is_swollen = np.ones((2, n), bool)
-        into = np.empty((n, 14, 3)), np.empty((n, 15, 3)), is_whole, is_swollen
-        with np.errstate(all="ignore"):
-            fitted_faces._make_faces(offsets, corners, at_corners, facets, into)
-        return into
-
-    by_kernel = found()
-    with loading.off():
-        coefficients, normals, *kinds = found()
-    for mine, theirs in zip(by_kernel[2:], kinds, strict=True):
-        np.testing.assert_array_equal(mine, theirs)
-        assert not mine[0]
-    is_number = np.isfinite(coefficients).all(axis=(1, 2)) & np.isfinite(normals).all(axis=(1, 2))
-    size = np.abs(offsets[..., is_number]).max(initial=0)
-    mine = (values[is_number] for values in by_kernel[:2])
-    np.testing.assert_allclose(next(mine), coefficients[is_number], rtol=1e-12, atol=1e-12 * size)
-    np.testing.assert_allclose(next(mine), normals[is_number], rtol=0, atol=1e-9)
-
-
-def test_the_fit_by_any_number_of_threads_gives_the_same():
-    """Bit for bit."""
-    mesh = shaken(icosphere(0.025, 5), 0.001)
-    found = []
-    for n in (1, 2, 5):
-        loading.use_threads(n)
-        try:
-            found.append(make_surface(mesh).curved)
-        finally:
-            loading.use_threads(0)
-
-    for faces in found[1:]:
-        for f in fields(faces):
-            one = getattr(found[0], f.name)
-            other = getattr(faces, f.name)
-            assert np.array_equal(
-                one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float
-            ), f.name
 
 
 @settings(max_examples=100)

@@ -1,7 +1,6 @@
 """Which solids touch, the bits that they have in masks, and bodies of many of them."""
 
 from contextlib import nullcontext
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import Settings
-from known.reference_rigs import box, icosphere, rig, torus
+from known.reference_rigs import box, icosphere, rig
 from known.shards import rounded, shards_of
 
 both_ways = pytest.mark.parametrize("way", ["kernel", "numpy"])
@@ -148,21 +147,3 @@ def test_more_solids_in_one_place_than_a_mask_has_bits_are_refused():
     make_plan(rig(shells[:52]), Settings())
     with pytest.raises(RigError, match="More than 52 glass solids around 'shell 52' touch"):
         make_plan(rig(shells), Settings())
-
-
-def test_solids_that_are_only_near_share_a_layer_and_a_bit():
-    """Rings that go through each other and never meet, boxes and all: they are asked together."""
-    one = torus(0.02, 0.003)
-    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    other = replace(
-        one,
-        vertices=one.vertices @ turn.T + [0.02, 0, 0],
-        corner_normals=one.corner_normals @ turn.T,
-    )
-    index = ConstantIndex(1.49)
-    plan = make_plan(rig((Glass("one", one, index), Glass("other", other, index))), Settings())
-    assert sum(held.layer.has_engine for held in plan.layers) == 1
-    assert plan.media.n_overlapping == 0
-    closer = replace(other, vertices=other.vertices - [0.0145, 0, 0])
-    plan = make_plan(rig((Glass("one", one, index), Glass("other", closer, index))), Settings())
-    assert sum(held.layer.has_engine for held in plan.layers) == 2

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
 from kiriko.core.bench.offset import turned
 from kiriko.core.glass.motion import find_motion, size_of
-from kiriko.core.light import mesh_cache
 from kiriko.core.rig.rig import Mesh
 from known.reference_rigs import box
 
@@ -84,21 +82,3 @@ def test_motions_keep_the_size():
             sizes.append(size_of(Mesh(rounded, SQUARE.triangles, rounding=rounding)))
         (before, loss), (after, other_loss) = sizes
         assert abs(before - after) <= loss + other_loss
-
-
-def test_a_mesh_is_compared_with_those_of_its_size_alone(monkeypatch):
-    """Of a hundred solids that all move, each is found again by one comparison."""
-    solids = [box([0.05, 0.04, 0.03 + 1e-4 * i]) for i in range(100)]
-    there = turned(np.array([0.0, 0.6, 0.8]), 30.0, np.array([0.1, 0.2, 0.3]))
-    cache, compared = mesh_cache.Kept(), []
-    for mesh in solids:
-        finish(cache.get_solids(mesh))
-    cache.forget()
-    monkeypatch.setattr(
-        mesh_cache, "find_motion", lambda *pair: compared.append(pair) or find_motion(*pair)
-    )
-    for mesh in solids:
-        key, _, motion = finish(cache.get_solids(moved(mesh, there)))
-        assert key == mesh.fingerprint
-        assert np.abs(motion.rotation - there.rotation).max() < 1e-12
-    assert len(compared) == len(solids)

@@ -12,7 +12,7 @@ from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, refract
-from kiriko.core.light.trace import _Sides, trace_all
+from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.accuracy import leaks, measure
@@ -169,21 +169,3 @@ def test_flat_glass_is_refused():
     with pytest.raises(MeshError, match="'glass' is no closed body, but flat: give it a thickness"):
         solve(rig(replace(rectangle(np.zeros(3), right, up, 0.05, 0.03), uv=None), pixels=8))
     assert not box([0.05, 5e-5, 0.05]).is_flat
-
-
-@pytest.mark.parametrize("order", [[0, 1, 2], [1, 0, 2], [2, 1, 0]])
-def test_of_several_gaps_the_nearest_is_told(order):
-    """Of faces that a ray comes upon from the wrong side, asked
-    at once or one after the other, in whatever order.
-    """
-    rays, distance, part = (
-        np.array(column)[order] for column in ([0, 0, 1], [2.0, 1.0, 5.0], [7, 8, 9])
-    )
-    sides = object.__new__(_Sides)
-    sides.gap = np.full(3, -1)
-    sides.gap_distance = np.full(3, np.inf)
-    sides._note_gaps(rays, distance, part, np.ones(3, bool))
-    sides._note_gaps(rays, distance + 1, part + 10, np.ones(3, bool))
-    sides._note_gaps(rays, distance / 2, part + 20, np.zeros(3, bool))
-    assert sides.gap.tolist() == [8, 9, -1]
-    assert sides.gap_distance.tolist() == [1.0, 5.0, np.inf]

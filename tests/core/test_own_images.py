@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.image.source_image import splat
 from kiriko.core.lab.measure.charts import showing
 from kiriko.core.lab.measure.viewer_errors import viewer_reports
 from kiriko.core.lab.warp.stmap import warp_map
-from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.native import loading
 from kiriko.core.rig.parts import OwnImage, Picture
-from kiriko.core.rig.settings import Settings
-from kiriko.core.solve.memory import estimated
 from kiriko.core.solve.session import Session
 from known import closed_forms
 from known.reference_rigs import ball_rig, box, lattice_image, rig
@@ -152,22 +148,6 @@ def test_through_glass_it_is_the_weighted_mean_of_solves_for_each():
     assert np.array_equal(both.source, blended.source)
 
 
-def test_it_is_the_limit_of_the_splat():
-    """The distance falls as samples^-1/2, to the end of the ladder."""
-    a_rig = two(ball_rig(4, pixels=96, display_pixels=24), 0.02, RAMPS, (1, 2.5))
-    found = solve(a_rig)
-    plan = make_plan(a_rig, Settings())
-    whole = np.minimum(*(one.coverage.of_display for one in found.channels)) > 0.999
-    assert whole.mean() > 0.2
-    ladder = np.array([1, 4, 16, 64])
-    errors = []
-    for spp in ladder:
-        difference = drain(splat(plan, int(spp), seed=int(spp)))[whole] - found.source[whole]
-        errors.append(np.sqrt((difference**2).mean()))
-    slope = np.polyfit(np.log(ladder), np.log(errors), 1)[0]
-    assert -0.6 < slope < -0.42, errors
-
-
 def test_one_image_for_all_is_the_picture_of_before():
     """Each viewer's own image may be the same: to the bit what one picture gives, blended."""
     image = lattice_image(64)
@@ -219,16 +199,6 @@ def test_what_is_told_of_viewers_with_their_own_images():
         assert report.psnr == pytest.approx(20 * np.log10(2), abs=1e-3)
 
 
-def test_of_viewers_with_their_own_images_the_one_that_is_least_served_comes_first():
-    """Which counts a tenth as much, and comes last in the list."""
-    a_rig = straight(0.0, {"left": white(), "right": 0 * white() + [0, 0, 0, 1]})
-    left, right = a_rig.viewers
-    a_rig = replace(a_rig, viewers=(replace(left, weight=10.0), right))
-    first, last = drain(viewer_reports(solve(a_rig)))
-    assert (first.viewer, last.viewer) == ("right", "left")
-    assert first.psnr < last.psnr
-
-
 def test_maps_go_to_each_viewer_s_own_image():
     """To its size, and the same place in parts of it, in closed form."""
     a_rig = straight(0.0)
@@ -241,14 +211,6 @@ def test_maps_go_to_each_viewer_s_own_image():
         st = stmap.st.reshape(-1, 2)[inner]
         np.testing.assert_allclose(st[:, 0], place[0, inner], atol=1e-6)
         np.testing.assert_allclose(st[:, 1], 1 - place[1, inner], atol=1e-6)
-
-
-def test_the_memory_of_all_images_is_told():
-    image = np.zeros((512, 512, 4), np.float32)
-    a_rig = straight(0.0, {"left": image, "right": image})
-    once = estimated(a_rig, Settings())["picture"]
-    both = straight(0.0, {"left": image, "right": image.copy()})
-    assert estimated(both, Settings())["picture"] == 2 * once
 
 
 def test_another_picture_for_all_takes_the_place_of_each_one_s():

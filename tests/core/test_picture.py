@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.arrays import frozen, is_frozen
 from kiriko.core.base.errors import RigError
 from kiriko.core.image import flat_picture
 from kiriko.core.image import picture as picture_module
@@ -188,56 +187,6 @@ def test_every_level_of_the_pyramid_keeps_the_mean(shape):
         found = level[..., :3].mean(axis=(0, 1), dtype=float)
         expected = image[..., :3].mean(axis=(0, 1), dtype=float)
         np.testing.assert_allclose(found, expected, rtol=1e-6)
-
-
-def test_a_pyramid_knows_its_own_picture():
-    """A copy of its picture is its own, of whatever alpha.
-
-    Another value, another size and the picture changed in its place are not.
-    """
-    image = np.random.default_rng(2).random((6, 9, 4)).astype(np.float32)
-    pyramid = Pyramid(image)
-    assert pyramid.is_of(image.copy())
-    assert pyramid.is_of(np.dstack([image[..., :3], np.ones_like(image[..., 3])]))
-    assert not pyramid.is_of(image[:, :8])
-    assert not pyramid.is_of(image.transpose(1, 0, 2))
-
-    for channel in range(3):
-        other = image.copy()
-        other[4, 5, channel] += 1e-6
-        assert not pyramid.is_of(other)
-
-    planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(
-        1, 2, 0
-    )  # in memory as the pyramid has it
-    pyramid = Pyramid(planar)
-    planar[0, 0, 0] += 1
-
-    assert not pyramid.is_of(planar)
-
-
-def test_a_picture_that_nobody_can_write_to_is_not_compared(monkeypatch):
-    """A frozen array is known as it is, its copy by its values; one
-    whose base can be written to is compared.
-    """
-    image = np.random.default_rng(2).random((6, 9, 4)).astype(np.float32)
-    writable = image[::-1]
-    writable.flags.writeable = False
-    assert not is_frozen(writable)
-
-    pyramid = Pyramid(writable)
-    image[0, 0, 0] += 1
-    assert not pyramid.is_of(writable)
-
-    whole = frozen(image.copy()[::-1])
-    assert is_frozen(whole)
-    with pytest.raises(ValueError, match="read-only"):
-        whole.base[0, 0, 0] = 1
-    pyramid = Pyramid(whole)
-
-    assert pyramid.is_of(whole.copy())
-    monkeypatch.setattr(np, "array_equal", lambda *_: pytest.fail("compared"))
-    assert pyramid.is_of(whole)
 
 
 # of a fine tolerance, and of a coarse one
@@ -428,31 +377,6 @@ def test_reads_do_not_jump(reads):
         assert np.abs(np.diff(moments, axis=1)).max() < 2e-3
         n_left += left.max() > 0
     assert n_left == 2
-
-
-@BOTH_READS
-def test_whole_quads_are_read_along_their_sides(reads):
-    """A square of the viewer's image on a picture that is turned and seen askew: read at the
-    middles of 16 or 64 parts of its image, which is a parallelogram.
-    """
-    by_x, by_y = np.array([1.3, 0.9]), np.array([-0.7, 1.5])
-    side = 2.0
-    covariance = np.tile(of_square(side), 1)
-    axes = picture_module._axes(covariance, by_x[:, None], by_y[:, None])
-    shorter = np.hypot(*axes.reshape(2, 2).T).min() * np.sqrt(12)
-    assert shorter == pytest.approx(side * np.hypot(*by_x))
-    n = reads.most_reads
-    factor = 0.975 * n * reads.side / shorter  # before any of it is left to levels
-    places, weights, left = all_reads(axes * factor, reads)
-    assert left[0] == 0
-    steps = (np.arange(n) + 0.5) / n - 0.5
-    expected = [side * factor * (s * by_x + t * by_y) for s in steps for t in steps]
-    order = np.lexsort(np.round(places, 6).T)
-    expected = np.array(expected)
-    expected = expected[np.lexsort(np.round(expected, 6).T)]
-    # of the uniform rule's variance 15 / 16, or 63 / 64, are the places', which have all of it
-    np.testing.assert_allclose(places[order], expected * np.sqrt(n * n / (n * n - 1)), atol=1e-12)
-    np.testing.assert_allclose(weights, 1 / n**2, atol=1e-15)
 
 
 def test_the_ideal_image_is_the_area_mean_of_the_picture():

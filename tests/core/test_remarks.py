@@ -8,7 +8,6 @@ from types import MappingProxyType, SimpleNamespace
 import numpy as np
 import pytest
 
-from kiriko.core.base.numbers import millimetres
 from kiriko.core.base.words import percent
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
@@ -19,7 +18,7 @@ from kiriko.core.solve.accuracy import Accuracy, measure
 from kiriko.core.solve.remarks import BEYOND, is_facetted, remarks_on
 from kiriko.core.solve.tessellation import Tessellation, tessellation
 from known import closed_forms
-from known.extremes.cases import changed, joined
+from known.extremes.cases import joined
 from known.reference_rigs import (
     ball_rig,
     bottle,
@@ -28,7 +27,6 @@ from known.reference_rigs import (
     lattice_image,
     mean_normals,
     rig,
-    torus,
     wavy_slab,
 )
 from known.work import drain, solve
@@ -94,24 +92,6 @@ def test_white_as_files_have_it_is_not_clipped(white, is_told):
     notes = solve(rig(box([0.3, 0.02, 0.3]), pixels=16, display_pixels=16, image=image)).notes
     told = ["clipped: lower the Picture Brightness of 'picture', or" in note for note in notes]
     assert told == [True] * is_told
-
-
-def test_places_far_from_the_origin_are_told():
-    """A rig far away, and one whose vertices are far from their object's origin.
-
-    Not one at the origin.
-    """
-    a_rig = small()
-    (glass,) = a_rig.glasses
-    odd = replace(a_rig, glasses=(replace(glass, mesh=replace(glass.mesh, rounding=1e-5)),))
-    far = changed(a_rig, lambda vertices: vertices + 1e5)
-    for r, is_told in ((a_rig, False), (odd, True), (far, True)):
-        found = [remark for remark in solve(r).remarks if "Blender rounds places" in remark.text]
-        assert bool(found) == is_told
-        for remark in found:
-            gap = millimetres(remark.text.values["gap"].metres)
-            assert f"glass nearer than {gap} touches" in remark.told()
-            assert "glass nearer than 3 ells touches" in remark.told(lambda metres: "3 ells")
 
 
 def test_a_view_that_changes_within_a_pixel_is_told():
@@ -240,18 +220,6 @@ def test_notes_on_the_mesh_follow_the_tolerance():
         assert any("The mesh costs up to about 0.2" in note for note in notes) == is_noted
 
 
-def test_an_irregular_mesh_on_its_surface_is_followed():
-    """Vertices anywhere on the ball, and not beside it, are no
-    noise: the error stays that of a regular mesh.
-    """
-    true, told = true_and_told(irregular_ball(4, 0.3))
-    regular, _ = true_and_told(irregular_ball(4))
-    assert true < 20 * regular
-    assert true < told.error
-    assert told.cause == "order"
-    assert notes_without_solving(irregular_ball(4, 0.3)) == []
-
-
 @pytest.mark.parametrize(("aside", "noise"), [(0.3, 1e-3), (0.0, 1e-2), (0.0, 1e-3)])
 def test_automatic_helps_where_it_is_told_to(aside, noise):
     """Where the note says to set Surface to Automatic, that
@@ -272,43 +240,6 @@ def test_automatic_helps_where_it_is_told_to(aside, noise):
         " surface." in notes
     )
     assert not any("set its Surface" in note for note in notes)
-
-
-@pytest.mark.parametrize("has_mean_normals", [False, True])
-@pytest.mark.parametrize(
-    "size", [(0.015, 0.010, 32, 16), (0.020, 0.005, 48, 12), (0.018, 0.007, 48, 24)]
-)
-def test_another_surface_is_not_told_where_it_makes_things_worse(size, has_mean_normals):
-    """A regular torus, Blender's own among them: its normals jump
-    because it is coarse, and facets are further off.
-    """
-    mesh = torus(*size)
-    mesh = mean_normals(mesh) if has_mean_normals else mesh
-    fine, curved, drawn = (
-        traced_torus(m) for m in (torus(*size[:2], 256, 128), mesh, replace(mesh, surface="facets"))
-    )
-    assert 4 * rms_apart(fine, curved) < rms_apart(fine, drawn)
-    notes = notes_without_solving(mesh, replace(NO_ERROR, facet_limited=0.1))
-    assert any("a finer mesh" in note for note in notes)
-    assert not any("Surface" in note for note in notes)
-
-
-def traced_torus(mesh):
-    a_rig = rig(mesh, pixels=64)
-    at = np.arange(64) + 0.5
-    return trace_all(
-        make_plan(a_rig, Settings()),
-        *a_rig.viewer.rays(np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)),
-    )
-
-
-def rms_apart(one, other):
-    """Of landings by the same number of surfaces, display px,
-    without the fiftieth of them that graze.
-    """
-    same = one.has_arrived & other.has_arrived & (one.n_events == other.n_events)
-    off = np.sort(np.linalg.norm(one.xy - other.xy, axis=1)[same])
-    return np.sqrt((off[: int(0.98 * len(off))] ** 2).mean())
 
 
 def test_a_coarse_but_regular_mesh_is_told_to_be_subdivided():

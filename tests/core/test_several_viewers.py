@@ -121,17 +121,6 @@ def test_a_pixel_that_a_frame_cuts_is_no_disagreement(display, disagreement):
     assert both.settled.conflict.max() < 1e-9
 
 
-def test_two_eyes_agree_without_glass_within_a_pixel_s_own_curvature():
-    """By perspective the mean over a pixel is not the place of its middle, and another one for each
-    eye: that is all of the conflict.
-    """
-    found = solve(eyes(slab_rig(ior=1.0)), **FINE)
-    coarse = solve(eyes(slab_rig(ior=1.0, display_pixels=32)), **FINE)
-    inner = found.settled.conflict[8:-8, 8:-8].max()
-    assert inner < 1e-4  # picture px
-    assert 3 < coarse.settled.conflict[4:-4, 4:-4].max() / inner < 5  # in proportion to its area
-
-
 def test_each_of_two_eyes_is_displaced_by_half_of_the_difference():
     """Behind a slab, in closed form: each sees a point where the mean of the two places that the
     eyes ask for is that point, to 1e-6 viewer px.
@@ -147,21 +136,6 @@ def test_each_of_two_eyes_is_displaced_by_half_of_the_difference():
         own, other = (asked_at(a_rig, v, at) for v in (viewer, a_rig.viewers[1 - number]))
         assert off_in_view(viewer, straight, own).min() > 0.5  # there is something to be settled
         assert off_in_view(viewer, straight, (own + other) / 2).max() < 1e-6
-
-
-def test_what_another_viewer_sees_is_off_by_the_difference_of_the_closed_forms():
-    """An eye that counts for nothing looks at the image that is solved for the other: it sees a
-    point where the other asks for it, to 1e-6 viewer px.
-    """
-    a_rig = eyes(slab_rig(display_pixels=512), weights=(1.0, 1e-12))
-    solution = solve(a_rig, **FINE)
-    left, right = a_rig.viewers
-    seen, straight = displaced(solution, 0)
-    assert np.abs(seen - straight).max() < 1e-6
-    seen, straight = displaced(solution, 1)
-    at, _ = asked(a_rig, right, seen)
-    assert off_in_view(right, straight, asked_at(a_rig, right, at)).min() > 1
-    assert off_in_view(right, straight, asked_at(a_rig, left, at)).max() < 1e-6
 
 
 @pytest.mark.parametrize("way", ["kernel", "numpy"])
@@ -259,19 +233,6 @@ def test_shares_of_viewers_are_made_again_alike(monkeypatch, ghosts, disagreemen
     found = solve(a_rig, ghosts=ghosts, disagreement=disagreement)
     assert not any(channel.shares.are_kept for channel in found.channels)
     np.testing.assert_allclose(found.source, expected.source, atol=1e-6)
-
-
-def test_viewers_that_come_one_by_one_keep_no_more_than_one_would(monkeypatch):
-    a_rig = eyes(ball_rig(3, pixels=48, display_pixels=64, image=lattice_image(64)), 0.02)
-    kept = Session()
-    alone = solve(replace(a_rig, viewers=a_rig.viewers[:1]), kept)
-    most = len(alone.channels[0].shares)
-    monkeypatch.setattr(share_batches, "MOST_KEPT", most)
-    assert alone.channels[0].shares.are_kept
-    both = solve(a_rig, kept)
-    n = sum(len(one.shares) for one in both.channels if one.shares.are_kept)
-    assert n <= most
-    np.testing.assert_allclose(both.source, solve(a_rig).source, atol=1e-6)
 
 
 def test_what_is_white_for_all_is_white_whichever_path_is_shown():

@@ -1,6 +1,5 @@
 """Shares against a polygon clipper that knows nothing of edges, rows or cumulative sums."""
 
-from contextlib import nullcontext
 from fractions import Fraction
 from itertools import pairwise
 
@@ -14,7 +13,6 @@ from kiriko.core.map import rasterise as rasterise_module
 from kiriko.core.map.cells import area_within
 from kiriko.core.map.share_batches import ShareBatches
 from kiriko.core.map.shares import Coverage, add_at
-from kiriko.core.native import loading
 from known.polygons import area_and_centroid, clip, clipped, covariance, pieces_of
 from known.rasterised import rasterise, to_display, to_view
 
@@ -330,22 +328,6 @@ def test_clipping_at_the_border_keeps_the_part_inside():
         assert shares.area.sum() == pytest.approx(31 * 17 / total, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "shift", [(-40, 0), (40, 0), (0, -40), (0, 40), (-9.5, 0), (9.5, 3.2), (3.3, -9.5), (-2, 9.5)]
-)
-def test_outside_counts_nothing(shift):
-    """Whatever lies beyond one of the four borders is left out; the clipper says the same."""
-    random = np.random.default_rng(3)
-    quads = convex_quads(random, 25, 3, 10) + shift
-    shares = rasterise((10, 10), (5, 5), grid(5), quads)
-    expected = np.zeros(100)
-    for quad in quads:
-        for pixel, (area, _, _) in clipped(quad, 10, 10).items():
-            expected[pixel] += area
-    image = np.bincount(shares.display_index, shares.display_area, 100)
-    np.testing.assert_allclose(image, expected, atol=1e-11)
-
-
 # --- caustics and broken cells ---
 
 
@@ -391,13 +373,6 @@ def test_cells_squeezed_to_a_point(place):
             continue
         assert shares.display_index.tolist() == [int(place[1]) * 8 + int(place[0])]
         assert shares.area.sum() == pytest.approx(1 if k == 4 else 0.5, rel=1e-12)
-
-
-def test_tiny_cells_across_a_corner():
-    """A cell of 1e-9 px that straddles a pixel corner loses nothing."""
-    shares = rasterise((8, 8), (1, 1), SQUARE[None], 1e-9 * (SQUARE[None] - 0.4) + [3, 5])
-    assert shares.area.sum() == pytest.approx(1, rel=1e-9)
-    assert set(shares.display_index.tolist()) <= {4 * 8 + 2, 4 * 8 + 3, 5 * 8 + 2, 5 * 8 + 3}
 
 
 def test_fold_is_seen_from_both_sides():
@@ -470,17 +445,6 @@ def test_products_are_transposes_of_each_other():
     np.testing.assert_allclose(one, display[..., 0], rtol=1e-12, atol=1e-15)
 
 
-def test_throughput_follows_its_cell():
-    """Each share carries the throughput of the cell it was cut from."""
-    view = grid(30, 20)
-    throughput = np.random.default_rng(5).uniform(0, 1, len(view))
-    quads = turned(view, [15, 10], [20, 16], 1.3, 0.7)[0]
-    quads[7] = quads[7, [0, 2, 1, 3]]  # a bow-tie takes another way
-    shares = rasterise((40, 32), (30, 20), view, quads, throughput)
-    np.testing.assert_array_equal(shares.throughput, throughput[shares.view_index])
-    assert rasterise((40, 32), (30, 20), view, quads).throughput is None
-
-
 @pytest.mark.parametrize("has_path", [False, True])
 @pytest.mark.parametrize("has_throughput", [False, True])
 @pytest.mark.parametrize("most", [0, 1 << 20], ids=["made again", "kept"])
@@ -525,69 +489,6 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
     assert len(asked) == (1 if most else 2)
 
 
-@pytest.mark.parametrize("has_kernel", [True, False])
-def test_the_making_of_shares_pauses_with_each_lot_of_cells(has_kernel):
-    """However few shares each lot has: the batches are the same with the pauses and without."""
-    view = grid(12)
-    quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
-    n_lots = 9
-
-    def pieces():
-        for _ in range(n_lots):
-            yield view.copy(), quads.copy(), np.ones(len(view)), None
-
-    with nullcontext() if has_kernel else loading.off():
-        batches, others = (ShareBatches((18, 18), (12, 12), False, pieces) for _ in range(2))
-        paused = list(batches.pausing())
-        found = [shares for shares in paused if shares is not None]
-        expected = list(others)
-
-    assert paused.count(None) >= 2 * n_lots
-    assert paused[-1] is not None
-    assert len(found) == len(expected) == 1
-    for name in ("display_index", "view_xy", "covariance", "area", "display_area"):
-        assert np.array_equal(getattr(found[0], name), getattr(expected[0], name))
-    assert list(batches.pausing()) == found  # those kept need no pause
-
-
-def test_other_cells_are_begun_before_shares_are_handed_on(monkeypatch):
-    """Threads divide them while these shares are painted."""
-    n_begun = []
-
-    def counted(*asked, divided=share_batches.divided):
-        n_begun.append(1)
-        return divided(*asked)
-
-    view = grid(12)
-    quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]
-    expected = rasterise((18, 18), (12, 12), view, quads)
-    monkeypatch.setattr(share_batches, "divided", counted)
-    monkeypatch.setattr(share_batches, "LOTS_AT_ONCE", 1)
-    monkeypatch.setattr(share_batches, "FEW_SHARES", 0)
-
-    pieces = [(view, quads, np.ones(len(view)), None)] * 3
-    handed_on = []
-    for shares in ShareBatches((18, 18), (12, 12), False, lambda: iter(pieces)):
-        handed_on.append(len(n_begun))
-        assert np.array_equal(shares.area, expected.area)
-    assert handed_on == [2, 3, 3]
-
-
-def test_threads_begin_with_few_lots(monkeypatch):
-    """Other threads do not wait until eight lots of cells are gathered: they begin with two."""
-    begun = []
-
-    def counted(*asked, divided=share_batches.divided):
-        begun.append(len(asked[-1]))
-        return divided(*asked)
-
-    monkeypatch.setattr(share_batches, "divided", counted)
-    view = grid(2)
-    pieces = [(view, view, np.ones(len(view)), None)] * 20
-    assert sum(map(len, ShareBatches((2, 2), (2, 2), False, lambda: iter(pieces)))) == 20 * 4
-    assert begun == [2, 4, 8, 6]
-
-
 def test_no_cells_have_no_shares():
     """A map without cells, or with none on the display, has no shares, and that is no error."""
     for pieces in ([], [(grid(3), grid(3) - 50, np.ones(9), None)]):
@@ -609,19 +510,6 @@ def test_what_is_added_to_an_image_is_added_to_what_is_there():
         np.add.at(expected.reshape(-1), index, weights)
         add_at(image, index, weights)
     np.testing.assert_allclose(image, expected, rtol=1e-13)
-
-
-@pytest.mark.parametrize("dtype", [np.int16, np.int32, np.int64])
-@pytest.mark.parametrize("of_image", [np.float32, np.float64])
-def test_images_and_indices_of_any_kind_are_added_to(of_image, dtype):
-    """A type that the kernel does not know is left to numpy."""
-    image = np.zeros((3, 4), of_image)
-    index = np.array([0, 11, 11, 5], dtype)
-    add_at(image, index, np.array([1, 2, 3, 4], np.float32))
-    assert image.ravel()[[0, 5, 11]].tolist() == [1, 4, 5]
-    assert image.sum() == 10
-    with pytest.raises(ValueError, match="length"):
-        add_at(image, index, np.ones(3))
 
 
 @pytest.mark.numpy_alone

@@ -52,23 +52,6 @@ def test_an_ideal_plate_shows_the_seen_image():
     assert np.sqrt((np.mean(off, axis=0) ** 2).mean()) < 0.65 * found[0].error
 
 
-def test_the_standard_error_is_what_two_runs_differ_by():
-    a_rig = with_mirrors(cube_rig(pixels=48, display_pixels=64, image=lattice_image(64)))
-    plan = make_plan(a_rig, Settings())
-    source = np.ones((64, 64, 3), np.float32)
-    source[::2] = 0
-    one, other = (
-        drain(simulate(plan, source, 5, seed)) for seed in (1, 2)
-    )  # 5 is no square: parts by lot
-    apart = np.sqrt((((one.image - other.image) @ LUMINANCE) ** 2).mean())
-
-    assert apart == pytest.approx(np.sqrt(2) * one.error, rel=0.1)
-    for some in (one, other):
-        assert sum(some.luminance.values()) == pytest.approx(
-            float((some.image @ LUMINANCE).mean()), rel=1e-5
-        )
-
-
 def test_all_the_light_of_a_white_room_is_counted_once():
     """Mirrors without loss in a white room: every class of light
     together is white, reflections of the faces too.
@@ -203,28 +186,6 @@ def test_brightness_is_the_share_that_each_direction_leaves():
     assert found.brightness == pytest.approx(share.mean(), abs=4 * found.brightness_error)
     assert (found.least, found.most) == pytest.approx((share.min(), share.max()), abs=0.01)
     assert share.max() > 1.05 * share.mean() > 1.1 * share.min()
-
-
-def test_blur_does_not_mind_how_the_display_is_unwrapped():
-    """Two halves that have changed places in UV: a landing in the other one is not far away."""
-    a_rig = with_mirrors(ball_rig(3, pixels=64))
-    whole = a_rig.display.mesh
-    x, y, z = np.eye(3)
-    sides = [rectangle(0.15 * (y - z) + side * x, x, y, 0.025, 0.05) for side in (-0.0125, 0.0125)]
-    uv = np.concatenate(
-        [half.uv * [0.5, 1] + [shift, 0] for half, shift in zip(sides, (0.5, 0.0), strict=True)]
-    )
-    split = replace(
-        whole,
-        vertices=np.concatenate([half.vertices for half in sides]),
-        triangles=np.concatenate([sides[0].triangles, sides[1].triangles + 4]),
-        uv=uv,
-    )
-    other = replace(a_rig, displays=(replace(a_rig.display, mesh=split),))
-    one, two = (plate_view(make_plan(some, Settings())) for some in (a_rig, other))
-
-    assert two.blur == pytest.approx(one.blur, rel=0.2)
-    assert two.brightness == pytest.approx(one.brightness, abs=4 * one.brightness_error)
 
 
 def test_the_standard_errors_are_how_samples_spread():

@@ -242,19 +242,6 @@ def test_the_source_image_of_a_picture_of_any_brightness_is_finite(has_kernel):
     assert (brightest[shown] == np.float32(MOST_LIGHT)).all()
 
 
-@pytest.mark.numpy_alone
-def test_margin_grows_the_covered_area_by_its_neighbours():
-    """One pixel in the middle, margin 2: a square of 5 of its colour; nothing else changes."""
-    image = np.zeros((9, 9, 3), np.float32)
-    covered = np.zeros((9, 9), bool)
-    image[4, 4] = [0.2, 0.4, 0.8]
-    covered[4, 4] = True
-    grown = grow(image, covered, 2)
-    assert (grown[2:7, 2:7] == image[4, 4]).all()
-    assert grown.sum() == pytest.approx(25 * image.sum())
-    assert (grow(image, covered, 0) == image).all()
-
-
 def test_grown_pixels_are_means_of_their_covered_neighbours():
     """At the image's edges, too, and where pixels may not be grown into."""
     random = np.random.default_rng(0)
@@ -284,18 +271,3 @@ def test_a_picture_in_the_viewers_own_pixels_is_what_the_viewer_sees():
     whole = solution.first.view_coverage > 0.9999
     assert whole.mean() > 0.9
     assert np.abs(solution.seen() - solution.ideal())[whole].max() < 5e-3
-
-
-@pytest.mark.parametrize("size", [(48, 24), (24, 48)])
-def test_brute_force_knows_wide_and_high_displays(size):
-    """The limit of many samples on display pixels that are not
-    square, too: the solved image, but for noise.
-    """
-    a_rig = ball_rig(3, pixels=96, display_pixels=48)
-    a_rig = replace(a_rig, displays=(replace(a_rig.display, width=size[0], height=size[1]),))
-    solution = solve(a_rig)
-    found = drain(splat(make_plan(a_rig, Settings()), 16))
-    assert found.shape == (size[1], size[0], 3)
-    whole = solution.display_coverage > 0.999
-    assert whole.sum() > 100
-    assert np.sqrt(((found - solution.source)[whole] ** 2).mean()) < 0.06

@@ -7,13 +7,10 @@ import pytest
 
 from kiriko.core.base import stages
 from kiriko.core.base.stages import AFTER, SHARES, TRACING, section, spans
-from kiriko.core.base.steps import between, finish, within
 from kiriko.core.map import points, view_map
 from kiriko.core.rig.settings import Settings
-from kiriko.core.solve import picture_coverage
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, bottle, cube_rig, icosphere, rig, wavy_slab
-from known.work import drain
 
 RIGS = {
     "ball": lambda: ball_rig(4, pixels=128, display_pixels=256),
@@ -62,16 +59,6 @@ def test_spans_follow_one_another_from_0_to_1(monkeypatch):
     assert section((0.2, 0.8), 1, 3) == pytest.approx((0.4, 0.6))
 
 
-def test_no_rounding_takes_the_bar_beyond_a_stage():
-    """Where start + (stop - start) is more than stop, too, as in some of 1000 spans."""
-    ends = np.sort(np.random.default_rng(0).random((1000, 2)) ** 3, axis=1).tolist()
-    assert any(start + (stop - start) > stop for start, stop in ends)
-    for start, stop in ends:
-        assert list(within(iter([0.0, 1.0]), start, stop)) == pytest.approx([start, stop])
-        assert between(start, stop, 1.0) <= stop
-        assert section((start, stop), 6, 7)[1] <= stop
-
-
 @pytest.mark.parametrize("name", RIGS)
 def test_a_solve_yields_the_progress_of_its_stages(name):
     """From 0 to 1, never back; each stage that takes rays or shares begins at its place."""
@@ -98,19 +85,6 @@ def test_a_stage_moves_the_bar_by_what_it_counts(stage, monkeypatch):
     assert inside[-1] - inside[0] > 0.3 * (end - start)
 
 
-def test_what_need_not_be_done_takes_no_part_of_the_bar():
-    """A second solve traces nothing: its bar begins with painting, and covers all that is left."""
-    a_rig, session = RIGS["ball"](), Session()
-    progress_of(a_rig, session)
-    for again, left in ((a_rig, AFTER[:1]), (moved(a_rig), AFTER)):
-        told = progress_of(again, session)
-        assert told[0] == 0
-        assert told[-1] == 1
-        assert (np.diff(told) >= 0).all()
-        for start, _ in spans(*left):
-            assert np.abs(told - start).min() < 1e-12
-
-
 @pytest.mark.parametrize("settings", [{}, {"ghosts": "strongest"}, {"disagreement": "sharp"}])
 def test_viewers_share_the_tracing_equally(settings):
     """Also where the paths, or the places that they ask for, are looked for first."""
@@ -121,24 +95,6 @@ def test_viewers_share_the_tracing_equally(settings):
         assert np.abs(told - end * k / 3).min() < 1e-12
 
 
-@pytest.mark.parametrize("settings", [{}, {"ghosts": "strongest"}])
-def test_painting_counts_the_pieces_that_the_shares_are_made_of(settings):
-    """All of them in the end, none before the first; then the shares, once they are kept."""
-    session, a_rig = Session(), RIGS["bottle"]()
-    drain(session.solve(a_rig, Settings(**settings)))
-    (placed,) = session._placed.channels
-    assert placed.shares.are_kept
-    assert placed.part_done(0) == 0
-    assert placed.part_done(len(placed.shares)) == 1
-
-    placed.let_go()
-    assert placed.part_done(0) == 1  # of the pass before
-    told = [placed.part_done(0) for _ in placed.shares.pausing()]
-    assert told == sorted(told)
-    assert told[0] == 0
-    assert told[-1] == pytest.approx(1, abs=0.05)
-
-
 def test_a_coarse_picture_has_a_bar_of_its_own():
     """Of tracing and painting."""
     told = np.array(list(Session().glance(RIGS["ball"](), Settings())))
@@ -147,18 +103,3 @@ def test_a_coarse_picture_has_a_bar_of_its_own():
     (_, end), _ = spans(TRACING, ("painting",))
     assert np.abs(told - end).min() < end / 10
     assert 0.9 < told[-1] <= 1
-
-
-def test_how_much_of_the_picture_is_shown_is_found_with_pauses(monkeypatch):
-    """Esc is heard while the rays within pixels are counted, which may be millions."""
-    solution = finish(Session().solve(cube_rig(pixels=64), Settings()))
-    one = solution.first
-    monkeypatch.setattr(picture_coverage, "POINTS_AT_ONCE", 1000)
-    steps = picture_coverage.of_the_picture(
-        one.plan.rig.picture_place, one.plan.viewer, one.view_map, one.view_coverage
-    )
-    assert sum(1 for _ in steps) >= len(one.view_map.points) / 1000 > 2
-    again = picture_coverage.of_the_picture(
-        one.plan.rig.picture_place, one.plan.viewer, one.view_map, one.view_coverage
-    )
-    assert finish(again) == (one.picture_coverage, one.misses)

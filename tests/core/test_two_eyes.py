@@ -12,13 +12,10 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.files.png import encoded
-from kiriko.core.lab.measure import places_seen as places_seen_module
 from kiriko.core.lab.measure.places_seen import Look, grid_of, places_seen
 from kiriko.core.lab.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
 from kiriko.core.lab.measure.two_eyes_drawing import as_data, as_svg
 from kiriko.core.lab.measure.viewer_errors import displaced
-from kiriko.core.light.landings import Reason
-from kiriko.core.map.points import Points
 from kiriko.core.rig.rig import PicturePlace
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, icosphere, rectangle, rig
@@ -384,40 +381,3 @@ def test_the_drawings_picture_is_a_png_of_its_pixels():
     lines = np.frombuffer(zlib.decompress(data[start + 4 : start + 4 + length]), np.uint8)
     assert np.array_equal(lines.reshape(2, 10)[:, 1:].reshape(2, 3, 3), pixels)
     assert not lines.reshape(2, 10)[:, 0].any()
-
-
-def test_points_that_not_both_see_are_left_out_of_the_drawing():
-    """And depths beyond infinity are words."""
-    a_rig = slab_rig()
-    found = seen(a_rig)
-    depth, vertical = found.for_both.depth.copy(), found.for_both.vertical.copy()
-    depth[0, 0], vertical[0, 1], depth[0, 1] = -np.inf, np.nan, np.nan
-    changed = replace(found.for_both, depth=depth, vertical=vertical)
-    found = replace(found, for_both=changed)
-    drawing = ET.fromstring(as_svg(a_rig, found))
-    svg = "{http://www.w3.org/2000/svg}"
-    arrows, _, discs = drawing.findall(f"{svg}g")[-3:]
-    assert len(arrows.findall(f"{svg}path")) == 48
-    assert len(discs.findall(f"{svg}circle")) == 47
-    assert "beyond" in {text.text for text in discs.findall(f"{svg}text")}
-    told = as_data(found)["for_both"]
-    assert told["depth_m"][0][:2] == [None, None]
-
-
-def test_a_place_that_leaves_its_branch_each_time_is_given_up_half_way():
-    """Its step is halved so often that the rounds that are left could not make it whole again."""
-    n_traced = []
-
-    def trace(rows, view):
-        n_traced.append(len(view))
-        yield 0
-        branch = np.where(np.abs(view).max(axis=1) < 1.5e-3, 1, 2).astype(np.uint64)
-        n = len(view)
-        return Points(view, view, branch, np.full(n, Reason.ARRIVED), np.ones(n))
-
-    one = finish(places_seen_module._begun(trace, np.zeros((1, 2))))
-    shown = np.array([[64.0, 0.0]])
-    finish(places_seen_module._settled([trace], [one], np.ones((1, 1)), lambda left: shown[left]))
-    assert not places_seen_module._is_known(one).any()
-    # the first, then two batches a round
-    assert len(n_traced) <= 1 + 2 * (places_seen_module.MOST_ROUNDS // 2 + 1)

@@ -12,7 +12,7 @@ from kiriko.core.light.landings import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import interpolation
 from kiriko.core.map.pieces import SWING, quads_of
-from kiriko.core.map.points import Points, is_seen
+from kiriko.core.map.points import Points
 from kiriko.core.map.sampling import sample
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror
 from kiriko.core.rig.settings import Settings
@@ -299,22 +299,6 @@ def test_the_map_keeps_the_tolerance(scene, tolerance):
     assert (mine & theirs).sum() / (mine | theirs).sum() >= 0.998
 
 
-def test_a_critical_curve_runs_through_that_scene():
-    """The map of the scene so named is folded: det J has both signs on one branch."""
-    a_rig, at, _ = judged("critical curve")
-    h = 1e-3
-    plan = make_plan(a_rig, Settings())
-    there = [trace_all(plan, *a_rig.viewer.rays(at + step)) for step in np.eye(2) * h]
-    here = trace_all(plan, *a_rig.viewer.rays(at))
-    by_x, by_y = ((x.xy - here.xy) / h for x in there)
-    det = by_x[:, 0] * by_y[:, 1] - by_x[:, 1] * by_y[:, 0]
-    branches, of_ray = np.unique(here.branch, return_inverse=True)
-    most = branches[np.bincount(of_ray.ravel(), weights=here.branch != 0).argmax()]
-    on_one = (here.branch == most) & (there[0].branch == most) & (there[1].branch == most)
-    assert (det[on_one] > 1e-3).sum() > 1000
-    assert (det[on_one] < -1e-3).sum() > 1000
-
-
 def test_smooth_optics_needs_few_rays():
     """The ball at 512 px: a fifth of a ray a pixel.
 
@@ -421,16 +405,6 @@ def test_a_strip_is_found_from_far_away(distance):
     ].mean() > 0.95
 
 
-def test_a_needle_alone_is_found():
-    """A vertical needle of glass a pixel wide, with
-    nothing around it, that meets no pixel's corner.
-    """
-    pixel = 0.05 / 256
-    needle = rod((10.5 * pixel, 0, -0.012), (10.5 * pixel, 0, 0.012), 0.49 * pixel, sides=4)
-    a_rig = rig(needle, pixels=256, display=0.4)
-    assert agreement(a_rig, view_map(a_rig), 1_000_000) > 0.5
-
-
 def test_a_viewer_of_any_size_is_covered_whole():
     """Squares that stick out of the image are clipped: a
     slab fills views of odd sizes to the last pixel.
@@ -458,21 +432,6 @@ def test_the_map_without_a_plate_in_reach_is_empty():
     assert not (found.reason == Reason.ARRIVED).any()
     assert found.error.rms == 0
     assert np.isnan(found.display_from_view(np.array([[20.0, 20.0]]))).all()
-
-
-def test_what_both_accounts_take_beside_the_display_is_not_seen():
-    """Landings on either side of the image, with the image between them, are beside it.
-
-    One of two in it is enough.
-    """
-    inside, left, right, above = (
-        np.array([xy], float) for xy in ((5, 5), (-3, 5), (13, 5), (5, -1e5))
-    )
-    lost = np.full((1, 2), np.nan)
-    for a, b in ((inside, right), (above, inside), (lost, inside), (inside, inside)):
-        assert is_seen(a, b, (10, 10)) == [True]
-    for a, b in ((left, right), (left, above), (lost, left), (lost, lost)):
-        assert is_seen(a, b, (10, 10)) == [False]
 
 
 @pytest.mark.parametrize(

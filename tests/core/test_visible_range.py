@@ -9,12 +9,11 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.lab.calibrate.visible_range import SURVEY, visible_range
-from kiriko.core.light import trace
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
-from kiriko.core.rig.rig import Mesh, MirrorArray
+from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings
-from known.reference_rigs import box, cube_rig, rig, split_quads
+from known.reference_rigs import box, cube_rig, rig
 from known.work import drain
 
 MIDDLE = SURVEY.n_steps // 2
@@ -43,46 +42,6 @@ def test_without_glass_the_plates_outline_says_how_far(plate):
     assert seen.share[MIDDLE, MIDDLE] == 1.0
     assert seen.brightness[MIDDLE, MIDDLE] == 1.0
     assert np.linalg.norm(seen.positions, axis=2) == pytest.approx(1.0)
-
-
-def gridded(mesh, n):
-    """A flat rectangle as n x n of them."""
-    origin, right, _, up = mesh.vertices[[0, 1, 2, 3]]
-    steps = np.linspace(0, 1, n + 1)
-    s, t = (c.ravel()[:, None] for c in np.meshgrid(steps, steps))
-    triangles = split_quads(
-        np.arange((n + 1) ** 2).reshape(n + 1, n + 1).T
-    )  # the front towards right x up
-    uv = np.concatenate([s, t], axis=1)[triangles]
-    return Mesh(origin + s * (right - origin) + t * (up - origin), triangles, uv=uv)
-
-
-@pytest.mark.parametrize("n", [5, 6, 40])
-def test_a_picture_of_many_faces_is_seen_as_one_of_two_and_costs_no_more(n, monkeypatch):
-    glass = box([1e-3] * 3, (0.3, 0.3, 0.3))
-    a_rig = rig(glass, ior=1.0, picture=0.03, display=0.02)
-    (picture,) = a_rig.pictures
-    corners = picture.mesh.vertices
-
-    assert np.allclose(corners[0] + corners[2], corners[1] + corners[3])
-    plain = found(a_rig, 0.3)
-    sizes = []
-    follow = trace.trace
-    monkeypatch.setattr(
-        trace,
-        "trace",
-        lambda plan, o, d, **more: sizes.append(len(o)) or follow(plan, o, d, **more),
-    )
-    cut = replace(picture, mesh=gridded(picture.mesh, n))
-
-    assert cut.mesh.corners.reshape(-1, 3).mean(axis=0) == pytest.approx(corners.mean(axis=0))
-    seen = found(replace(a_rig, pictures=(cut,)), 0.3)
-    assert seen.share == pytest.approx(
-        plain.share, abs=0.1
-    )  # where a row of points is just lit or not
-    assert seen.best == pytest.approx((0.02 / 0.03) ** 2, abs=0.1)
-    assert seen.extent == pytest.approx(plain.extent, abs=np.radians(3))
-    assert sum(sizes) <= 72 * ((SURVEY.n_steps + 1) ** 2 + 4 * 751)
 
 
 def test_half_a_display_shows_half_the_picture():

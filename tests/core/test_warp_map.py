@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.lab.warp import settling
-from kiriko.core.lab.warp import view_from_display as warp_inverse
 from kiriko.core.lab.warp.channel_maps import maps_of
 from kiriko.core.lab.warp.files import suffixes
 from kiriko.core.lab.warp.grid import middles, nodes
@@ -16,7 +14,6 @@ from kiriko.core.lab.warp.stmap import view_stmap, warp_map
 from kiriko.core.lab.warp.view_from_display import view_from_display
 from kiriko.core.lab.warp.warp_mesh import mesh_grid
 from kiriko.core.light.trace import trace
-from kiriko.core.map.pieces import Piece
 from kiriko.core.map.points import in_triangles
 from known.closed_forms import landing, through_ball, through_slab
 from known.reference_rigs import ball_rig, bottle, box, glass_rig, rig, wavy_slab
@@ -127,38 +124,6 @@ def counted(solution, along):
     return found
 
 
-def test_points_in_slivers_are_found_by_their_rows(monkeypatch):
-    """They are those of brute force, and about as many are looked at: boxes around the slivers of
-    pixels at borders hold a hundred times as many.
-    """
-    random = np.random.default_rng(5)
-    ends = random.uniform(-20, 220, (200, 2, 2))
-    display = np.stack([ends[:, 0], ends[:, 1], ends[:, 0] + random.normal(size=(200, 2))], axis=1)
-    branch = np.arange(200, dtype=np.uint64)
-    piece = Piece(display / 7, display, np.ones(200), branch)
-    looked = []
-    within = warp_inverse._within
-    monkeypatch.setattr(
-        warp_inverse, "_within", lambda *given: looked.append(len(given[3])) or within(*given)
-    )
-    grid = middles((200, 150))
-    found = [c for c in warp_inverse._in_triangles(piece, grid, range(150))]
-    pairs = np.stack(
-        [np.concatenate([c.branch for c in found]), np.concatenate([c.point for c in found])]
-    ).astype(int)
-
-    xy = grid.at(np.arange(len(grid)))
-    inside, n_boxes = set(), 0
-    for k, triangle in enumerate(display):
-        where, _ = in_triangles(triangle[None], triangle[None], xy)
-        inside |= {(k, int(n)) for n in np.flatnonzero(where)}
-        low, high = np.clip(np.stack([triangle.min(axis=0), triangle.max(axis=0)]), 0, (200, 150))
-        n_boxes += np.prod(high - low)
-    assert len(inside) > 2000
-    assert {tuple(pair) for pair in pairs.T.tolist()} == inside
-    assert sum(looked) < 1.1 * len(inside) + 10 < n_boxes / 50
-
-
 @pytest.fixture(scope="module")
 def folded():
     """A hollow bottle, whose display is seen up to four times; its picture tells its places."""
@@ -177,31 +142,6 @@ def test_folds_are_counted_as_dense_rays_count_them():
     assert (found == 3).sum() >= 20
     assert (found == expected)[whole].mean() > 0.98
     assert (found == expected)[found == 3].mean() > 0.5
-
-
-def test_a_point_takes_about_two_rays_however_often_it_is_seen(monkeypatch):
-    """The one before each last step, and that after it, for the place that counts alone."""
-    channel = solve(rig(wavy_slab(8, amplitude=0.004), pixels=48, display_pixels=48)).first
-    grid = middles((48, 48))
-    n_rays = []
-    trace_points = settling.trace_points
-    monkeypatch.setattr(
-        settling, "trace_points", lambda plan, xy: n_rays.append(len(xy)) or trace_points(plan, xy)
-    )
-    found = drain(view_from_display(channel.plan, channel.view_map, grid))
-    assert (found.multiplicity > 1).mean() > 0.2
-    assert sum(n_rays) < 3.5 * np.isfinite(found.view[:, 0]).sum()
-
-
-@pytest.mark.parametrize("n_points", [1, 100, 1 << 18])
-def test_rows_in_bands_make_the_same_map(monkeypatch, n_points):
-    """However many are looked at together, as memory allows for."""
-    solution = solve(rig(wavy_slab(8, amplitude=0.002), pixels=32, display_pixels=48))
-    expected = places_of(solution)[1]
-    monkeypatch.setattr(warp_inverse, "POINTS_AT_ONCE", n_points)
-    found = places_of(solution)[1]
-    assert (found.view == expected.view)[np.isfinite(expected.view)].all()
-    assert (found.multiplicity == expected.multiplicity).all()
 
 
 @pytest.mark.parametrize("is_plane", [True, False])
@@ -293,17 +233,6 @@ def test_pixels_on_the_picture_are_those_that_the_source_image_lights(low, high)
     if low[0] < 0:
         colour = solution.source[..., 0]
         assert (found.st[away & lit & (colour == 1)] * 64 % 63 == 0.5).any(axis=1).all()
-
-
-def test_overscan_reaches_as_far_beside_a_part_of_an_image():
-    """Its per cent are those of the image: the plane grows by them, in UV, at each side."""
-    channel = solve(with_uv(ball_rig(3, **SMALL), (0.25, 0.25), (0.5, 0.5))).first
-    plain = drain(warp_map(channel))
-    wide = drain(warp_map(channel, overscan=10.0))
-    seen = np.isfinite(plain.st[..., 0]) & (channel.coverage.of_display > 0)
-    is_near = (np.abs(plain.st - 0.375) <= 0.225).all(axis=2)
-    assert (wide.is_there == is_near)[seen].all()
-    assert wide.is_there.sum() > 1.5 * plain.is_there.sum()
 
 
 def test_pixels_at_the_edge_of_the_viewers_image_show_the_part_that_is_seen():

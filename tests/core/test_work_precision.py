@@ -8,18 +8,17 @@ import io
 import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.lab.measure import charts, reference, work_precision
-from kiriko.core.lab.measure.diagram import BOTTOM, HEIGHT, LEFT, Curve, log_log
+from kiriko.core.lab.measure import reference, work_precision
+from kiriko.core.lab.measure.diagram import BOTTOM, HEIGHT, LEFT
 from kiriko.core.lab.measure.image_errors import quantisation
 from kiriko.core.lab.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from kiriko.core.lab.measure.rungs import WorkPrecision
-from kiriko.core.lab.measure.work_precision import Ladders, _splats, measure
+from kiriko.core.lab.measure.work_precision import Ladders, measure
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import LEAST_TOLERANCE, Settings
 from kiriko.core.solve.cost import cost
@@ -145,21 +144,6 @@ def test_the_splats_time_to_an_error_lies_on_its_curve(found):
     assert replace(found, rungs=tuple(ladder(found))).splat_seconds(0.01) is None
 
 
-def test_times_are_kept_apart(found):
-    """A rung's seconds are those of its parts without the engine's.
-
-    A way that was not timed has no time.
-    """
-    for rung in ladder(found):
-        parts = dict(rung.parts)
-        assert {"plan", "tracing", "shares", "painting"} <= set(parts)
-        assert 0 < rung.repaint_seconds < rung.seconds
-        assert rung.seconds > parts["tracing"]
-    assert found.read_seconds is None
-    assert found.own.setting == 0.1
-    assert found.peak_memory is None or found.peak_memory > 5e7
-
-
 @pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.01])
 def test_the_view_map_keeps_its_promise(tolerance):
     """The true session: 99.9 % of the map's errors are within the tolerance."""
@@ -167,59 +151,6 @@ def test_the_view_map_keeps_its_promise(tolerance):
     result = drain(measure(small_rig(), Settings(tolerance=tolerance), ladders=ladders))
     assert result.own.maps[0].percentile <= tolerance
     assert result.own.maps[0].overlap > 0.999
-
-
-def test_black_pixels_of_the_picture_are_holes():
-    """Seven pixels blackened by hand are seven holes, and the RMSE is that of their values."""
-    rig, dotted, _ = charts.pictures(small_rig())
-    clock = perf_counter()
-    judge = drain(reference.make_reference(rig, dotted, Settings(tolerance=0.01)))
-    taken = perf_counter() - clock
-    source = judge.source.copy()
-    rows, columns = (i[100:107] for i in np.nonzero(judge.is_shown))
-    lost = source[rows, columns].copy()
-    source[rows, columns] = 0
-    errors = judge.image_errors(source, judge.dots.source)
-
-    assert errors.holes == 7
-    assert errors.source_rmse == pytest.approx(
-        np.sqrt((lost.astype(float) ** 2).sum() / judge.is_shown.sum() / 3)
-    )
-
-    same = judge.image_errors(judge.source, judge.dots.source)
-    (seen,) = same.channels
-    assert (same.source_rmse, same.holes, seen.seen_psnr) == (0, 0, None)
-    assert seen.lattice_shift < 0.1
-
-    # the time of brute force, by the rays of the reference: where
-    # there is no time for it that is told
-    (channel,) = judge.channels
-    assert 0 < channel.seconds_a_ray * reference.N_CHECKED < taken
-
-    n_rays = rig.viewer.width * rig.viewer.height
-    for rung in drain(_splats(judge, Ladders((), (1, 10), runs=1, budget=0.0))):
-        assert rung.runs == 0
-        assert rung.predicted_seconds == pytest.approx(
-            channel.seconds_a_ray * n_rays * rung.setting
-        )
-
-
-def test_times_of_reading_and_writing_are_those_of_the_calls_given():
-    """Both are called as often as there are runs; the image written is the display's."""
-    calls = []
-    result = drain(
-        measure(
-            small_rig(),
-            Settings(),
-            ladders=Ladders((0.1,), (), runs=3),
-            read=lambda: calls.append("read"),
-            write=lambda image: calls.append(image.shape),
-        )
-    )
-
-    assert calls == ["read"] * 3 + [(48, 48, 3)] * 3
-    assert result.read_seconds >= 0
-    assert result.write_seconds >= 0
 
 
 def test_a_rig_that_cannot_be_solved_is_one_sentence():
@@ -310,13 +241,6 @@ def test_the_diagram_parses_and_its_points_lie_where_the_numbers_say(found):
             )
             assert (value.min() <= wanted[:, k]).all()
             assert (wanted[:, k] <= value.max()).all()
-
-
-def test_a_diagram_without_points_and_with_marks_in_its_text_is_whole():
-    """Nothing to draw is an empty diagram; text is escaped."""
-    root = ET.fromstring(log_log("a < b & c", "x", "y", [Curve("<none>", (), ())]))
-    assert any(text.text == "a < b & c" for text in root.iter(f"{SVG}text"))
-    assert len(ticks(root, "x")) == 2
 
 
 def test_the_diagram_of_a_plate_has_the_table_in_four_curves():
