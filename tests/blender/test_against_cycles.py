@@ -134,42 +134,6 @@ def test_ball(kiriko, scene, lattice):
     assert before.mean > 20  # it is a strong lens
 
 
-@pytest.mark.long(
-    reason="ball and cube are compared with Cycles, the slab with its closed form in core"
-)
-def test_slab(kiriko, scene, lattice):
-    """A slab turned by 25 degrees: plain dots where the slab
-    formula puts them to 1 px, compensated ones as wanted.
-    """
-    add_glass((0.2, 0.03, 0.2), 25)
-    reading, solution, plain = solved(
-        kiriko, scene, field=0.05, picture_size=0.035, display_size=0.05
-    )
-    before, after = measured(lattice, scene, reading, solution, plain)
-
-    assert after.n_seen == 49
-    assert after.mean < ACROSS_AFTER
-    a = math.radians(25)
-    normal = np.array([-math.sin(a), math.cos(a), 0])
-    exact = closed_form_shift(
-        lattice,
-        reading,
-        plain,
-        solution.ideal(),
-        solution.seen(plain),
-        closed_forms.through_slab,
-        normal=normal,
-        near=-0.015 * normal,
-        thickness=0.03,
-        n=1.49,
-    )
-    seen = np.isfinite(before.shift) & np.isfinite(exact)
-
-    assert seen.sum() >= 2 * 40
-    assert np.abs((before.shift - exact)[seen]).max() < 1
-    assert before.mean > 50
-
-
 def test_cube(kiriko, scene, lattice):
     """The paper's cube, turned by 15.8 degrees: compensated dots
     stand where they are wanted to 0.25 px.

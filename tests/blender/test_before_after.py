@@ -79,14 +79,6 @@ def test_file_that_is_there_is_kept(scene: bpy.types.Scene, tmp_path: Path) -> N
     assert path.read_text() == "mine"
 
 
-def test_rig_that_cannot_be_solved_is_one_sentence(scene: bpy.types.Scene) -> None:
-    small_rig()
-    scene.objects["Kiriko Display"].scale = (0, 0, 0)
-    with pytest.raises(RuntimeError, match=r"^Error: .*Kiriko Display.*\.$"):
-        bpy.ops.kiriko.before_after()
-    assert not bpy.context.window_manager.kiriko.show_comparison
-
-
 def test_remove_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
     """And the view as it was, with the artist's own camera."""
     scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
@@ -211,26 +203,6 @@ def test_a_file_that_is_saved_meanwhile_has_the_artists_view(
     assert not any(screen.keys() for screen in bpy.data.screens)
 
 
-def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """Such as an auto-save, which asks no add-on before."""
-    small_rig()
-    scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
-    scene.collection.objects.link(scene.camera)
-    turned_away()
-    before = {**view(), "camera": None}
-    bpy.ops.kiriko.before_after()
-    path = str(tmp_path / "forced.blend")
-    handlers = bpy.app.handlers.save_pre
-    ours = next(f for f in handlers if f.__module__.endswith("look_through"))
-    handlers.remove(ours)
-    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
-    handlers.append(ours)
-    bpy.ops.wm.open_mainfile(filepath=path)
-    assert {**view(), "camera": None} == before
-
-
 def test_a_viewer_that_is_renamed_or_deleted_meanwhile_keeps_nobody_there(
     scene: bpy.types.Scene, compared: ModuleType
 ) -> None:
@@ -302,18 +274,6 @@ def test_add_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
     bpy.ops.kiriko.add_rig()
     assert not bpy.context.window_manager.kiriko.show_comparison
     assert view() == before
-
-
-@pytest.mark.parametrize("n", [1, 2])
-def test_each_test_begins_with_views_of_the_factory(
-    scene: bpy.types.Scene, tmp_path: Path, n: int
-) -> None:
-    """Even after a test that opened a file without its interface and changed a view."""
-    assert not space().use_local_camera
-    path = str(tmp_path / "saved.blend")
-    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
-    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
-    space().use_local_camera = True
 
 
 def test_a_view_with_a_camera_of_its_own_shows_the_viewer_of_the_scene(

@@ -32,20 +32,16 @@ from test_curved import (  # noqa: F401 - collected here as well
     test_light_runs_along_the_surface_inside,
     test_rays_between_facet_and_curved_face_are_found,
     test_rays_beyond_the_outline_meet_nothing,
-    test_rescued_rays_meet_what_others_meet,
     test_the_outline_of_a_cavity_is_found,
 )
 from test_curved import test_no_ray_is_lost_inside as check_leaks
 from test_rules import test_a_rule_changes_nothing_but_rounding as check_rule
 from test_trace import (  # noqa: F401 - collected here as well
-    test_a_landing_traced_back_returns_to_its_pixel,
     test_ball_error_falls_with_the_square_of_the_edge,
     test_ellipsoid_agrees_with_the_quadric,
-    test_landings_do_not_depend_on_scale_and_place,
     test_rays_at_vertices_and_edges_do_not_leak,
     test_rays_from_inside_end_at_the_vertices_and_edges_they_are_aimed_at,
     test_smooth_ball_is_right_to_a_hundred_thousandth_of_a_pixel,
-    test_solids_far_apart_share_nothing,
 )
 
 ONE_TRIANGLE = np.eye(3, dtype=np.float32)[None]

@@ -69,24 +69,6 @@ def test_no_language_writes_a_text_twice(kiriko: ModuleType, locale: str) -> Non
     assert len(lines) == len(set(lines))
 
 
-def test_a_file_as_editors_write_it(
-    kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Long texts stand on several lines; comments, the header, contexts and entries without a text
-    count for nothing.
-    """
-    text = (
-        'msgid ""\nmsgstr ""\n"Language: xx\\n"\n\n'
-        '#: a.py:1\n#, fuzzy\nmsgctxt "x"\nmsgid ""\n"One "\n"\\"two\\""\n'
-        'msgstr "Eins\\n"\n"zwei"\n'
-        '\nmsgid "Three"\nmsgstr ""\n\n#~ msgid "Four"\n#~ msgstr "Vier"\n'
-    )
-    (tmp_path / "xx.po").write_text(text, encoding="utf-8")
-    monkeypatch.setattr(kiriko.languages, "FOLDER", tmp_path)
-    assert kiriko.languages.locales() == ["xx"]
-    assert kiriko.languages.texts_of("xx") == {'One "two"': "Eins\nzwei"}
-
-
 def test_blender_gets_all_and_forgets_all(
     kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -224,31 +206,6 @@ def test_the_terminal_stays_english(
     assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."
 
 
-def test_sentences_of_several_parts_read_as_japanese(kiriko: ModuleType) -> None:
-    """A sentence that is put together has its particles, and its clauses end alike."""
-    texts = kiriko.languages.texts_of("ja_JP")
-    words = importlib.import_module(f"{EXTENSION}.core.base.words")
-    helps = importlib.import_module(f"{EXTENSION}.core.bench.measured_remedies")
-    message = importlib.import_module(f"{EXTENSION}.core.base.messages").Message
-
-    def told(sentence: str) -> str:
-        return sentence.told(lambda text: texts.get(text, text))
-
-    wide = message("The display, {width} wide,", width="300 mm")
-    lost = {"missed the plate": 0.09, "finer than a viewer pixel": 0.0004}
-    text = words.summary(0.9096, lost, wide)
-    assert text == (
-        "The display, 300 mm wide, shows 91 % of the picture; 9 % missed the plate,"
-        " 0.04 % finer than a viewer pixel."
-    )
-    assert told(text) == (
-        "幅300 mmのディスプレイから絵の91 %が見えます。9 %がプレートを外れています。"
-        "0.04 %が視点の1ピクセルより細かいため見えません。"
-    )
-    remedy = helps.Help("kiriko.fit_plate", 0.911, 0.96).told(lambda metres: f"{metres:g} m")
-    assert re.fullmatch("プレートを0.911 m大きくしてください.96 %が届きます.", told(remedy))
-
-
 def test_errors_with_words_of_their_values_are_japanese(
     scene: bpy.types.Scene, in_japanese: Callable[[str], str]
 ) -> None:
@@ -262,48 +219,3 @@ def test_errors_with_words_of_their_values_are_japanese(
     with pytest.raises(RuntimeError, match="役割は「ガラス」です"):
         bpy.ops.kiriko.solve()
     bpy.data.objects.remove(light)
-
-
-def test_settings_of_materials_are_japanese(
-    scene: bpy.types.Scene, in_japanese: Callable[[str], str], kiriko: ModuleType
-) -> None:
-    """Inputs of a shader that Kiriko does not follow have their words, with and without a value."""
-    inputs = importlib.import_module(f"{EXTENSION}.core.blender.material")
-    assert not english_in(list(map(str, inputs.NEUTRAL)), in_japanese)
-
-    material = bpy.data.materials.new("Frosted")
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
-    shader.inputs["Transmission Weight"].default_value = 1.0
-    shader.inputs["Roughness"].default_value = 0.3
-    shader.inputs["Base Color"].default_value = (1, 1, 1, 1)
-    small_rig()["GLASS"].data.materials.append(material)
-    telling = importlib.import_module(f"{EXTENSION}.operators.telling")
-    kept = importlib.import_module(f"{EXTENSION}.core.blender.stored_records")
-    bpy.ops.kiriko.solve()
-    result = scene.kiriko.result
-    assert "Roughness 0.3" in result.notes
-    said = kept.Sentences.read(result.sentences)
-    texts = [telling.in_words(said.message(note)) for note in result.notes.splitlines()]
-    assert any("粗さ 0.3" in text for text in texts)
-
-
-def test_no_button_is_cut(kiriko: ModuleType) -> None:
-    """Buttons stand side by side where their labels fit, and below each other where one would be
-    cut: longer Japanese labels, or in a narrower sidebar.
-    """
-    words = importlib.import_module(f"{EXTENSION}.panels.words")
-    layout = SimpleNamespace(row=lambda align: "row", column=lambda align: "column")
-    english = ["Fit Display", "Fit Picture"]
-
-    def placed(labels: list[str], width: float) -> str:
-        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=())
-        context = SimpleNamespace(region=SimpleNamespace(width=width), preferences=preferences)
-        return words.side_by_side(layout, context, labels)
-
-    assert placed(english, 280) == "row"
-    assert placed(english, 140) == "column"
-    texts = kiriko.languages.texts_of("ja_JP")
-    assert placed([texts[label] for label in english], 280) == "column"
-    assert placed(english[:1], 10) == "row"  # one alone has all the width there is

@@ -1,11 +1,9 @@
 """Glass of another file: its part in a rig stays when the file is opened again."""
 
-import importlib
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
@@ -196,21 +194,6 @@ def test_glass_in_a_linked_collection_is_refused(scene: bpy.types.Scene, tmp_pat
     assert [one.kiriko.role for one in scene.objects if one.name == "Suzanne"] == ["GLASS"]
 
 
-def test_linked_glass_that_lost_its_role_is_used_again(
-    theirs: bpy.types.Object, tmp_path: Path, look: Callable
-) -> None:
-    """As in a file that was saved before: the checklist's button."""
-    add_rig(theirs)
-    (glass,) = (thing for thing in bpy.context.scene.objects if thing.override_library)
-    glass.override_library.destroy()
-    scene = bpy.context.scene
-    thing = scene.objects["Suzanne"]
-    assert thing.library is not None
-    bpy.ops.kiriko.use_part(part=thing.name, library=thing.library.filepath)
-    scene = reopened(tmp_path / "scene.blend")
-    assert scene.objects["Suzanne"].kiriko.role == "GLASS"
-
-
 @pytest.mark.parametrize("is_local", [True, False])
 def test_linked_glass_without_a_material_is_made_glass(
     scene: bpy.types.Scene,
@@ -325,39 +308,6 @@ def test_linked_glass_follows_linked_glass(
         scene = reopened(tmp_path / "scene.blend")
 
 
-def test_glass_in_a_linked_collection_is_refused_where_it_is_linked_by_itself_too(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """It would be there twice."""
-    path = tmp_path / "library.blend"
-    group = link_group(scene, path)
-    (thing,) = brought(scene, path, "Suzanne")
-    with pytest.raises(RuntimeError, match="'Suzanne' is linked from another file with its"):
-        add_rig(thing)
-    assert [*scene.objects] == [thing] == [*bpy.data.objects]
-    assert [*scene.collection.objects] == [thing] == [*group.objects]
-    assert bpy.context.view_layer.objects.active == thing
-    assert bpy.context.selected_objects == [thing]
-
-
-def test_linked_glass_stays_selected_and_active_where_add_rig_fails(
-    theirs: bpy.types.Object, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Late, as all is made but the viewer."""
-    new_rig = importlib.import_module(f"{kiriko.__name__}.core.blender.new_rig")
-
-    def fail(*_: object) -> None:
-        raise ValueError
-
-    monkeypatch.setattr(new_rig, "make_viewer", fail)
-    with pytest.raises(RuntimeError):
-        add_rig(theirs)
-    (thing,) = bpy.context.scene.objects
-    assert thing.library is not None
-    assert bpy.context.view_layer.objects.active == thing
-    assert bpy.context.selected_objects == [thing]
-
-
 def test_remove_rig_leaves_no_glass_of_a_modifier(scene: bpy.types.Scene, linked: Callable) -> None:
     """Nor do its nodes stay. One that others have stays."""
     bpy.ops.mesh.primitive_monkey_add(size=0.06)
@@ -375,21 +325,6 @@ def test_remove_rig_leaves_no_glass_of_a_modifier(scene: bpy.types.Scene, linked
     )
     bpy.ops.kiriko.remove_rig()
     assert [material.name for material in bpy.data.materials] == ["Kiriko Glass"]
-
-
-def test_an_instance_of_an_instance_says_why_it_cannot_be_glass(scene: bpy.types.Scene) -> None:
-    """By the object that has a role."""
-    thing = suzanne()
-    thing.kiriko.role = "GLASS"
-    for name in ("Inner", "Outer"):
-        group = bpy.data.collections.new(name)
-        scene.collection.objects.unlink(thing)
-        group.objects.link(thing)
-        thing = bpy.data.objects.new(name, None)
-        thing.instance_type, thing.instance_collection = "COLLECTION", group
-        scene.collection.objects.link(thing)
-    with pytest.raises(RuntimeError, match="'Outer' shows 'Suzanne', which has a role of its"):
-        add_rig(thing)
 
 
 @pytest.mark.parametrize("kind", ["curve", "text", "surface"])

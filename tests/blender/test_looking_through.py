@@ -168,19 +168,6 @@ def test_glass_in_the_dark_is_lit_faintly(
     assert differences(before, snapshot()) == []
 
 
-def test_an_entry_without_a_camera_cannot_be_looked_through(scene: bpy.types.Scene) -> None:
-    """One sentence, and the view stays as it was."""
-    rig = small_rig()
-    bpy.context.view_layer.objects.active = rig["GLASS"]
-    bpy.ops.kiriko.add_viewer()
-    assert scene.kiriko.viewers[scene.kiriko.viewer_shown].camera is None
-    before = view()
-    with pytest.raises(RuntimeError, match="has an entry without a camera: choose one"):
-        bpy.ops.kiriko.look_through()
-    assert view() == before
-    assert not scene.kiriko.looking
-
-
 def test_live_stays_on_where_it_was(
     scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
 ) -> None:
@@ -286,25 +273,6 @@ def test_undo_to_before_takes_the_view_along(
     button(kiriko).follow()  # by a timer, which background has not
     assert {**view(), "camera": None} == seen
     assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
-    assert not live(kiriko).is_on()
-
-
-def test_a_window_that_is_closed_takes_the_look_along(
-    scene: bpy.types.Scene,
-    rig: dict[str, bpy.types.Object],
-    kiriko: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The scene is as before and Live is off; as long as it is open the look goes on."""
-    bpy.ops.kiriko.look_through()
-    choose_rig = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig")
-    choose_rig.look()  # by a timer, which background has not
-    assert scene.render.engine == "CYCLES"
-    for module in (button(kiriko), choose_rig):
-        monkeypatch.setattr(module, "all_windows", list)
-    choose_rig.look()
-    assert not scene.kiriko.looking
-    assert scene.render.engine == "BLENDER_WORKBENCH"
     assert not live(kiriko).is_on()
 
 

@@ -4,9 +4,8 @@ import importlib
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
 import bpy
 import numpy as np
@@ -190,26 +189,6 @@ def test_signs_in_its_path_are_its_own(
     assert [path.name for path in place.iterdir()] == [name]
 
 
-def test_a_card_comes_first(
-    movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """With words over it; the frames come after it."""
-    files = written(tmp_path, 2, core("files.image_io"))
-    card = core("image.test_card").card(*SIZE)
-    file = core("files.image_io").write(tmp_path / "card", card, "PNG8")
-    path = tmp_path / "clip.mkv"
-    movie.encode(path, files, "FFV1", SIZE, scene, movie.Card(file, 3, ("Display", "256 x 192")))
-    plain, _ = core("files.image_io").read(file)
-    frames = decoded(path, core("blender.moving"), 5)
-    for frame in frames[:3]:
-        off = np.abs(frame - 255 * plain) > 1
-        assert off[60:132].any()  # the words
-        assert not off[:48].any()
-        assert not off[144:].any()
-    for k in (1, 2):
-        assert np.abs(frames[2 + k] - numbers(k)).max() < 0.01
-
-
 @pytest.mark.parametrize("name", ROUNDING)
 def test_every_codec_has_the_card_and_then_the_frames(
     movie: ModuleType,
@@ -332,20 +311,6 @@ def test_a_movie_of_png_files_needs_no_openimageio(
     assert movie.n_frames(tmp_path / "source.mkv") == 2
 
 
-def test_a_disk_that_is_full_leaves_no_movie(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A movie that has not all its frames is no movie."""
-    files = written(tmp_path, 3, core("files.image_io"))
-    monkeypatch.setattr(movie, "n_frames", lambda path: 2)
-    with pytest.raises(core("base.errors").ImageError, match="has 2 frames in place of 3"):
-        movie.encode(tmp_path / "clip.mkv", files, "FFV1", SIZE, scene)
-
-
 @pytest.mark.parametrize("name", ROUNDING)
 def test_a_disk_that_fills_up_while_blender_encodes_is_told(
     movie: ModuleType,
@@ -404,21 +369,3 @@ def test_solve_animation_writes_what_the_panel_says(
     with pytest.raises(RuntimeError, match="is no list of frames"):
         bpy.ops.kiriko.solve_animation(frames="a")
     assert not place.exists()
-
-
-def test_a_movie_is_there_with_the_last_step(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """Esc pressed while Blender encodes is heard afterwards, and between two steps only: it never
-    tells that a movie was stopped that is there.
-    """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.solve_animation")
-    small_rig()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    scene.kiriko.movie_codec = "FFV1"
-    film = tmp_path / "source.mkv"
-    operator = SimpleNamespace(frames="1-2", level="INFO")
-    operator.run_of = partial(module.OfFrames.run_of, operator)
-    steps = module.KIRIKO_OT_export_movie.steps(operator, bpy.context)
-    assert [film.exists() for _ in steps].count(True) == 0
-    assert film.exists()

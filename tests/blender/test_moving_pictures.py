@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -285,40 +285,6 @@ def test_a_movie_whose_file_is_another_by_now_shows_the_new_one(
 def encoded(light: float) -> float:
     """sRGB. Source: IEC 61966-2-1."""
     return 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
-
-
-def test_a_picture_that_moves_is_drawn_over_the_view_at_its_frame(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By the timing of the node that shows it: Blender, asked for an image's texture, makes that of
-    a frame that a sequence does not have. It is made anew for another frame only.
-    """
-    drawn = importlib.import_module(f"{kiriko.__name__}.core.blender.shown_images")
-    module = importlib.import_module(f"{kiriko.__name__}.panels.shown_images")
-    picture = small_rig()["PICTURE"]
-    picture.kiriko.image = sequence(tmp_path)
-    user = user_of(picture)
-    user.frame_duration, user.frame_start = FRAMES, 3
-    calls: list[tuple[str, int | None]] = []
-    image = SimpleNamespace(
-        session_uid=7,
-        gl_free=lambda: calls.append(("free", None)),
-        gl_load=lambda frame: calls.append(("load", frame)),
-    )
-    monkeypatch.setattr(module.gpu.texture, "from_image", lambda _: calls.append(("take", None)))
-    for frame, number in ((4, 2), (5, 3), (40, FRAMES)):
-        scene.frame_set(frame)
-        (shown,) = drawn.shown_images(scene, bpy.context.view_layer, [picture])
-        assert (shown.image, shown.number) == (picture.kiriko.image, number)
-        calls.clear()
-        module._texture(shown._replace(image=image))
-        module._texture(shown._replace(image=image))
-        load = [("load", number), ("take", None)]
-        assert calls == [("free", None), *load, *load]
-
-    calls.clear()
-    module._texture(shown._replace(image=image, number=None))
-    assert calls == [("take", None)]
 
 
 def chosen(*names: str) -> list[dict[str, str]]:

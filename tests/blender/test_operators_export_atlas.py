@@ -5,17 +5,14 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import Any
-from unittest.mock import MagicMock
+from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
 
 from known.kiriko_zip import kiriko_zip
-from small_rigs import cube, small_rig
+from small_rigs import small_rig
 
 BOX = {"low": (-0.02, 0.0, 0.0), "high": (0.02, 0.0, 0.01)}
 
@@ -73,57 +70,6 @@ def test_how_much_it_will_be_is_told_before_it_is_made(
         r"\d+ places of the head \(2 right, .*\): about [\d.]+ min and [\d.]+ MB;", text
     )
     assert files == ["index.json"]
-
-
-def test_the_dialogue_tells_how_much_it_will_be_at_least(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Before OK, with nothing traced: as many places as corners, and no map is larger, or the time
-    of as many solves shorter, than is told.
-    """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.export_atlas")
-    small_rig()
-
-    def drawn(**settings: Any) -> str:
-        wanted = {"most": 500, "images": False, "tolerance": 1.0, "job": False, "shares": 10}
-        dialogue = SimpleNamespace(**{**wanted, **BOX, **settings})
-        kind = module.KIRIKO_OT_export_atlas
-        dialogue._box = lambda context: kind._box(dialogue, context)
-        told: list[str] = []
-        layout = MagicMock()
-        layout.column.return_value = layout.row.return_value = layout
-        layout.label.side_effect = lambda text, **_: told.append(text)
-        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=[])
-        region = SimpleNamespace(width=300)
-        shown = SimpleNamespace(scene=scene, region=region, preferences=preferences)
-        dialogue.layout = layout
-        with monkeypatch.context() as closed:
-            closed.setattr(module.work, "read", None)
-            closed.setattr(module.work, "session", None)
-            kind.draw(dialogue, shown)
-        return " ".join(told)
-
-    text = drawn()
-    assert "At least 4 places of the head, of 500 at most." in text
-    assert f"Each takes up to {64 * 64 * 16 / 1e6:.2g} MB, {4 * 64 * 64 * 16 / 1e6:.2g} MB" in text
-    assert "Solve the rig anew to see here how long each takes." in text
-    assert "The head does not move" in drawn(low=(0, 0, 0), high=(0, 0, 0))
-    assert "At least 2 places" in drawn(high=(0.02, 0, 0))
-    with_images = re.search(r"up to ([\d.]+) MB", drawn(images=True))
-    assert float(with_images[1]) == pytest.approx(64 * 64 * 19 / 1e6, rel=0.05)
-
-    bpy.ops.kiriko.solve()
-    details = json.loads(scene.kiriko.result.details)
-    found = re.search(r"Each takes about ([\d.]+) s, by the last solve: ([\d.]+) min", drawn())
-    each = details["total_seconds"] + 64 * 64 * 9e-6
-    assert float(found[1]) == pytest.approx(each, rel=0.05)
-    assert float(found[2]) == pytest.approx((4 + 5 + 8) * each / 60, rel=0.05)
-
-    target = tmp_path / "atlas"
-    bpy.ops.kiriko.export_atlas(directory=str(target), tolerance=5.0, **BOX)
-    sizes = [path.stat().st_size for path in target.glob("*.npz")]
-    assert len(sizes) >= 4
-    assert max(sizes) <= 64 * 64 * 16
 
 
 def test_lengths_are_in_the_scene_s_unit(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -199,37 +145,6 @@ def test_tasks_of_a_job_make_the_atlas_of_one_run(
         halvings.append(index(one)["halvings"])
     assert halvings[0] == [0, 0, 0]
     assert sum(halvings[1]) >= 1
-
-
-def test_a_job_of_heads_that_see_nothing_is_refused(
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    run: Callable[..., int],
-    capsys: pytest.CaptureFixture,
-) -> None:
-    """With the sentence of the plan, which is the first task: where the glass is gone, and where
-    something stands before the head at one end of its box.
-    """
-    glass = small_rig()["GLASS"]
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    zipped = kiriko_zip(tmp_path / "kiriko-9.zip")
-    box = "--right", -20, 20, "--tolerance", 3
-    job = tmp_path / "job"
-    near = cube(0.012)
-    near.location = scene.camera.matrix_world @ Vector((0.019, 0.0, -0.05))
-    near.kiriko.role = "BLOCKER"
-    for away, why in ((0.0, "is blocked"), (50.0, "meets the glass")):
-        glass.location.x = away
-        assert run("atlas", "--out", tmp_path / "one", *box, "--plan") == 1
-        said = capsys.readouterr().err
-        assert "stays dark" in said
-        assert why in said
-        assert run("atlas", "--out", job, *box, "--job", 3, "--zip", zipped) == 1
-        assert capsys.readouterr().err == said
-        assert not job.exists()
-    near.location.x += 10.0
-    glass.location.x = 0.0
-    assert run("atlas", "--out", job, *box, "--job", 3, "--zip", zipped) == 0
 
 
 def tasks_of(job: Path, shares: int) -> Iterator[list[str]]:

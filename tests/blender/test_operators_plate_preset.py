@@ -130,19 +130,6 @@ def test_others_of_the_mesh_and_children_stay(scene: bpy.types.Scene) -> None:
         assert np.abs(world(part) - points).max() < SINGLE
 
 
-def test_undo_brings_the_size_back(scene: bpy.types.Scene) -> None:
-    """Mirrors and size in one step."""
-    thing = plane(size=0.3)
-    name = thing.name
-    bpy.ops.ed.undo_push(message="before")
-    bpy.ops.kiriko.plate_preset(preset="ASKA3D-488")
-    bpy.ops.ed.undo_push(message="Plate Preset")
-    bpy.ops.ed.undo()
-    thing = bpy.data.objects[name]
-    assert thing.kiriko.plate.model == "IDEAL"
-    assert sides(thing) == pytest.approx([0.3, 0.3], abs=SINGLE)
-
-
 @pytest.mark.parametrize(
     ("way", "why"),
     [
@@ -198,16 +185,3 @@ def test_what_holds_its_size_keeps_it_and_says_why(
         in capfd.readouterr().out
     )
     assert thing.kiriko.plate.pitch == pytest.approx(0.3)
-
-
-def test_the_plate_is_solved_with_its_size(scene: bpy.types.Scene) -> None:
-    """A plate of 200 mm loses light of the ball's picture that one of 488 mm takes."""
-    bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
-    plate = activate(next(thing for thing in scene.objects if thing.kiriko.role == "PLATE"))
-    bpy.ops.kiriko.solve()
-    whole = scene.kiriko.result.coverage
-    bpy.ops.kiriko.plate_preset(preset="ASKA3D-200")
-    plate.kiriko.plate.model = "IDEAL"
-    bpy.ops.kiriko.solve()
-    assert whole > 0.999
-    assert 0.9 < scene.kiriko.result.coverage < 0.995

@@ -113,14 +113,6 @@ def test_unsolvable_rig_writes_nothing(rig: dict, scene: bpy.types.Scene, tmp_pa
     assert scene.kiriko.result.details == before
 
 
-@pytest.mark.parametrize("role", ["GLASS", "DISPLAY"])
-def test_button_is_grey_and_says_what_is_missing(rig: dict, role: str) -> None:
-    """Without one of the parts the operator refuses, and names the part."""
-    rig[role].kiriko.role = "NONE"
-    with pytest.raises(RuntimeError, match=f"No {role.lower()}"):
-        bpy.ops.kiriko.report()
-
-
 def test_existing_report_is_replaced_only_when_told(rig: dict, tmp_path: Path) -> None:
     """One of the files is enough to refuse, before any work.
 
@@ -149,34 +141,6 @@ def test_folder_that_cannot_be_written_is_one_sentence(rig: dict, tmp_path: Path
     with pytest.raises(RuntimeError, match="no folder"):
         bpy.ops.kiriko.report()
     assert names(tmp_path) == ["file"]
-
-
-def test_stopped_halfway_nothing_is_left(
-    kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """As by Esc, the work is closed at any of its steps.
-
-    No folder, no file, no change of the scene.
-    """
-    operators = importlib.import_module(f"{kiriko.__name__}.operators.report")
-    before = inventory()
-    scene.kiriko.report_folder = str(tmp_path / "new")
-
-    class Asked:
-        directory = ""
-        overwrite = False
-        seconds = SECONDS
-
-    for n_steps in (1, 8, 20):
-        work = operators.KIRIKO_OT_report.steps(Asked(), bpy.context)
-        for _ in range(n_steps):
-            next(work)
-        assert (tmp_path / "new").exists()
-        work.close()
-        assert names(tmp_path) == []
-
-    assert inventory() == before
-    assert not scene.kiriko.result.ladder
 
 
 def test_command_writes_the_report_and_prints_the_table(
@@ -297,41 +261,6 @@ def test_several_viewers_are_told_by_the_same_numbers_everywhere(
         assert [line for line in text if f"kiriko: {line}\n" not in printed] == []
 
 
-def test_command_eyes_fails_before_it_works_where_an_eye_sees_nothing(
-    run: Callable[..., int],
-    kiriko: ModuleType,
-    rig: dict,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
-) -> None:
-    """The picture is out of the right one's frame; or no light from it comes to the first."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
-    begun = []
-
-    def count(*_: object) -> None:
-        begun.append(1)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(module, "beside", count)
-        bpy.ops.kiriko.two_eyes()
-        eye = bpy.context.scene.kiriko.viewers[2].camera
-        eye.location.x += 3
-        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-        assert run("eyes", "--out", tmp_path / "eyes") == 1
-        assert f"The viewer '{eye.name}' does not see the picture" in capsys.readouterr().err
-
-    walk = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.eye_box").Walk
-    monkeypatch.setattr(walk, "part", count)
-    eye.location.x -= 3
-    rig["DISPLAY"].location.x += 3
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    assert run("eyes", "--out", tmp_path / "eyes") == 1
-    assert "sees nothing of the picture from its own place" in capsys.readouterr().err
-    assert not (tmp_path / "eyes").exists()
-    assert not begun
-
-
 def test_an_eye_box_that_is_none_from_the_start_is_missing_with_its_reason(
     run: Callable[..., int],
     rig: dict,
@@ -412,19 +341,6 @@ def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     assert f"wrote {len(NAMES) + 1} files" in told
     assert run("eyes", "--out", tmp_path / "eyes") == 1
     assert not (tmp_path / "eyes").exists()
-
-
-def test_command_on_a_broken_rig_is_one_sentence(
-    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """Without a display, and without a file, nothing is written."""
-    assert run("report", "--out", tmp_path / "out") == 1
-    assert "No .blend file" in capsys.readouterr().err
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    rig["DISPLAY"].kiriko.role = "NONE"
-    assert run("report", "--out", tmp_path / "out") == 1
-    assert "The rig has no display" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "soon"])

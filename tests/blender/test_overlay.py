@@ -202,36 +202,6 @@ def test_a_picture_in_the_viewers_pixels_is_looked_at_over_its_frame(sketcher: M
     assert np.abs(np.abs(frame[:, [0, 2]]) - 0.02).max() < 1e-6
 
 
-def test_a_mesh_is_read_and_made_ready_once_while_it_is_moved(
-    sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of a drag only places are read, and its glass is moved as a whole; where
-    only the viewer moves, nothing is made ready.
-    """
-    glass = small_rig()["GLASS"]
-    shapes = importlib.import_module(f"{kiriko.__name__}.core.blender.shapes")
-    solids = importlib.import_module(f"{kiriko.__name__}.core.light.mesh_cache")
-    looked(sketcher)
-    names: list[str] = []
-    read, make = shapes.read_shape, solids.making_solids
-    monkeypatch.setattr(shapes, "read_shape", lambda *a: names.append(a[1].kiriko.role) or read(*a))
-    monkeypatch.setattr(solids, "making_solids", lambda *a: names.append("made") or make(*a))
-    for _ in range(3):
-        glass.location.x += 0.001
-        assert looked(sketcher).sketch.light.ways
-    assert not {"GLASS", "made"} & set(names)
-
-    plans: list[object] = []
-    plan = sketcher.planning
-    monkeypatch.setattr(sketcher, "planning", lambda *a: plans.append(1) or plan(*a))
-    viewer = bpy.context.scene.kiriko.viewer
-    before = looked(sketcher).sketch.light.ways[4].points
-    viewer.location.x += 0.01
-    after = looked(sketcher).sketch.light.ways[4].points
-    assert after[0] - before[0] == pytest.approx([0.01, 0, 0], abs=1e-6)
-    assert not plans
-
-
 def test_it_leaves_the_session_and_the_result_as_they_are(
     sketcher: ModuleType, kiriko: ModuleType
 ) -> None:
@@ -257,20 +227,6 @@ def test_it_leaves_the_session_and_the_result_as_they_are(
     glass.location.x -= 0.001
     assert scene.kiriko.result.solved_for == solved_for
     assert not kiriko.operators.watch.has_changed(bpy.context)
-
-
-def test_glass_of_the_session_is_used(
-    sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Glass that a solve has made ready is not made again for the overlay."""
-    small_rig()
-    bpy.ops.kiriko.solve()
-    kept = importlib.import_module(f"{kiriko.__name__}.core.light.mesh_cache")
-    made: list[object] = []
-    make = kept.making_solids
-    monkeypatch.setattr(kept, "making_solids", lambda mesh: made.append(mesh) or make(mesh))
-    assert looked(sketcher).sketch.light.ways
-    assert not made
 
 
 def nothing(rig: dict[str, bpy.types.Object]) -> None:
@@ -355,50 +311,6 @@ def test_it_is_drawn_in_the_colours_of_its_light(sketcher: ModuleType, overlay: 
     assert len(PAPER.lines_of(colours.LOST)) == 2  # ways and hatch
 
 
-def test_light_of_the_scene_as_it_was_is_faint(
-    sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its lines and marks, from the moment that it is known to be old until it is drawn anew; and
-    where nobody has looked for long. One that is drawn anew soon does not flicker.
-    """
-    green = overlay.lines.colours.ARRIVES
-
-    def alpha() -> float:
-        drawn(overlay)
-        (ways,) = [v["color"][3] for _, v, _ in PAPER.drawn if v["color"][:3] == green][:1]
-        return ways
-
-    rig = small_rig()
-    looked(sketcher)
-    assert alpha() == 1.0
-    rig["GLASS"].rotation_euler.z += 0.1
-    bpy.context.view_layer.update()
-    with monkeypatch.context() as slow:
-        slow.setattr(sketcher, "advance", lambda *_: None)  # as on a slow machine
-        assert sketcher.look()  # has read it, and begins
-        sketcher.look()
-        assert alpha() < 0.5
-    looked(sketcher)
-    sketcher.look()
-    assert alpha() == 1.0
-
-    monkeypatch.setattr(sketcher, "QUIET", 0.3)
-    rig["GLASS"].rotation_euler.z += 0.1
-    bpy.context.view_layer.update()
-    sketcher.look()
-    assert alpha() == 1.0
-    looked(sketcher)
-    monkeypatch.setattr(sketcher.work, "is_busy", lambda: True)
-    rig["GLASS"].rotation_euler.z += 0.1
-    bpy.context.view_layer.update()
-    clock = sketcher.monotonic
-    sketcher.look()
-    assert alpha() == 1.0
-    monkeypatch.setattr(sketcher, "monotonic", lambda: clock() + 2.0)
-    sketcher.look()
-    assert alpha() < 0.5
-
-
 def test_words_are_distances_in_the_scenes_unit_and_reasons(
     sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -480,64 +392,3 @@ def test_an_error_ends_the_overlay_and_is_told_once(
             drawn(overlay)
     assert len(overlay._failed) == 1
     assert capsys.readouterr().err.count("ZeroDivisionError: no such thing") == 1
-
-
-def test_it_is_looked_at_with_the_tab_open_and_overlays_on(
-    kiriko: ModuleType, scene: bpy.types.Scene
-) -> None:
-    """A viewport counts with its sidebar open on the Kiriko tab, and Blender's overlays on."""
-    sketcher = importlib.import_module(f"{kiriko.__name__}.operators.sketcher")
-
-    def area(tab: str = "Kiriko", sidebar: bool = True, overlays: bool = True, of: str = "VIEW_3D"):
-        space = SimpleNamespace(
-            show_region_ui=sidebar, overlay=SimpleNamespace(show_overlays=overlays)
-        )
-        regions = [SimpleNamespace(type="WINDOW"), SimpleNamespace(type="UI")]
-        regions[1].active_panel_category = tab
-        return SimpleNamespace(type=of, spaces=SimpleNamespace(active=space), regions=regions)
-
-    assert sketcher.is_looked_at(area())
-    assert not sketcher.is_looked_at(area(tab="Item"))
-    assert not sketcher.is_looked_at(area(sidebar=False))
-    assert not sketcher.is_looked_at(area(overlays=False))
-    assert not sketcher.is_looked_at(area(of="IMAGE_EDITOR"))
-    # as Blender has them
-    for real in bpy.context.window_manager.windows[0].screen.areas:
-        assert sketcher.is_looked_at(real) in (False, True)
-
-
-def test_a_scene_that_is_long_to_read_waits_until_nothing_is_dragged(
-    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """While something is held, only short readings are done at once; after
-    each reading there is a pause as long as several of it.
-    """
-    sketcher = importlib.import_module(f"{kiriko.__name__}.operators.sketcher")
-    now = [100.0]
-    monkeypatch.setattr(sketcher, "monotonic", lambda: now[0])
-    sketched = sketcher.Sketched(changed_at=100.0)
-    assert not sketched.is_due(is_held=True)  # how long it takes is not known
-    monkeypatch.setattr(sketcher.KeptPlaces, "is_whole", True)
-    assert sketched.is_due(is_held=True)  # only places have changed
-    monkeypatch.setattr(sketcher.KeptPlaces, "is_whole", False)
-    now[0] += 1.01 * sketcher.QUIET
-    assert sketched.is_due(is_held=True)
-
-    now[0] = 100.0
-    sketched.lasted = {False: 0.01}
-    assert sketched.is_due(is_held=True)
-    sketched.lasted = {False: 0.5}
-    now[0] += 1.01 * sketcher.QUIET
-    assert sketched.is_due(is_held=False)
-    assert not sketched.is_due(is_held=True)
-    now[0] += sketcher.SHARE * 0.5
-    assert sketched.is_due(is_held=True)
-
-    for spent, pause in ((0.1, 0.1 * sketcher.SHARE), (5.0, sketcher.MOST_PAUSE)):
-        sketched.ended_at, sketched.spent = now[0], spent
-        now[0] += 0.99 * pause
-        assert not sketched.is_due(is_held=False)
-        now[0] += 0.02 * pause
-        assert sketched.is_due(is_held=False)
-    sketched.changed_at = None
-    assert not sketched.is_due(is_held=False)

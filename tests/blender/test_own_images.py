@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
 from small_rigs import pixels, small_rig
 
 
@@ -169,32 +168,6 @@ def test_an_image_of_another_size_is_told_and_stretched(kiriko: ModuleType, rig:
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
-def test_pixels_are_read_once_a_change(
-    kiriko: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of each image; those that no viewer has any more are let go."""
-    shapes = importlib.import_module(f"{kiriko.__name__}.core.blender.shapes")
-    n_read: list[str] = []
-    decoded = shapes.decoded
-    monkeypatch.setattr(
-        shapes, "decoded", lambda image, *rest: n_read.append(image.name) or decoded(image, *rest)
-    )
-    red, blue = plain("red", (1, 0, 0)), plain("blue", (0, 0, 1))
-    give(red, blue)
-    kept = shapes.Kept()
-    first = work(kiriko).read(bpy.context, kept).rig.picture.images
-    again = work(kiriko).read(bpy.context, kept).rig.picture.images
-    assert [a is b for a, b in zip(first, again, strict=True)] == [True, True]
-    assert sorted(n_read) == ["blue", "red"]
-    assert kept.is_whole
-    give(red, red)
-    for _ in range(2):
-        one, other = work(kiriko).read(bpy.context, kept).rig.picture.images
-        assert one is other is again[0]
-    assert list(kept._pixels) == [red.session_uid]
-    assert sorted(n_read) == ["blue", "red"]
-
-
 def test_a_result_is_stale_where_a_viewer_gets_another_image(kiriko: ModuleType, rig: dict) -> None:
     scene_now = work(kiriko).scene_now
     chosen = importlib.import_module(f"{kiriko.__name__}.operators.chosen").chosen_settings
@@ -209,47 +182,8 @@ def test_a_result_is_stale_where_a_viewer_gets_another_image(kiriko: ModuleType,
     assert scene_now(bpy.context).is_same(before)
 
 
-def test_the_panel_has_the_image_of_all_and_the_chosen_viewer_s_own(
-    kiriko: ModuleType, rig: dict
-) -> None:
-    panels = importlib.import_module(f"{kiriko.__name__}.panels.viewers")
-    layout = Layout()
-    panels.draw_images(layout, bpy.context)
-    assert layout.props == ["picture_image", "image"]
-    ours().viewers.clear()
-    layout = Layout()
-    panels.draw_images(layout, bpy.context)
-    assert layout.props == ["picture_image"]
-
-
 def test_the_lattice_takes_the_place_of_all_images(kiriko: ModuleType, rig: dict) -> None:
     """Calibrate needs it, whichever viewer takes the photograph."""
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1)))
     bpy.ops.kiriko.lattice_picture()
     assert {one.image.name for one in ours().viewers} == {ours().picture_image.name}
-
-
-def test_the_list_marks_images_where_a_viewer_lacks_its_own(kiriko: ModuleType, rig: dict) -> None:
-    """Where all have one a mark would take the room of names, which were cut."""
-    panel = importlib.import_module(f"{kiriko.__name__}.panels.viewers")
-    red, blue = plain("red", (1, 0, 0)), plain("blue", (0, 0, 1))
-
-    def marks() -> list[bool]:
-        found = []
-        for n, item in enumerate(ours().viewers):
-            layout = Layout()
-            draw = panel.KIRIKO_UL_viewers.draw_item
-            draw(None, bpy.context, layout, ours(), item, 0, ours(), "viewer_shown", n)
-            found.append("IMAGE_DATA" in layout.icons.values())
-        return found
-
-    give(red, None)
-    assert marks() == [True, False]
-    give(red, blue)
-    assert marks() == [False, False]
-    give(red, None)
-    ours().viewers[1].is_on = False
-    assert marks() == [False, False]
-    ours().viewers[1].is_on = True
-    ours().picture_source = "PLANE"
-    assert marks() == [False, False]

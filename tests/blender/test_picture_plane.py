@@ -1,10 +1,9 @@
 """The picture's plane: it shows the solved picture, in the shape of its image."""
 
 import importlib
-import os
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -301,41 +300,6 @@ def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(
     assert not bpy.ops.kiriko.fit_picture.poll()
 
 
-def test_the_shape_may_be_left_when_an_image_is_chosen(
-    scene: bpy.types.Scene, capfd: pytest.CaptureFixture
-) -> None:
-    """With Fit to Image off the plane stays, and the report says by how much the image
-    is squeezed.
-    """
-    picture = activate(small_rig()["PICTURE"])
-    choose(image(90, 30), fit=False)
-    assert aspect(picture) == pytest.approx(1, rel=SINGLE)
-    assert "but the image is squeezed to 33 % of its width." in capfd.readouterr().out
-
-
-def test_the_next_picture_is_looked_for_beside_the_last(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
-) -> None:
-    """The file browser opens in the picture's folder, with no name: Blender takes what stands
-    behind the last slash for that of a file.
-    """
-    made = bpy.data.images.new("made", 8, 8)
-    made.filepath_raw, made.file_format = str(tmp_path / "mine.png"), "PNG"
-    made.save()
-    small_rig()
-    bpy.ops.kiriko.open_picture(filepath=made.filepath_raw)
-    button = importlib.import_module(f"{kiriko.__name__}.operators.choose_picture")
-    asked = SimpleNamespace(filepath="", begin_with=lambda scene: None)
-    context = SimpleNamespace(
-        scene=scene,
-        active_object=None,
-        window_manager=SimpleNamespace(fileselect_add=lambda operator: None),
-    )
-    assert button.KIRIKO_OT_open_picture.invoke(asked, context, None) == {"RUNNING_MODAL"}
-    folder, name = os.path.split(asked.filepath)
-    assert (Path(folder), name) == (tmp_path, "")
-
-
 def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
     """It is chosen, shown and fitted; opened again it is the
     same image; a file that is no image leaves nothing behind.
@@ -426,22 +390,6 @@ def test_the_plane_shows_what_is_solved(read: Callable[[], Any]) -> None:
     assert texture_of(picture).image == green
     assert is_solved(read, green)
     assert len([m for m in bpy.data.materials if m.name.startswith("Kiriko Picture")]) == 1
-
-
-def test_an_image_of_no_file_stays_when_another_takes_its_place(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
-    """The lattice and painted images are kept for the artist to choose again.
-
-    Images of files are in their files.
-    """
-    picture = activate(small_rig()["PICTURE"])
-    bpy.ops.kiriko.open_picture(filepath=file(tmp_path, 9, 3))
-    assert bpy.data.images["Kiriko Lattice"].use_fake_user
-    choose(image(8, 8))
-    assert not bpy.data.images["art.png"].use_fake_user
-    choose(bpy.data.images["Kiriko Lattice"])
-    assert texture_of(picture).image == bpy.data.images["Kiriko Lattice"]
 
 
 @pytest.mark.parametrize("way", ["slot", "mesh", "group", "fake user"])
@@ -550,104 +498,6 @@ def test_a_plane_that_showed_nothing_shows_it(read: Callable[[], Any], way: str)
         assert mine.use_fake_user
 
     assert is_solved(read, chosen)
-
-
-def test_of_several_materials_the_one_on_most_faces_shows_it(read: Callable[[], Any]) -> None:
-    """A slot that is on no face counts for nothing, nor does an image on fewer faces."""
-    thing = picture_plane()
-    shown = [image(8, 8, name=name) for name in ("unused", "few", "most")]
-    for some in shown:
-        thing.data.materials.append(None)
-        grouped(thing, some, len(thing.material_slots) - 1)
-
-    for k, face in enumerate(thing.data.polygons):
-        face.material_index = 1 if k == 0 else 2
-    chosen = image(8, 8, (0, 1, 0, 1), "chosen")
-    choose(chosen)
-
-    assert [texture_in(slot.material).image for slot in thing.material_slots] == [
-        *shown[:2],
-        chosen,
-    ]
-    assert is_solved(read, chosen)
-
-
-def test_only_pictures_change_their_material(scene: bpy.types.Scene) -> None:
-    """An image that is set on another role leaves its material alone."""
-    glass = small_rig()["GLASS"]
-    before = [slot.material for slot in glass.material_slots]
-    glass.kiriko.image = image(8, 8)
-    assert [slot.material for slot in glass.material_slots] == before
-
-
-def test_what_is_drawn_and_not_solved_is_told(read: Callable[[], Any]) -> None:
-    """As in files of old, whose material shows another image
-    than is chosen: both are named, with the remedy.
-    """
-    picture = activate(small_rig()["PICTURE"])
-    chosen = image(8, 8)
-    picture.kiriko.role = "NONE"
-    picture.kiriko.image = chosen  # as in a file of old: nothing else has changed
-    picture.kiriko.role = "PICTURE"
-
-    assert texture_of(picture).image.name == "Kiriko Lattice"
-    assert is_solved(read, chosen)
-    note = (
-        "The picture 'Kiriko Picture' shows 'Kiriko Lattice', but 'art' is chosen and solved:"
-        " choose it again"
-    )
-
-    assert any(text.startswith(note) for text in read().notes)
-    choose(chosen)
-    assert not any("chosen and solved" in text for text in read().notes)
-
-
-def test_a_linked_plane_is_refused(scene: bpy.types.Scene, linked: Callable) -> None:
-    """A picture of another file is chosen and fitted there."""
-    picture = picture_plane()
-    theirs = linked(picture)
-    bpy.data.objects.remove(picture)
-    scene.collection.objects.link(theirs)
-    activate(theirs)
-    chosen = image(90, 30)
-    with pytest.raises(RuntimeError, match="linked from another file: choose its image there"):
-        choose(chosen)
-
-    # a linked mesh without material, on an object of this file
-    mine = new_object(theirs.data, "PICTURE")
-    activate(mine)
-    assert choose(chosen) == {"FINISHED"}
-    assert aspect(mine) == pytest.approx(3, rel=SINGLE)
-
-
-def test_live_follows_the_material(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
-    """With Live running an image chosen by the button or in the
-    material is solved, with the plane's new shape.
-    """
-    live = kiriko.operators.live
-    picture = activate(small_rig()["PICTURE"])
-    bpy.ops.kiriko.live()
-
-    def settled() -> np.ndarray:
-        for _ in range(2000):
-            if live.tick() == live.live_follower.IDLE:
-                break
-        source = bpy.context.scene.kiriko.result.source
-        return np.array(source.pixels[:], np.float32).reshape(-1, 4).max(axis=0)[:3]
-
-    try:
-        assert settled() == pytest.approx([1, 1, 1], abs=0.3)
-        choose(image(90, 30, (1, 0, 0, 1), "r"))
-        assert settled() == pytest.approx([1, 0, 0], abs=1e-3)
-        texture_of(picture).image = image(8, 8, (0, 1, 0, 1), "g")
-        bpy.context.view_layer.update()
-        assert settled() == pytest.approx([0, 1, 0], abs=1e-3)
-        assert "squeezed" in scene.kiriko.result.notes
-        bpy.ops.kiriko.fit_picture()
-        settled()
-        assert "squeezed" not in scene.kiriko.result.notes
-    finally:
-        live.stop()
 
 
 def test_the_lattice_has_the_shape_of_its_plane(scene: bpy.types.Scene) -> None:

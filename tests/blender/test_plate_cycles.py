@@ -289,24 +289,3 @@ def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(
         }
     )
     assert inventory() == before
-
-
-def test_inputs_say_what_they_are(core: ModuleType) -> None:
-    """Each input of each group has a tooltip, a range that
-    holds its default, and the unit it is in.
-    """
-    for layout in LAYOUTS:
-        tree = core.blender.plate.plate_group(layout)
-        inputs = [
-            item
-            for item in tree.interface.items_tree
-            if item.item_type == "SOCKET" and item.in_out == "INPUT"
-        ]
-        assert len(inputs) == (13 if layout == "crossed" else 12)
-        for item in inputs:
-            assert item.description
-            assert item.min_value <= item.default_value <= item.max_value
-        assert {i.name: i.subtype for i in inputs if i.subtype not in {"NONE", "FACTOR"}} == {
-            **{"Pitch": "DISTANCE", "Height": "DISTANCE"},
-            **({"Crossing Error": "ANGLE"} if layout == "crossed" else {}),
-        }

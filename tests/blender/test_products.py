@@ -140,22 +140,6 @@ def test_glass_of_its_own_gets_the_index_in_its_material(
     )
 
 
-def test_a_turned_profile_has_its_material_though_its_mesh_has_no_face(
-    scene: bpy.types.Scene, kiriko: ModuleType, read: Callable
-) -> None:
-    """The product that is shown, and the index that is set, are those of the slot."""
-    bpy.ops.kiriko.open_example(example="GOBLET")
-    glass = bpy.context.scene.objects["Goblet"]
-    assert len(glass.data.polygons) == 0
-    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
-    assert chosen.glass_product(glass) is None  # 1.52
-
-    activate(glass)
-    bpy.ops.kiriko.glass_preset(preset="Water")
-    assert not glass.kiriko.use_ior
-    assert chosen.glass_product(glass).name == "Water"
-
-
 def instances_by_nodes(glass: bpy.types.Object) -> bpy.types.Object:
     """An object that shows a glass at its one vertex."""
     mesh = bpy.data.meshes.new("point")
@@ -211,32 +195,6 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     bpy.ops.kiriko.glass_preset(preset="Acrylic")
     assert f"its Override IOR is 1.49, for {why}." in capfd.readouterr().out
     assert chosen.glass_product(glass).name == "Acrylic"
-
-
-def test_the_product_of_an_instance_is_found_without_meshes_as_modifiers_make_them(
-    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A panel asks for it as it is drawn. Where nodes may set a material they are asked for."""
-    own = small_rig()["GLASS"]
-    own.kiriko.role, own.kiriko.use_ior = "NONE", False
-    own.data.materials.clear()
-    own.modifiers.new("Subdivision", "SUBSURF")
-    thing = instance_of(own)
-    scene.collection.objects.link(thing)
-    look_parts = importlib.import_module(f"{kiriko.__name__}.core.blender.inspect_parts")
-    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
-    asked = []
-    before = look_parts.evaluated
-    monkeypatch.setattr(
-        look_parts, "evaluated", lambda scene, one: asked.append(one) or before(scene, one)
-    )
-    bpy.context.view_layer.update()
-    assert chosen.glass_product(thing).name == "Acrylic"
-    assert own not in asked
-    own.modifiers.new("nodes", "NODES")
-    bpy.context.view_layer.update()
-    chosen.glass_product(thing)
-    assert own in asked
 
 
 @pytest.mark.parametrize(

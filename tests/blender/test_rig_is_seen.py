@@ -1,12 +1,9 @@
 import importlib
-from functools import partial
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
 import bpy
-import gpu
 import numpy as np
 import pytest
-from mathutils import Matrix, Vector
 
 from small_rigs import cube, new_object, primitive, small_rig
 
@@ -134,70 +131,6 @@ def test_the_source_image_is_drawn_on_the_front_of_the_display(
     assert np.cross(b - a, c - a) @ np.array(display.matrix_world.col[2].to_3d()) > 0
 
 
-def test_the_glass_is_seen_in_front_of_the_display(
-    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A display behind its glass is drawn where nothing stands in front of it, and faintly where
-    something does; no depth is written, by which one pass would let the other through. The
-    picture, which stands in the glass, comes last, in front of all.
-    """
-    module = importlib.import_module(f"{kiriko.__name__}.panels.shown_images")
-    rig = small_rig()
-    bpy.ops.kiriko.solve()
-    state, passes = {}, []
-    names = ("depth_test", "blend", "depth_mask", "face_culling")
-    for name in names:
-        setter = partial(state.__setitem__, name)
-        monkeypatch.setattr(gpu.state, f"{name}_set", setter)
-        if name != "face_culling":
-            monkeypatch.setattr(gpu.state, f"{name}_get", lambda name=name: state.get(name))
-    shader = SimpleNamespace(
-        bind=lambda: None,
-        uniform_sampler=lambda _, image: state.update(image=image),
-        uniform_float=lambda _, colour: state.update(opacity=colour[3]),
-    )
-    batch = SimpleNamespace(draw=lambda _: passes.append(dict(state)))
-    monkeypatch.setattr(module.gpu.shader, "from_builtin", lambda _: shader)
-    monkeypatch.setattr(module.gpu.texture, "from_image", lambda image: image)
-    monkeypatch.setattr(module, "batch_for_shader", lambda *_, **__: batch)
-    region = SimpleNamespace(view_matrix=Matrix(), is_perspective=True, view_distance=1.0)
-    layer = bpy.context.view_layer
-    view = SimpleNamespace(scene=scene, view_layer=layer, region_data=region)
-    module.draw_parts(view, [rig["PICTURE"], rig["DISPLAY"]])
-
-    told = [(one["image"], one["depth_test"], one["opacity"]) for one in passes]
-    source, picture = scene.kiriko.result.source, rig["PICTURE"].active_material
-    (lattice,) = (node.image for node in picture.node_tree.nodes if node.type == "TEX_IMAGE")
-    (hidden, _, faint), *others = told
-    assert (hidden, told[0][1]) == (source, "GREATER")
-    assert 0 < faint < 1
-    assert others == [(source, "LESS_EQUAL", 1.0), (lattice, "NONE", 1.0)]
-    assert not any(one["depth_mask"] for one in passes)
-
-
-@pytest.mark.parametrize("is_perspective", [True, False])
-def test_images_are_drawn_before_their_parts_where_these_are_seen(
-    kiriko: ModuleType, is_perspective: bool
-) -> None:
-    """By a projection of our own: in the same places of the view, and a thousandth nearer."""
-    module = importlib.import_module(f"{kiriko.__name__}.panels.shown_images")
-    random = np.random.default_rng(5)
-    turn = Matrix(np.linalg.qr(random.normal(size=(3, 3)))[0].tolist())
-    eye = Vector((1.0, -2.0, 3.0))
-    view = (Matrix.Translation(eye) @ turn.to_4x4()).inverted()
-    points = random.normal(size=(50, 3)).astype(np.float32)
-    found = module.nearer(points, view, is_perspective, 4.0)
-
-    def seen(points: np.ndarray) -> np.ndarray:
-        return (points - np.array(eye)) @ np.array(turn)
-
-    before, after = seen(points), seen(found)
-    if is_perspective:
-        assert after == pytest.approx(before * (1 - 1e-3), abs=3e-6)
-    else:
-        assert after - before == pytest.approx(np.tile([0, 0, 4e-3], (50, 1)), abs=3e-6)
-
-
 @pytest.mark.parametrize("is_perspective", [True, False])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
 def test_a_frame_holds_all_points_and_no_more(
@@ -295,31 +228,6 @@ def test_what_is_made_far_from_the_bench_comes_into_sight(
     place = core.Framed(np.array(view.view_location), view.view_distance, 0.0, 1e6)
     for thing in (far, rig["GLASS"], rig["DISPLAY"]):
         assert core.in_sight(framing.corners(thing), axes, place, framing.window_of(area)).all()
-
-
-def test_a_view_too_narrow_for_a_camera_view_has_its_middle_free(kiriko: ModuleType) -> None:
-    """Blender makes the frame no smaller than a sixth of the window's longer side."""
-    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
-    window = framing.Window(300, 900, 58, 220, 0, 54, 50.0, is_perspective=True)
-    zoom, offset = framing.image_framed((512, 512), window)
-    assert zoom == -30
-    factor = (zoom / 50 + np.sqrt(2)) ** 2 / 4
-    middle = np.array([300, 900]) * (0.5 - 2 * factor * np.array(offset))
-    assert middle == pytest.approx([(58 + 80) / 2, 846 / 2])
-
-
-def test_a_window_knows_what_lies_over_it(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
-    """The toolbar and both headers of Blender's own layout; no sidebar, which is closed."""
-    framing = importlib.import_module(f"{kiriko.__name__}.operators.framing")
-    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
-    by_type = {region.type: region for region in area.regions}
-    headers = by_type["HEADER"].height + by_type["TOOL_HEADER"].height
-    window = framing.window_of(area)
-    inside = by_type["WINDOW"]
-    assert (window.width, window.height) == (inside.width, inside.height)
-    assert window.left == by_type["TOOLS"].width > 10
-    assert window.top == headers - (area.height - inside.height) > 20
-    assert window.bottom == 0
 
 
 def test_a_view_turns_only_where_it_hardly_sees_the_picture(kiriko: ModuleType) -> None:

@@ -244,24 +244,6 @@ def test_chosen_viewer_goes_before_the_camera(
     assert read().name == "other"
 
 
-def test_animated_lens(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
-    """Lens and place are those of the current frame."""
-    camera = add_camera(scene)
-    camera.data.driver_add("lens").driver.expression = "30 + frame"
-    camera.driver_add("location", 0).driver.expression = "frame"
-    scene.frame_set(6)
-    viewer = read()
-    left, right, _, _ = viewer.window
-    assert right - left == pytest.approx(1.0)
-    assert viewer.position[0] == pytest.approx(6.0)
-
-
-def test_no_camera(scene: bpy.types.Scene, kiriko: ModuleType, errors: ModuleType) -> None:
-    """Without a camera the rig has no viewer, for the check to say."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    assert module.read(bpy.context, scene).rig.viewers == ()
-
-
 def test_cameras_that_cannot_be_followed(
     read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType
 ) -> None:
@@ -370,25 +352,3 @@ def test_a_viewer_with_pixels_of_its_own(
 
     assert (viewer.width, viewer.height) == (plain.width, plain.height) == (50, 70)
     assert viewer.window == plain.window
-
-
-def test_without_pixels_of_its_own_the_render_counts(
-    read: Callable[[], Any], scene: bpy.types.Scene
-) -> None:
-    """A file of version 0.1 knows of none: a resolution that is set but not used changes
-    nothing.
-    """
-    camera = add_camera(scene)
-    plain = read()
-    assert not camera.kiriko.use_resolution
-    camera.kiriko.resolution = (7, 9)
-
-    assert (
-        (read().width, read().height, read().window)
-        == (plain.width, plain.height, plain.window)
-        == (
-            96,
-            64,
-            plain.window,
-        )
-    )

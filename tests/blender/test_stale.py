@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
 from small_rigs import new_object, primitive, small_rig
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
@@ -277,18 +276,6 @@ def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
     assert not watch._watched  # nothing is read any more
 
 
-def test_a_surface_of_an_earlier_version_is_taken_as_it_is(
-    watch: ModuleType, surface: Callable
-) -> None:
-    """It does not know its rig."""
-    rig = surface("eye_box")
-    del bpy.data.objects[SURFACES["eye_box"]]["kiriko_made_for"]
-    move(rig["GLASS"])
-    bpy.context.view_layer.update()
-    watch.tick()
-    assert not watch.is_told_old(bpy.context.scene, SURFACES["eye_box"])
-
-
 def test_saved_and_opened_again_it_is_known(watch: ModuleType, rig: dict, tmp_path: Path) -> None:
     """A current result stays current; one that was not is not; put back it is again."""
     path = str(tmp_path / "rig.blend")
@@ -419,31 +406,6 @@ def test_a_rig_that_cannot_be_read_any_more_has_changed(
     assert is_stale(watch)
 
 
-def test_a_result_of_an_earlier_version_is_taken_as_it_is(
-    watch: ModuleType, rig: dict, tmp_path: Path
-) -> None:
-    """It does not know its scene: nothing is said, and nothing is read."""
-    ours().result.solved_for = ""
-    move(rig["GLASS"])
-    assert not is_stale(watch)
-    assert bpy.ops.kiriko.export(filepath=str(tmp_path / "a.png")) == {"FINISHED"}
-
-
-def test_legibility_of_the_scene_before_is_faint(
-    watch: ModuleType, rig: dict, drawn: Callable[..., Layout]
-) -> None:
-    """As all numbers of the result are, until it is solved again."""
-    for is_changed in (False, True, False):
-        if is_changed:
-            move(rig["GLASS"])
-        elif is_stale(watch):
-            bpy.ops.kiriko.solve()
-        assert is_stale(watch) == is_changed
-        shown = drawn("result", "VIEW3D_PT_kiriko_result")
-        assert any(text.startswith("Legibility: ") for text in shown.texts)
-        assert any(text.startswith("Legibility: ") for text in shown.faint) == is_changed
-
-
 def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) -> None:
     """While it works nothing is said; its result is current, also after it was turned off."""
     live = kiriko.operators.live
@@ -479,69 +441,6 @@ def test_apply_to_scene_keeps_a_current_result_current(watch: ModuleType, rig: d
     ours().calibration.offset = f'[{{"{name}": 0.5}}]'
     bpy.ops.kiriko.apply_calibration()
     assert is_stale(watch)
-
-
-def test_nothing_is_read_without_a_result(
-    watch: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nor again, where nothing has changed.
-
-    Nor while an animation is played or other work goes on.
-    """
-    calls = []
-    own = watch.work.scene_now
-    monkeypatch.setattr(watch.work, "scene_now", lambda *a: (calls.append(1), own(*a))[1])
-    rig = small_rig()
-    watch.tick()
-
-    assert not calls
-    bpy.ops.kiriko.solve()
-    calls.clear()
-    watch.tick()
-    watch.tick()
-
-    assert len(calls) == 1
-    busy = []
-    monkeypatch.setattr(watch.work, "is_busy", lambda: bool(busy))
-    busy.append(1)
-    move(rig["GLASS"])
-    bpy.context.view_layer.update()
-    watch.tick()
-
-    assert len(calls) == 1
-    busy.clear()
-    watch.tick()
-    assert len(calls) == 2
-
-
-def test_a_heavy_mesh_is_read_only_after_a_longer_rest(
-    watch: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where a mesh was edited that took t seconds to read, not before several t.
-
-    Where it was only moved, at once.
-    """
-    scene = bpy.context.scene
-    assert not is_stale(watch)
-    (watched,) = watch._watched.values()
-    assert set(watched.lasted) == {False}
-
-    watched.lasted[False] = 2.0
-    monkeypatch.setattr(watch, "SHARE", 5.0)
-    move(rig["GLASS"])
-    bpy.context.view_layer.update()
-    watch.tick()
-
-    assert watch.is_told_changed(scene)
-    rig["GLASS"].location.x -= 1e-5
-    edit(rig["GLASS"])
-    bpy.context.view_layer.update()
-    for _ in range(3):
-        watch.tick()
-
-    assert not watched.is_due
-    watched.changed_at -= 10.0
-    assert watched.is_due
 
 
 def test_handlers_and_timer_go_with_the_extension(blender: ModuleType, watch: ModuleType) -> None:
