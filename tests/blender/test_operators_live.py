@@ -781,40 +781,6 @@ def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) 
     assert np.array_equal(shown(), before)
 
 
-def test_long_step_is_announced_before_it_begins(
-    live: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The status bar speaks, and is given time to be drawn,
-    before a step that took, or may take, over 0.1 s.
-    """
-    rig = follow(live)
-    texts = []
-    begun = []
-    monkeypatch.setattr(
-        live.live_follower.Live,
-        "_say",
-        lambda self, text: (texts.append(text), bool(text) and len(texts) == 1)[1],
-    )
-    followed = live.followed()
-    do = followed._do
-    monkeypatch.setattr(
-        followed, "_do", lambda step, context: (begun.append(step), do(step, context))
-    )
-    turn(rig["GLASS"])
-
-    # as if everything so far had been short
-    followed._lasted = {step: 0.0 for step in followed._lasted}
-    known = live.live_follower.Step(live.live_follower.READING, (True,))
-    followed._lasted[known] = 2 * live.live_follower.LONG
-
-    assert live.tick() == live.live_follower.NOTICE
-    assert begun == []
-    assert texts == ["Kiriko Live: reading the scene ..."]
-    live.tick()
-
-    assert begun[0] == known
-
-
 def test_panel_and_status_bar_agree(
     live: ModuleType, drawn: Callable[..., Layout], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -848,21 +814,6 @@ def test_panel_and_status_bar_agree(
         assert summary not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").faint)
     assert any("updating" in text for text in told)
     assert followed._text == ""
-
-
-def test_work_of_others_comes_first(live: ModuleType) -> None:
-    """While a solve runs in the interface, with the same session, live waits."""
-    rig = follow(live)
-    before = shown()
-    turn(rig["GLASS"])
-    live.work._running.append(object())
-    try:
-        assert settle(live) == 0
-        assert np.array_equal(shown(), before)
-    finally:
-        live.work._running.clear()
-    settle(live)
-    assert not np.array_equal(shown(), before)
 
 
 def test_button_says_what_is_missing(live: ModuleType) -> None:

@@ -1,7 +1,6 @@
 """The compiled kernel gives the results of numpy's way, one by one, and breaks on nothing."""
 
 import ctypes
-import pickle
 import re
 import subprocess
 import sys
@@ -160,6 +159,27 @@ def with_blocker(a_rig):
 
 def two(*meshes):
     return rig(tuple(Glass(f"glass {i}", mesh) for i, mesh in enumerate(meshes)))
+
+
+def by_threads(work, numbers=(1, 2, 7, 1000)):
+    """Results of the same work by other numbers of threads."""
+    found = []
+    try:
+        for number in numbers:
+            loading.use_threads(number)
+            found.append(work())
+    finally:
+        loading.use_threads(0)
+    return found
+
+
+def bits(found):
+    """The bytes of all arrays in results."""
+    if isinstance(found, np.ndarray):
+        return found.tobytes()
+    if is_dataclass(found):
+        return [bits(getattr(found, f.name)) for f in fields(found)]
+    return [bits(one) for one in found] if isinstance(found, (list, tuple)) else found
 
 
 RIGS = {
@@ -369,27 +389,30 @@ def test_random_rigs(seed):
     assert (np.quantile(off, 0.98) < 1e-7) if len(off) else True
 
 
-def test_where_ways_part_the_kernel_has_met_the_nearer_face():
-    """Of a mesh that contradicts itself: where numpy's engine
-    lets a ray through, the kernel finds the face it met.
-    """
+def spoilt_vase():
+    """A mesh that contradicts itself."""
     mesh = turned_vase(12)
-    dice = np.random.default_rng(3)
-    spoilt = mesh.vertices * (1 + 0.03 * dice.normal(size=(len(mesh.vertices), 1)))
-    a_rig = rig(replace(mesh, vertices=spoilt))
-    found = find_parted(make_plan(a_rig, Settings()), *rays_of(a_rig, 20_000))
-    assert 0 < found.n_parted < 1e-3 * found.n_rays
+    noise = np.random.default_rng(3).normal(size=(len(mesh.vertices), 1))
+    return replace(mesh, vertices=mesh.vertices * (1 + 0.03 * noise))
+
+
+def far_spike(metres=5520.0):
+    """A ball with flat faces, one vertex of which lies many metres aside."""
+    mesh = icosphere(0.025, 2, smooth=False)
+    vertices = mesh.vertices.copy()
+    vertices[np.argmax(vertices[:, 0])] = [metres, 0.15 * metres, -0.76 * metres]
+    return replace(mesh, vertices=vertices, corner_normals=None)
+
+
+@pytest.mark.parametrize("make", [spoilt_vase, far_spike])
+def test_where_ways_part_the_kernel_has_met_the_nearer_face(make):
+    """Numpy's engine in float32 lets a ray through, or takes it to meet a face that it passes by:
+    the kernel is right.
+    """
+    a_rig = rig(make())
+    found = find_parted(make_plan(a_rig, DEFAULT), *rays_of(a_rig, 20_000))
+    assert 0 < found.n_parted < 1e-2 * found.n_rays
     assert found.n_wrong == 0
-
-
-def test_a_rig_that_was_pickled_is_followed():
-    """As one that came from another process: its arrays have types of their own."""
-    a_rig = ball_rig(2)
-    rays = rays_of(a_rig, 500)
-    again = pickle.loads(pickle.dumps((a_rig, rays)))
-    expected = trace_all(make_plan(a_rig, Settings()), *rays)
-    found = trace_all(make_plan(again[0], Settings()), *again[1])
-    assert np.array_equal(expected.xy, found.xy, equal_nan=True)
 
 
 def behind_hull(plan):
@@ -527,18 +550,6 @@ def test_a_library_of_another_version_is_not_used(monkeypatch):
     assert loading.library() is not None
 
 
-def test_work_that_was_begun_is_ended_by_the_kernel():
-    """Whoever switches it off between two pauses changes nothing of the work under way."""
-    a_rig = ball_rig(3)
-    plan = make_plan(a_rig, Settings())
-    rays = rays_of(a_rig)
-    expected = trace_all(plan, *rays)
-    work = tracing(plan, *rays)
-    next(work)
-    with loading.off():
-        assert np.array_equal(finish(work).xy, expected.xy, equal_nan=True)
-
-
 def test_arrays_of_another_kind_are_not_written_to():
     """Where numpy's whole numbers are of 4 bytes, as on
     Windows before numpy 2, none are handed over.
@@ -600,7 +611,7 @@ ENDING = {
 @pytest.mark.parametrize("name", ENDING)
 def test_same_ends_of_branches(name):
     """As by halves that are traced together: the same places by as many rays, where rounding does
-    not decide; bit for bit by any number of threads.
+    not decide.
     """
     plan = make_plan(ENDING[name](), DEFAULT)
     points, edges = some_edges(plan)
@@ -609,15 +620,7 @@ def test_same_ends_of_branches(name):
     assert 0 < np.mean(n_tried == 1) < 0.5
     assert ((end > 0) & (end < 1)).mean() > 0.5
 
-    by_threads = []
-    try:
-        for number in (1, 3, 1000):
-            loading.use_threads(number)
-            by_threads.append(ends_of(plan, points, edges))
-    finally:
-        loading.use_threads(0)
-
-    found_end, found, found_tried = by_threads[0]
+    found_end, found, found_tried = ends_of(plan, points, edges)
     same = found_end == end
     assert same.mean() > 0.99
     assert np.array_equal(found_tried[same], n_tried[same])
@@ -628,21 +631,6 @@ def test_same_ends_of_branches(name):
     assert np.quantile(off, 0.9) < PX
     assert off.max() < 1e-4
     np.testing.assert_allclose(found.throughput[same], last.throughput[same], rtol=1e-9)
-    for others in by_threads[1:]:
-        for ours, theirs in zip(by_threads[0], others, strict=True):
-            values = [ours], [theirs]
-            if not isinstance(ours, np.ndarray):
-                values = ([getattr(p, f.name) for f in fields(ours)] for p in (ours, theirs))
-            assert all(a.tobytes() == b.tobytes() for a, b in zip(*values, strict=True))
-
-
-def test_glass_aside_is_told_where_branches_end():
-    """By the same error as of other rays."""
-    a_rig = two(icosphere(0.015, 2), icosphere(0.01, 2, centre=(0, 0.05, 0)))
-    points, edges = some_edges(make_plan(a_rig, Settings()))
-    with pytest.raises(ReachedError) as found:
-        ends_of(make_plan(a_rig, Settings(), aside=(1,)), points, edges)
-    assert found.value.boxes == {0}
 
 
 # --- shares ---
@@ -856,6 +844,19 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     )
 
 
+def test_lots_that_nobody_asks_for_are_left():
+    """They are let go of when no thread is at them."""
+    size = 300, 200
+    quads = VIEW[None] * size * np.linspace(0.2, 1, 9)[:, None, None]
+    lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
+
+    parts = native_divide.divided(lots, len(lots) * [np.int32], 1 << 18, False)
+    left = parts.gi_frame.f_locals["begun"]._left
+    assert left.alive
+    del parts
+    assert not left.alive
+
+
 def test_several_images_are_added_to_side_by_side():
     """By numbers of pixels, narrow and wide, and by places, by any number of threads."""
     random = np.random.default_rng(9)
@@ -865,15 +866,15 @@ def test_several_images_are_added_to_side_by_side():
     weights = random.normal(size=(3, 50))
     for image, some in zip(expected, weights, strict=True):
         np.add.at(image.reshape(-1), index, some)
-    try:
-        for number in (1, 2, 7):
-            loading.use_threads(number)
-            images = np.ones((3, 5, 8))
-            where = index.astype(np.int32), index.astype(np.int64), places
-            native_divide.add(*zip(images, where, weights, strict=True))
-            assert np.array_equal(images, expected)
-    finally:
-        loading.use_threads(0)
+
+    def added():
+        images = np.ones((3, 5, 8))
+        where = index.astype(np.int32), index.astype(np.int64), places
+        native_divide.add(*zip(images, where, weights, strict=True))
+        return images
+
+    assert all(np.array_equal(images, expected) for images in by_threads(added))
+    native_divide.add((expected[:0, :0, 0], places, np.ones(50)))  # an image without pixels
 
 
 def test_a_display_of_more_pixels_than_an_int32_counts():
@@ -925,12 +926,8 @@ def test_same_bundles_pass_by(n_triangles, k):
     with loading.off(), np.errstate(invalid="ignore"):
         expected = finish(parts.touch(*bundles))
     assert 0.004 < expected.mean() < 0.98
-    try:
-        for number in (1, 3):
-            loading.use_threads(number)
-            assert np.array_equal(finish(parts.touch(*bundles)), expected)
-    finally:
-        loading.use_threads(0)
+    for found in by_threads(lambda: finish(parts.touch(*bundles)), (1, 3)):
+        assert np.array_equal(found, expected)
 
 
 @settings(max_examples=100)
@@ -1178,6 +1175,49 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     assert np.array_equal(coefficients[:, :2], before[:, :2], equal_nan=True)
     corner = dice.integers(0, n, (6, 3))
     assert fit.find_offsets(coefficients, NODES, NODES, corner).shape == (12, 3, 6)
+
+
+def landings_by_plan():
+    plan = make_plan(rig(bent_facets(bottle())), DEFAULT)
+    return lambda: trace_all(plan, *rays_of(plan.rig))
+
+
+def ends_by_plan():
+    plan = make_plan(rig(bottle()), DEFAULT)
+    points, edges = some_edges(plan)
+    return lambda: ends_of(plan, points, edges)
+
+
+def shares_by_lots():
+    size = 300, 200
+    quads = VIEW[None] * size * np.linspace(0.2, 1, 9)[:, None, None]
+    lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
+    return lambda: [
+        (n, list(part[:-1]))
+        for n, part in native_divide.divided(lots, 6 * [np.int32], 1 << 18, False)
+    ]
+
+
+def painting_by_shares():
+    dice = np.random.default_rng(13)
+    a_picture = Picture("p", dice.random((64, 64, 4)).astype(np.float32), PICTURES["turned"])
+    shares = shares_of(dice, 20_000, (200, 100))
+    return lambda: painted(a_picture, viewer_of("perspective"), shares)
+
+
+def fit_of_mesh():
+    mesh = shaken(icosphere(0.025, 4), 0.001)
+    return lambda: make_surface(mesh).curved
+
+
+@pytest.mark.parametrize(
+    "make", [landings_by_plan, ends_by_plan, shares_by_lots, painting_by_shares, fit_of_mesh]
+)
+def test_any_number_of_threads_gives_the_same_bits(make):
+    """Landings, ends of branches, shares, paintings and curved faces."""
+    one, *others = (bits(found) for found in by_threads(make(), (1, 2, 3, 16, 1000)))
+    assert one
+    assert all(other == one for other in others)
 
 
 def test_the_environment_switches_it_off():
