@@ -311,8 +311,7 @@ def test_without_openimageio_a_turned_photograph_is_reported(
 
 
 @pytest.mark.parametrize("columns", COLUMNS)
-@pytest.mark.parametrize("name", ["p.jpg", "p.png", "p.tif"])
-@pytest.mark.parametrize("orientation", [1, 6])
+@pytest.mark.parametrize(("name", "orientation"), [("p.jpg", 6), ("p.png", 1), ("p.tif", 1)])
 def test_a_profile_that_blender_does_not_apply_is_reported(
     picture: bpy.types.Object,
     tmp_path: Path,
@@ -380,7 +379,7 @@ CUT = [
         ("p.hdr", "float"),
         ("p.webp", "uint8"),
     )
-    for part in (0.02, 0.37, 0.99)
+    for part in (0.02, 0.99)
 ]
 
 
@@ -474,15 +473,3 @@ def test_a_path_that_is_too_long_is_one_sentence(
             call()
         told = capfd.readouterr()
         assert "Traceback" not in told.out + told.err
-
-
-def test_an_image_whose_path_is_too_long_is_one_sentence(
-    picture: bpy.types.Object, capfd: pytest.CaptureFixture
-) -> None:
-    """A script may give it any path."""
-    image = bpy.data.images.new("p", 1, 1)
-    image.source, image.filepath = "FILE", f"/tmp/{LONG}.png"
-    picture.kiriko.image = image
-    with pytest.raises(RuntimeError, match="no room for such a name"):
-        bpy.ops.kiriko.solve()
-    assert "Traceback" not in "".join(capfd.readouterr())

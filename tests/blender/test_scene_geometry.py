@@ -19,11 +19,6 @@ def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
     return lambda: module.read(bpy.context, scene)
 
 
-@pytest.fixture
-def errors(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
-
-
 def add(data: bpy.types.ID | None, role: str = "NONE", name: str = "thing") -> bpy.types.Object:
     """A new object in the scene, with a role."""
     thing = bpy.data.objects.new(name, data)
@@ -286,25 +281,6 @@ def test_instances_on_vertices(read: Callable[[], Any]) -> None:
     assert [b.name for b in rig.blockers] == ["host"]
 
 
-def test_particles(read: Callable[[], Any]) -> None:
-    """Particles that show a glass object are as many glass parts."""
-    drop = add(cube(0.1), "GLASS", "drop")
-    host = add(cube(), name="host")
-    settings = host.modifiers.new("drops", "PARTICLE_SYSTEM").particle_system.settings
-    settings.count = 20
-    settings.frame_start = 0
-    settings.frame_end = 0
-    settings.lifetime = 100
-    settings.physics_type = "NO"
-    settings.render_type = "OBJECT"
-    settings.instance_object = drop
-    bpy.context.scene.frame_set(2)
-    glasses = read().rig.glasses
-
-    assert len(glasses) == 21
-    assert all(volume(g.mesh) > 0 for g in glasses)
-
-
 def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
     """A bevelled curve, a text and a family of metaballs are each read once, closed and
     facing out.
@@ -421,49 +397,35 @@ def test_triangles_without_area(read: Callable[[], Any]) -> None:
     assert "'shard' has 2 triangles without area: left out." in reading.notes
 
 
-def test_flattened_to_nothing(read: Callable[[], Any], errors: ModuleType) -> None:
-    """A glass whose scale is 0 has no triangles left, and the check names it."""
-    add(ball(), "GLASS", "gone").scale = (0.0, 0.0, 0.0)
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: bpy.data.meshes.new("m"), "no faces"),
+        (lambda: bpy.data.curves.new("c", "CURVE"), "no faces"),
+        (ball, "no faces"),
+        (lambda: with_vertex(np.nan), "not finite"),
+        (lambda: with_vertex(np.inf), "not finite"),
+    ],
+    ids=["no mesh", "no curve", "scaled to nothing", "NaN", "infinite"],
+)
+def test_what_is_no_glass_gets_through_to_the_check(
+    read: Callable[[], Any], errors: ModuleType, make: Callable[[], bpy.types.ID], words: str
+) -> None:
+    """Its role and name are there, so that the check can say which it is."""
+    thing = add(make(), "GLASS", "hollow")
+    if words == "no faces":
+        thing.scale = (0.0, 0.0, 0.0)
     (glass,) = read().rig.glasses
-    with pytest.raises(errors.MeshError, match="gone"):
+    with pytest.raises(errors.MeshError, match=f"'hollow'.*{words}"):
         glass.mesh.check(f"The glass '{glass.name}'")
 
 
-def test_what_has_no_surface_is_no_glass(read: Callable[[], Any], errors: ModuleType) -> None:
-    """An empty, a light and a camera with a role are refused by name, with the reason."""
-    data = (None, bpy.data.lights.new("l", "POINT"), bpy.data.cameras.new("c"))
-    for block, word in zip(data, ("an empty", "a light", "a camera"), strict=True):
-        thing = add(block, "GLASS", "hollow")
-        with pytest.raises(
-            errors.RigError, match=f"'hollow' has the role Glass, but {word} has no surface: set"
-        ):
-            read()
-        bpy.data.objects.remove(thing)
-
-
-@pytest.mark.parametrize("data", ["mesh", "curve"])
-def test_empty_glass_is_named(read: Callable[[], Any], errors: ModuleType, data: str) -> None:
-    """An object without faces keeps its role and name, so that the check can say which it is."""
-    kinds = {"mesh": bpy.data.meshes.new("m"), "curve": bpy.data.curves.new("c", "CURVE")}
-    add(kinds[data], "GLASS", "hollow")
-    (glass,) = read().rig.glasses
-    assert glass.name == "hollow"
-    with pytest.raises(errors.MeshError, match="no faces"):
-        glass.mesh.check(glass.name)
-
-
-def test_vertices_that_are_no_numbers(read: Callable[[], Any], errors: ModuleType) -> None:
-    """NaN and infinite vertices get through to the check, without a warning on the way."""
-    for bad in (np.nan, np.inf):
-        data = cube()
-        data.attributes["position"].data.foreach_set(
-            "vector", np.r_[np.full(3, bad), np.zeros(21)].astype(np.float32)
-        )
-        thing = add(data, "GLASS", "broken")
-        (glass,) = read().rig.glasses
-        with pytest.raises(errors.MeshError, match="not finite"):
-            glass.mesh.check(glass.name)
-        bpy.data.objects.remove(thing)
+def with_vertex(bad: float) -> bpy.types.Mesh:
+    """A cube, the first vertex of which is no number."""
+    data = cube()
+    places = np.r_[np.full(3, bad), np.zeros(21)].astype(np.float32)
+    data.attributes["position"].data.foreach_set("vector", places)
+    return data
 
 
 @pytest.mark.parametrize("way", ["viewport", "eye", "render", "collection", "excluded"])
@@ -589,24 +551,3 @@ def test_reading_leaves_nothing_behind(read: Callable[[], Any]) -> None:
         assert np.array_equal(
             getattr(first.rig.glasses[0].mesh, name), getattr(second.rig.glasses[0].mesh, name)
         )
-
-
-def test_a_million_triangles(read: Callable[[], Any]) -> None:
-    """A smooth mesh of a million triangles is read whole: every
-    triangle, its normals unit, its vertices in place.
-    """
-    wave = shape(bmesh.ops.create_grid, x_segments=1000, y_segments=500, size=0.025)
-    points = np.empty(len(wave.vertices) * 3, np.float32)
-    wave.vertices.foreach_get("co", points)
-    points[2::3] = 1e-3 * np.sin(np.arange(len(wave.vertices)))
-    wave.vertices.foreach_set("co", points)
-    wave.shade_smooth()
-    add(wave, "GLASS").rotation_euler = (0.1, 0.2, 0.3)
-    mesh = read().rig.glasses[0].mesh
-
-    assert len(mesh.triangles) == 1_000_000
-    assert np.abs(np.linalg.norm(mesh.corner_normals, axis=2) - 1).max() < 1e-6
-    matrix = np.array(bpy.data.objects[0].matrix_world, dtype=float)
-    expected = points.reshape(-1, 3).astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
-
-    assert np.abs(mesh.vertices - expected).max() < 1e-12

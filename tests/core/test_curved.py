@@ -13,16 +13,12 @@ from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
 from kiriko.core.base.steps import finish
 from kiriko.core.glass import vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
-from kiriko.core.glass.curved_roots import Lines
 from kiriko.core.glass.meshes import find_edges
-from kiriko.core.glass.paraboloids import Paraboloids
-from kiriko.core.glass.quartics import POWERS, grid
+from kiriko.core.glass.quartics import grid
 from kiriko.core.glass.surfaces import make_surface, making_surface
 from kiriko.core.glass.tessellate import count_parts, tessellate
-from kiriko.core.light import layer_hits
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.engine_triangles import LeavingKnobs
-from kiriko.core.light.hits import Hits, Question
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.ray_engine import Layer
@@ -32,7 +28,6 @@ from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from known.closed_forms import unit
 from known.reference_rigs import (
-    bottle,
     cube_rig,
     icosphere,
     lathed,
@@ -69,14 +64,6 @@ def torus_distance(major, minor):
             [(rho - major) * p[:, 0] / rho, p[:, 1], (rho - major) * p[:, 2] / rho], axis=1
         )
         return np.linalg.norm(across, axis=1) - minor, unit(across)
-
-    return judge
-
-
-def rounded_box_distance(half, radius):
-    def judge(p):
-        away = p - np.clip(p, -(half - radius), half - radius)
-        return np.linalg.norm(away, axis=1) - radius, unit(away)
 
     return judge
 
@@ -296,26 +283,28 @@ def test_position_is_of_fifth_order_and_the_normal_of_fourth(name, has_mean_norm
     assert orders[2] > 4.75
 
 
-@normals_kinds
-@pytest.mark.parametrize("name", ANALYTIC)
-def test_at_32_x_16_curved_faces_are_far_nearer_than_facets(name, has_mean_normals):
-    """100 times in position against facets, 5 in the normal
-    against interpolated ones, rms (the ball's own aside).
-    """
-    make, judge = ANALYTIC[name]
-    mesh = mean_normals(make(32)) if has_mean_normals else make(32)
-    curved = make_surface(mesh).curved
-    k, w = places(curved)
-    distance, normal = judge(curved.points(k, w[:, 1], w[:, 2]))
-    flat, facing = judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))
-    assert rms(distance) * 100 < rms(flat)
-    if name != "ball" or has_mean_normals:  # interpolated own normals of a ball are exact
-        drawn = unit(np.einsum("nc,nci->ni", w, mesh.corner_normals[k]))
-        turned = np.linalg.norm(curved.normals(k, w[:, 1], w[:, 2]) - normal, axis=1)
-        assert rms(turned) * 5 < rms(np.linalg.norm(drawn - facing, axis=1))
-
-
 # No cracks
+
+
+def values_along(curved, of_curved, of_corners, k, e, s):
+    """Values (n, s, 3) along edges e of triangles k, at shares s: of curved faces by a function of
+    theirs, else between those (t, 3, 3) of their corners.
+    """
+    w = np.zeros((len(k), len(s), 3))
+    n = np.arange(len(k))
+    w[n, :, e], w[n, :, (e + 1) % 3] = 1 - s, s
+    values = np.einsum("nsc,nci->nsi", w, of_corners[k])
+    bent = np.flatnonzero(curved.row[k] >= 0)
+    at = w[bent].reshape(-1, 3)
+    found = of_curved(np.repeat(k[bent], len(s)), at[:, 1], at[:, 2])
+    values[bent] = found.reshape(-1, len(s), 3)
+    return values
+
+
+def hit_by(surface, o, d, wanted, are_inside):
+    """First hits of rays that are all in the glass, or all outside."""
+    are = np.full(len(o), are_inside)
+    return first_hits(Layer(surface.corners, surface.curved), o, d, are, wanted, are)
 
 
 @normals_kinds
@@ -334,16 +323,7 @@ def test_neighbours_meet_on_their_edge(name, has_mean_normals):
     s = np.linspace(0, 1, 17)
 
     def along(k, e, s):
-        w = np.zeros((len(k), len(s), 3))
-        n = np.arange(len(k))
-        w[n, :, e], w[n, :, (e + 1) % 3] = 1 - s, s
-        points = np.einsum("nsc,nci->nsi", w, mesh.corners[k])
-        bent = np.flatnonzero(curved.row[k] >= 0)
-        every = np.repeat(k[bent], len(s))
-        points[bent] = curved.points(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(
-            -1, len(s), 3
-        )
-        return points
+        return values_along(curved, curved.points, mesh.corners, k, e, s)
 
     assert not edges.is_same_way.any()
     one = along(edges.first, edges.corner_first, s)
@@ -407,16 +387,7 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
     s = np.random.default_rng(4).uniform(0, 1, 9)
 
     def along(k, e, s):
-        w = np.zeros((len(k), len(s), 3))
-        n = np.arange(len(k))
-        w[n, :, e], w[n, :, (e + 1) % 3] = 1 - s, s
-        normals = unit(np.einsum("nsc,nci->nsi", w, by_corner[k]))
-        bent = np.flatnonzero(curved.row[k] >= 0)
-        every = np.repeat(k[bent], len(s))
-        normals[bent] = curved.normals(every, w[bent, :, 1].ravel(), w[bent, :, 2].ravel()).reshape(
-            -1, len(s), 3
-        )
-        return normals
+        return unit(values_along(curved, curved.normals, by_corner, k, e, s))
 
     one = along(edges.first, edges.corner_first, s)
     other = along(edges.second, edges.corner_second, 1 - s)
@@ -438,17 +409,6 @@ def test_normals_of_neighbours_agree_all_along_their_edge(name):
     assert name != "wavy slab" or (sharp > 0.5).all()
 
 
-def test_faces_of_fine_regular_meshes_keep_their_own_normals():
-    """Where normals agree by themselves none is kept
-    beside the face: tracing pays for its needs alone.
-    """
-    for mesh in (icosphere(RADIUS, 5), bottle()):
-        curved = make_surface(mesh).curved
-        is_straight = (curved.neighbour < 0).any(axis=1)
-        assert np.array_equal(curved.normal_row >= 0, is_straight)
-    assert (make_surface(uv_ellipsoid(RADIUS)).curved.normal_row >= 0).all()
-
-
 # Curved where the mesh can tell
 
 
@@ -467,17 +427,6 @@ def test_automatic_is_as_good_as_the_better_choice(name, aside, noise):
         0.1 if aside == 0.3 else 0.01
     )
     assert automatic.rms < min(drawn.rms, smooth.rms) + 0.1
-
-
-@pytest.mark.parametrize("name", MESHES)
-def test_vertices_that_lie_on_the_surface_tell_its_normals(name):
-    """However irregular their faces are: curved faces stay a
-    hundred times nearer than facets, and all are trusted.
-    """
-    mesh = disturbed(name, 0.2, 0)
-    drawn, _, automatic = (errors(MESHES[name][0], mesh, choice) for choice in CHOICES)
-    assert automatic.curved == 1
-    assert automatic.rms < drawn.rms / 100
 
 
 @pytest.mark.parametrize(
@@ -646,26 +595,6 @@ def test_faces_around_holes_do_not_hang_on_the_last_bits_of_vertices(has_kernel)
     assert np.median(off) < 1e-8 * RADIUS
 
 
-def test_the_ray_engine_is_made_with_pauses_and_once():
-    """Before the first ray is followed: its triangles, then its tree."""
-    surface = make_surface(icosphere(RADIUS, 2))
-    asked = Layer(surface.corners, surface.curved).asked
-    n_pauses, _ = counted(asked.making_engine())
-    engine = asked.engine
-    assert n_pauses == 2
-    assert counted(asked.making_engine()) == (0, None)
-    assert asked.engine is engine
-    away = np.array([[0, 0, 1]], np.float32)
-    assert engine.shoot(-3 * away, away).triangle[0] >= 0
-
-
-def test_where_nothing_is_curved_the_mesh_is_given_back():
-    """The very object: flat shading, surface "facets", or a cube with averaged normals."""
-    cube = all_smooth(*(lambda m: (m.vertices, m.triangles))(cube_rig().glasses[0].mesh))
-    for mesh in (cube_rig().glasses[0].mesh, replace(meshes("torus"), surface="facets"), cube):
-        assert tessellate(mesh) is mesh
-
-
 # No leaks
 
 
@@ -689,6 +618,11 @@ def aimed(mesh, n, seed=1):
     return start, unit(np.concatenate([targets, random.uniform(-reach, reach, (n, 3))]) - start)
 
 
+def is_leak(found):
+    """Light that is lost in the glass before it has met as many surfaces as it may."""
+    return (found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)
+
+
 @pytest.mark.parametrize("ior", [1.0, 1.49])
 @normals_kinds
 @closed
@@ -700,8 +634,7 @@ def test_no_ray_is_lost_inside(name, has_mean_normals, ior):
     o, d = aimed(mesh, 40_000)
     landings = trace_all(make_plan(rig(mesh, ior=ior), Settings()), o, d)
     assert (landings.reason != Reason.MISSED_GLASS).sum() > 15_000
-    leaked = (landings.reason == Reason.LOST_INSIDE) & (landings.n_events < Settings().max_events)
-    assert leaked.sum() == 0
+    assert not is_leak(landings).any()
     if ior == 1.0:  # straight on, to the limit only where rounding holds them
         assert (landings.reason != Reason.LOST_INSIDE).all()
 
@@ -721,49 +654,15 @@ def test_every_ray_from_inside_meets_the_surface(name):
     """From two points inside convex glass, at all targets and 20 000 random ways."""
     mesh = meshes(name)
     surface = make_surface(mesh)
-    layer = Layer(surface.corners, surface.curved)
     random = np.random.default_rng(4)
     targets = targets_of(mesh)
 
     for origin in ([0, 0, 0], [0.003, 0.001, -0.002]):
         d = unit(np.concatenate([targets - origin, random.normal(size=(20_000, 3))]))
-        hits = first_hits(
-            layer,
-            np.tile(np.array(origin, float), (len(d), 1)),
-            d,
-            np.ones(len(d), bool),
-            leaving,
-            np.ones(len(d), bool),
-        )
+        hits = hit_by(surface, np.tile(np.array(origin, float), (len(d), 1)), d, leaving, True)
         assert np.isfinite(hits.distance).all()
         reach = np.linalg.norm(targets - origin, axis=1)
         assert (hits.distance[: len(targets)] > (1 - 1e-6) * reach)[: len(mesh.vertices)].all()
-
-
-@pytest.mark.parametrize("name", ["ball 32 x 16", "cylinder 32 x 4", "lens"])
-def test_rescued_rays_meet_what_others_meet(name):
-    """Tested in float64 against everything, a ray has the hit and the normal that Embree
-    led it to.
-    """
-    mesh = meshes(name)
-    surface = make_surface(mesh)
-    layer = Layer(surface.corners, surface.curved)
-    o, d = (x[-1000:] for x in aimed(mesh, 1000))
-    found = first_hits(layer, o, d, np.zeros(len(o), bool), entering, np.zeros(len(o), bool))
-    question = Question(Lines(o, d), entering, leaves=np.zeros(len(o), bool))
-
-    for way in (layer_hits.rescue, layer_hits.ask_all_triangles):
-        other = Hits.none(len(o), surface.curved)
-        finish(way(layer, question, np.arange(len(o)), other))
-        assert np.array_equal(other.triangle, found.triangle)
-        hit = found.triangle >= 0
-        np.testing.assert_allclose(other.distance[hit], found.distance[hit], rtol=0, atol=1e-12)
-        curved = surface.curved.row[found.triangle] >= 0
-        for mine, theirs in ((other.facing, found.facing), (other.normal, found.normal)):
-            if theirs is not None:
-                np.testing.assert_allclose(
-                    unit(mine[curved]), unit(theirs[curved]), rtol=0, atol=1e-9
-                )
 
 
 # Silhouettes
@@ -821,14 +720,7 @@ def test_rays_between_facet_and_curved_face_are_found(name, depths):
         d = d[some]
         reach = reach[some]
 
-    hits = first_hits(
-        Layer(surface.corners, surface.curved),
-        o,
-        d,
-        np.zeros(len(o), bool),
-        entering,
-        np.zeros(len(o), bool),
-    )
+    hits = hit_by(surface, o, d, entering, False)
 
     assert (hits.distance > reach).sum() == 0
 
@@ -845,14 +737,7 @@ def test_rays_beyond_the_outline_meet_nothing(name):
     away = unit(np.cross(d, random.normal(size=d.shape)))
     beyond = 1.2 * error + np.exp(random.uniform(np.log(1e-9), np.log(1e-3), len(d)))
     o = (RADIUS + beyond)[:, None] * away - 0.2 * d
-    hits = first_hits(
-        Layer(surface.corners, surface.curved),
-        o,
-        d,
-        np.zeros(len(o), bool),
-        entering,
-        np.zeros(len(o), bool),
-    )
+    hits = hit_by(surface, o, d, entering, False)
 
     assert (hits.triangle < 0).all()
 
@@ -866,14 +751,13 @@ def test_light_runs_along_the_surface_inside(name):
     mesh = make()
     random = np.random.default_rng(7)
     surface = make_surface(mesh)
-    layer = Layer(surface.corners, surface.curved)
     error = np.abs(judge(surface.curved.points_on(6).reshape(-1, 3))[0]).max()
     up = unit(random.normal(size=(500, 3)))
     d = unit(np.cross(up, random.normal(size=up.shape)))
     o = 0.5 * (1 + np.cos(np.linspace(0.03, 0.15, len(d))))[:, None] * (RADIUS - 2 * error) * up
 
     for _ in range(30):
-        hits = first_hits(layer, o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
+        hits = hit_by(surface, o, d, leaving, True)
         assert np.isfinite(hits.distance).all()
         o = o + hits.distance[:, None] * d
         assert np.abs(judge(o)[0]).max() < 1.2 * error + 1e-12
@@ -894,8 +778,7 @@ def test_the_outline_of_a_cavity_is_found():
     depth = np.exp(random.uniform(np.log(2e-5), np.log(1e-3), len(d)))
     reach = 0.9 * np.sqrt((0.99 * RADIUS) ** 2 - (inner - depth) ** 2)  # from a place in the glass
     o = (inner - depth)[:, None] * up - reach[:, None] * d
-    layer = Layer(surface.corners, surface.curved)
-    hits = first_hits(layer, o, d, np.ones(len(o), bool), leaving, np.ones(len(o), bool))
+    hits = hit_by(surface, o, d, leaving, True)
 
     assert (hits.distance > reach).sum() == 0
     half_chord = np.sqrt(inner**2 - (inner - depth) ** 2)
@@ -968,9 +851,7 @@ def test_one_useless_face_leaves_the_others_curved(kind):
     o, d = aimed(mesh, 5000)
     found = trace_all(make_plan(rig(mesh), Settings()), o, d)
     assert np.isfinite(found.directions).all()
-    assert not (
-        (found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)
-    ).any()
+    assert not is_leak(found).any()
 
 
 @normals_kinds
@@ -1021,9 +902,7 @@ def test_degenerate_and_sliver_triangles_are_harmless():
             assert np.isfinite(surface.curved.coefficients).all()
             found = trace_all(make_plan(rig(some), Settings()), *aimed(some, 3000))
             assert np.isfinite(found.directions).all()
-            assert not (
-                (found.reason == Reason.LOST_INSIDE) & (found.n_events < Settings().max_events)
-            ).any()
+            assert not is_leak(found).any()
 
 
 @normals_kinds
@@ -1081,55 +960,6 @@ def test_large_flat_faces_beside_bevels_and_caps_stay_flat(name, has_mean_normal
 
 
 @normals_kinds
-@pytest.mark.parametrize("cuts", [1, 2, 3])
-def test_rounded_edges_are_nearer_to_round_than_facets(cuts, has_mean_normals):
-    """Of a box with edges of 2, 4, 6 faces: what is curved of it
-    is nearer in rms, and nowhere much further off.
-    """
-    mesh = replace(rounded_box(0.5, 0.1, cuts), has_mean_normals=has_mean_normals)
-    judge = rounded_box_distance(0.5, 0.1)
-    curved = make_surface(mesh).curved
-    k, w = places(curved)
-    distance, _ = judge(curved.points(k, w[:, 1], w[:, 2]))
-    flat, _ = judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))
-    assert rms(distance) < 0.7 * rms(flat)
-    assert np.abs(distance).max() < 1.25 * np.abs(flat).max()
-
-
-def irregular_ball(shift, seed=10):
-    """A ball whose vertices were moved along it by up to a share of the edge, with its
-    own normals.
-    """
-    mesh = icosphere(RADIUS, 3)
-    random = np.random.default_rng(seed)
-    edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
-    vertices = RADIUS * unit(
-        mesh.vertices + shift * edge * random.uniform(-1, 1, mesh.vertices.shape)
-    )
-    return Mesh(vertices, mesh.triangles, unit(vertices)[mesh.triangles], mesh.is_smooth)
-
-
-@normals_kinds
-@pytest.mark.parametrize("shift", [0.1, 0.3])
-def test_irregular_meshes_of_a_ball_are_curved_well(shift, has_mean_normals):
-    """Vertices moved along the ball by 10 and 30 % of the edge:
-    still 20 times nearer than facets, rms and at worst.
-
-    Where means of normals are too far off to be replaced, single faces are 3 times nearer only.
-    """
-    mesh = irregular_ball(shift)
-    mesh = mean_normals(mesh) if has_mean_normals else mesh
-    surface = make_surface(mesh)
-    k, w = places(surface.curved)
-    judge = ellipsoid_distance(np.full(3, RADIUS))
-    distance = judge(surface.curved.points(k, w[:, 1], w[:, 2]))[0]
-    flat = judge(np.einsum("nc,nci->ni", w, mesh.corners[k]))[0]
-    assert surface.n_contradicted < 0.02 * len(mesh.triangles)
-    assert rms(distance) * 20 < rms(flat)
-    assert np.abs(distance).max() * (3 if has_mean_normals else 20) < np.abs(flat).max()
-
-
-@normals_kinds
 @pytest.mark.parametrize("stretch", [10, 100])
 def test_uneven_edges_do_not_make_a_cylinder_bulge(stretch, has_mean_normals):
     """Rings 1:10 and 1:100 of one another: off the cylinder by
@@ -1172,27 +1002,6 @@ def test_noise_on_a_ball_is_not_blown_up(noise, has_mean_normals):
 
 
 # Invariants
-
-
-def test_flat_rigs_are_untouched():
-    """A cube has no curved faces, its hits no normals of them.
-
-    Landings do not depend on the setting, bit for bit.
-    """
-    a_rig = cube_rig()
-    surface = make_surface(a_rig.glasses[0].mesh)
-    assert surface.curved is None
-    hits = first_hits(
-        Layer(surface.corners, surface.curved),
-        *a_rig.viewer.rays(np.array([[256.0, 256.0]])),
-        np.zeros(1, bool),
-        entering,
-    )
-    assert hits.facing is None
-    assert hits.triangle[0] >= 0
-    assert is_same(
-        *(landings_of(a_rig.glasses[0].mesh, surface) for surface in ("smooth", "facets"))
-    )
 
 
 @pytest.mark.parametrize("name", ["ball 32 x 16", "torus", "cylinder 8 x 1", "wavy slab"])
@@ -1304,46 +1113,8 @@ def test_an_open_sheet_is_met_from_both_sides():
         )
 
 
-def test_paraboloids_over_a_facet_have_the_height_of_its_normals():
-    """On a small scalene triangle of a sphere: the middles of
-    its sides stand on the sphere, to the fourth order.
-    """
-    random = np.random.default_rng(2)
-    corners = unit(np.array([0.3, -0.2, 1.0]) + 0.02 * random.normal(size=(3, 3)))
-    columns = vars(CurvedFaces.none(corners[None])) | {"row": np.zeros(1, np.int64)}
-    faces = Paraboloids(**columns, corner_normals=corners[None])
-    (terms,) = np.moveaxis(faces._paraboloids(np.zeros(1, np.int64)), 2, 0)
-    for u, v in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
-        at = corners[0] + sum(
-            u**a * v**b * term for (a, b), term in zip(POWERS, terms, strict=True)
-        )
-        flat = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
-        sag = 1 - np.linalg.norm(flat)
-        assert abs(np.linalg.norm(at) - 1) < 1e-3 * sag
-
-
 @pytest.mark.parametrize(("angle", "n"), [(10.0, 1), (0.3, 1), (0.1, 2), (0.06, 3), (1e-6, 8)])
 def test_edges_are_cut_into_no_more_parts_than_their_turn_needs(angle, n):
     """Those of a ball of 1280 faces turn by a seventh of a radian, and less."""
     curved = make_surface(icosphere(1.0, 3)).curved
     assert count_parts(curved, angle, 8) == n
-
-
-@pytest.mark.numpy_alone
-def test_a_point_that_was_found_on_a_curved_face_is_on_it():
-    """Also where its coordinates lie just beyond an edge, on every curved face.
-
-    Not so on flat ones.
-    """
-    ball = icosphere(1.0, 1)
-    faces = np.arange(80)
-    is_smooth = faces % 3 > 0
-    surface = make_surface(replace(ball, is_smooth=is_smooth))
-    hits = Hits(
-        np.ones(80), faces, np.full(80, -1e-3), np.full(80, 0.5), np.ones(80, bool), np.ones(80)
-    )
-    layer = Layer(surface.corners, surface.curved)
-    is_curved = surface.curved.row >= 0
-    assert 0 < is_curved.sum() < 80
-    assert np.array_equal(layer.is_on_face(hits), is_curved)
-    assert layer.is_on_face(replace(hits, u=np.full(80, 0.2))).all()
