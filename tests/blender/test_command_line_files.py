@@ -1,13 +1,12 @@
 """The command line finds the scene that has the rig, and files where Blender would."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 import pytest
 
-from small_rigs import new_object, primitive, show_scene, small_rig
+from small_rigs import show_scene, small_rig
 
 Run = Callable[..., int]
 
@@ -102,54 +101,3 @@ def test_paths_begin_at_the_file_as_everywhere_in_blender(
     ):
         assert run(*asked, "--out", "//third") == 1
         assert str(folder / asked[2][2:]) in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("kind", ["turned", "loose", "wine", "closed"])
-def test_the_report_has_what_the_checklist_knows_of_the_glass(
-    scene: bpy.types.Scene, run: Run, look: Callable[[], list], tmp_path: Path, kind: str
-) -> None:
-    """Faces that look the other way, loose triangles, wine that is no part of the rig: word for
-    word, and nothing of glass that is all right.
-    """
-    glass = small_rig()["GLASS"]
-    ball = primitive("uvsphere", u_segments=32, v_segments=16, radius=0.02)
-    ball.polygons.foreach_set("use_smooth", [True] * len(ball.polygons))
-    if kind == "turned":
-        for face in list(ball.polygons)[::2]:
-            face.flip()
-    if kind == "loose":
-        corners = [vertex.co for vertex in ball.vertices] + [
-            (0.03, 0, 0),
-            (0.031, 0, 0),
-            (0.03, 0.001, 0),
-        ]
-        faces = [list(face.vertices) for face in ball.polygons]
-        n = len(ball.vertices)
-        ball = bpy.data.meshes.new("loose")
-        ball.from_pydata(corners, [], [*faces, (n, n + 1, n + 2)])
-        ball.polygons.foreach_set("use_smooth", [True] * len(ball.polygons))
-    if kind == "wine":
-        wine = new_object(primitive("cube", size=0.01))
-        material = bpy.data.materials.new("wine")
-        if bpy.app.version < (5, 0, 0):
-            material.use_nodes = True
-        tree = material.node_tree
-        tree.nodes.clear()
-        shader = tree.nodes.new("ShaderNodeBsdfGlass")
-        tree.links.new(shader.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
-        wine.data.materials.append(material)
-        wine.name = "Wine"
-    if kind != "closed":
-        glass.data = ball
-    saved_and_opened(tmp_path)
-    known = [entry.text for entry in look()]
-    words = {"turned": "turned round", "loose": "is not closed: 3 edges", "wine": "'Wine' refracts"}
-    assert bool(known) == (kind in words)
-    assert all(words[kind] in text for text in known), known
-    assert run("solve", "--out", tmp_path / "out") == 0
-    notes = json.loads((tmp_path / "out" / "report.json").read_text())["notes"]
-    assert set(known) <= set(notes)
-    assert bool(notes) == bool(known)
-    assert run("solve", "--out", tmp_path / "frames", "--frames", "1") == 0
-    (line,) = (tmp_path / "frames" / "frames.jsonl").read_text().splitlines()
-    assert set(known) <= set(json.loads(line)["notes"])

@@ -1,8 +1,6 @@
 """Best Place and Turn It Back: a change is proposed with its gain, and made by a second click."""
 
-import importlib
 import re
-from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
@@ -11,7 +9,6 @@ from mathutils import Matrix
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.blender.resize import give_matrix
-from panel_layout import Layout
 from small_rigs import cube, small_rig
 
 
@@ -73,17 +70,6 @@ def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> 
     assert not bpy.ops.kiriko.take_proposal.poll()
     bpy.ops.kiriko.best_place()
     assert "stands in the best place within these limits" in capfd.readouterr().out
-
-
-def test_what_add_rig_told_is_forgotten_once_parts_move(scene: bpy.types.Scene) -> None:
-    """It was of the light as it went before; a proposal that is not taken changes nothing."""
-    off_rig()
-    result = scene.kiriko.result
-    bpy.ops.kiriko.best_place()
-    assert result.summary
-    bpy.ops.kiriko.best_place(take=True)
-    assert not result.summary
-    assert not result.details
 
 
 def test_a_limit_that_was_reached_is_told(scene: bpy.types.Scene, capfd) -> None:
@@ -162,15 +148,6 @@ def test_glass_that_is_held_stays(scene: bpy.types.Scene) -> None:
     assert all((place(thing) == before[role]).all() for role, thing in rig.items())
 
 
-def test_buttons_are_grey_without_a_rig(scene: bpy.types.Scene) -> None:
-    """And where the picture has no plane to be moved."""
-    for name in ("best_place", "turn_back", "take_proposal"):
-        assert not getattr(bpy.ops.kiriko, name).poll()
-    small_rig()
-    scene.kiriko.picture_source = "IMAGE"
-    assert not bpy.ops.kiriko.best_place.poll()
-
-
 def test_a_changed_scene_is_looked_at_again(scene: bpy.types.Scene) -> None:
     """Where another part has moved, or its glass is another, nothing is moved, and it says why;
     where all is as it was again, it can be taken.
@@ -188,16 +165,6 @@ def test_a_changed_scene_is_looked_at_again(scene: bpy.types.Scene) -> None:
     assert (place(rig["PICTURE"]) == before).all()
     rig["GLASS"].kiriko.ior = 1.0
     assert bpy.ops.kiriko.take_proposal() == {"FINISHED"}
-
-
-def test_a_proposal_ends_with_its_file(scene: bpy.types.Scene, tmp_path) -> None:
-    """The same rig, opened anew, has none."""
-    off_rig()
-    bpy.ops.kiriko.best_place()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    assert bpy.ops.kiriko.take_proposal.poll()
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
-    assert not bpy.ops.kiriko.take_proposal.poll()
 
 
 def below_an_uneven_parent(scene: bpy.types.Scene, data: bpy.types.ID | None) -> bpy.types.Object:
@@ -230,42 +197,3 @@ def test_below_an_uneven_parent_a_turn_is_exact(scene: bpy.types.Scene) -> None:
         give_matrix(bpy.context, glass, raised)
     assert (place(glass) == before).all()
     assert glass.matrix_parent_inverse == way
-
-
-def test_an_uneven_armature_is_named(scene: bpy.types.Scene) -> None:
-    """The way from a bone is Blender's own: no constraint is there, and the reason is told."""
-    glass = below_an_uneven_parent(scene, bpy.data.armatures.new("bones"))
-    bpy.context.view_layer.objects.active = glass.parent
-    bpy.ops.object.mode_set(mode="EDIT")
-    glass.parent.data.edit_bones.new("bone").tail = (0, 0, 1)
-    bpy.ops.object.mode_set(mode="OBJECT")
-    glass.parent_type, glass.parent_bone = "BONE", "bone"
-    before = place(glass)
-    turned = Matrix.Rotation(0.3, 4, "X") @ glass.matrix_world
-    with pytest.raises(RigError, match="its parent 'parent' is scaled unevenly"):
-        give_matrix(bpy.context, glass, turned)
-    assert (place(glass) == before).all()
-
-
-def test_no_limit_reads_nothing(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
-    """A checkbox stands before the way that the picture may move; off, it begins with half of its
-    side, which is what was taken.
-    """
-    rig = off_rig()
-    bpy.ops.kiriko.best_place()
-    asked = bpy.context.window_manager.operator_properties_last("kiriko.best_place")
-    asked.shift = 0.0
-    assert asked.auto_shift
-    draw = importlib.import_module(f"{kiriko.__name__}.operators.best_place").KIRIKO_OT_best_place
-
-    def drawn() -> Layout:
-        named = {name: getattr(asked, name) for name in ("shift", "turn_glass")}
-        here = SimpleNamespace(bl_rna=asked.bl_rna, rna_type=asked.bl_rna, layout=Layout(), **named)
-        draw.draw(here, bpy.context)
-        return here.layout
-
-    assert drawn().props == ["auto_shift", "turn", "turn_glass"]
-    assert "1 cm" in drawn().texts
-    asked.auto_shift = False
-    assert asked.shift == pytest.approx(rig["PICTURE"].dimensions.x / 2)
-    assert drawn().props == ["auto_shift", "shift", "turn", "turn_glass"]

@@ -1,8 +1,6 @@
-import importlib
 import json
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
@@ -195,33 +193,6 @@ def test_mistyped_command_is_one_sentence(
     assert " _" not in told  # no function's name
 
 
-def test_negative_numbers_may_have_exponents(
-    kiriko: ModuleType, run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """In all options of all verbs that take numbers: what cannot be is told by its own sentence."""
-    parser = importlib.import_module(f"{kiriko.__name__}.operators.command_line").parser()
-    read = parser.parse_args(["atlas", "--out", "x", "--right", "-1e9", "1e9", "--up", "-.5", "-2"])
-    assert (read.right, read.up) == ([-1e9, 1e9], [-0.5, -2.0])
-    read = parser.parse_args(["maps", "--out", "x", "--overscan", "-1e-3", "--mesh-step", "-inf"])
-    assert (read.overscan, read.mesh_step) == (-1e-3, float("-inf"))
-    words = ["job", "--out", "x", "--vary", "a.b", "--values", "-1e9", "-2E+3", "--frames", "-5"]
-    read = parser.parse_args(words)
-    assert (read.values, read.frames) == (["-1e9", "-2E+3"], "-5")
-    assert parser.parse_args(["solve", "--out", "x", "--set", "a", "-1e9"]).set == [["a", "-1e9"]]
-    assert run("maps", "--out", saved, "--overscan", "-1e9") == 1
-    assert refusal(capsys).startswith("kiriko: Overscan is -1e+09 %: set it from 0 to 100.")
-
-
-def test_values_may_begin_with_a_minus(kiriko: ModuleType) -> None:
-    """Such as names and paths: the next option ends them."""
-    parser = importlib.import_module(f"{kiriko.__name__}.operators.command_line").parser()
-    words = ["job", "--vary", "a.b", "--values", "-x", "-y", "z", "-", "--1", "--out", "-5"]
-    read = parser.parse_args(words)
-    assert (read.values, read.out) == (["-x", "-y", "z", "-", "--1"], Path("-5"))
-    with pytest.raises(Exception, match="nrecognized arguments: -y; try 'kiriko --help'"):
-        parser.parse_args(["job", "--out", "x", "--values", "1", "--frames", "2", "-y"])
-
-
 def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixture) -> None:
     """--help explains on stdout, exit code 0."""
     assert run("solve", "--help") == 0
@@ -292,49 +263,6 @@ def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_sav
         assert report["resolution"] == [side, side]
         assert list((two_saved / name).glob("*.svg"))
     assert len(list(two_saved.iterdir())) == 2
-
-
-@pytest.mark.parametrize(
-    ("verb", "options", "told"),
-    [
-        ("solve", ("--viewers", "Kiriko Viewer"), "no viewer 'Kiriko Viewer': there are 'Kir"),
-        ("solve", ("--only-viewer", "Kiriko Viewer"), "no viewer 'Kiriko Viewer': there are 'Kir"),
-        (
-            "solve",
-            ("--pictures", "//{viewer}.png"),
-            "of the viewer 'Kiriko Viewer.001' cannot",
-        ),
-        ("solve", (), "report.json already"),
-        ("report", (), "report.json already"),
-        ("eyes", (), "eyes.json already"),
-        ("maps", (), "maps.json already"),
-        ("drawing", (), "bench.svg already"),
-        ("solve", ("--frames", "1", "--movie", "FFV1"), "source.mkv already"),
-        ("drawing", ("--set", "kiriko.viewers_shown", "0"), "viewers_shown"),
-    ],
-)
-def test_what_the_second_rig_refuses_is_told_before_the_first_is_solved(
-    run: Callable[..., int],
-    two_saved: Path,
-    capsys: pytest.CaptureFixture,
-    verb: str,
-    options: tuple[str, ...],
-    told: str,
-) -> None:
-    """Nothing is written for either."""
-    image = bpy.data.images.new("image", 8, 8)
-    image.filepath_raw, image.file_format = str(two_saved.parent / "Kiriko Viewer.png"), "PNG"
-    image.save()
-    if "already" in told:
-        second = two_saved / "Kiriko_Rig_001"
-        second.mkdir(parents=True)
-        (second / told.split()[0]).touch()
-    before = sorted(two_saved.rglob("*"))
-    assert run(verb, "--out", two_saved, "--rig", "all", *options) == 1
-    said = refusal(capsys)
-    assert told in said
-    assert "Rig 'Kiriko Rig" in said
-    assert sorted(two_saved.rglob("*")) == before
 
 
 def test_a_broken_second_rig_is_told_before_the_first_is_solved(
@@ -420,18 +348,6 @@ def test_names_of_any_signs_are_found(
     assert run("drawing", "--out", saved, "--overwrite", "--set", f"{path}.location[1]", "2") == 0
     assert cube.kiriko.ior == 1.25
     assert cube.location.y == 2.0
-
-
-def test_one_number_of_several_that_is_switched_off_has_no_effect(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """As the pixels of a display that has those of its image: the switch is named."""
-    place = 'objects["Kiriko Display"].kiriko.'
-    bpy.data.objects["Kiriko Display"].kiriko.use_resolution = False
-    bpy.ops.wm.save_mainfile()
-    assert run("drawing", "--out", saved, "--set", f"{place}resolution[0]", "32") == 0
-    told = f"'{place}resolution[0]' has no effect while '{place}use_resolution' is off"
-    assert told in capsys.readouterr().out
 
 
 def test_numbers_of_several_that_are_not_there_are_refused(

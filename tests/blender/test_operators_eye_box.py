@@ -241,35 +241,3 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(
     bpy.context.view_layer.update()
     bpy.ops.kiriko.eye_box()
     assert "head_box" not in kept(kiriko)
-
-
-def test_where_blended_is_chosen_it_says_that_it_is_of_sharp(
-    drawn: Callable[..., Layout], kiriko: ModuleType, scene: bpy.types.Scene
-) -> None:
-    """To the button, in the panel and in a report, of several viewers alone; the numbers are those
-    of Sharp.
-    """
-    words = "Blended shows double edges"
-    small_rig()
-    scene.kiriko.disagreement = "BLENDED"
-    bpy.ops.kiriko.eye_box()
-    assert words not in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
-
-    bpy.ops.kiriko.two_eyes()
-    scene.kiriko.viewers[2].weight = 0.2  # or the limit is passed from the beginning
-    bpy.ops.kiriko.eye_box()
-    blended = kept(kiriko)
-    assert words in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
-    report = of(kiriko, "operators.beside_report")
-    finish = of(kiriko, "core.base.steps").finish
-    rig = of(kiriko, "operators.work").read(bpy.context).rig
-    found = finish(report.beside(bpy.context, rig))
-    assert any(line.startswith(words) for line in found.lines(scene))
-    assert found.numbers["eye_box"]["disagreement"] == "sharp"
-    assert found.numbers["head_box"]["disagreement"] == "sharp"
-
-    scene.kiriko.disagreement = "SHARP"
-    bpy.ops.kiriko.eye_box()
-    assert words not in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
-    assert kept(kiriko) == blended
-    assert not any(line.startswith(words) for line in found.lines(scene))

@@ -1,7 +1,5 @@
 """Fit Picture, Fit Display and Fit Plate."""
 
-import importlib
-import json
 import re
 
 import bpy
@@ -66,17 +64,6 @@ def test_a_part_is_as_large_as_it_has_to_be(scene, capfd, role: str) -> None:
     assert whole > 0.998
     thing.scale *= 1.02 if role == "PICTURE" else 0.98
     assert coverage() < whole
-
-
-def test_what_fits_stays(scene, capfd) -> None:
-    """A second press changes nothing, and says so."""
-    rig = small_rig(display_size=0.02)
-    bpy.ops.kiriko.fit_display()
-    before = corners(rig["DISPLAY"])
-    capfd.readouterr()
-    bpy.ops.kiriko.fit_display()
-    assert (corners(rig["DISPLAY"]) == before).all()
-    assert "'Kiriko Display' is as large as it has to be." in capfd.readouterr().out
 
 
 def test_a_moved_part_may_be_smaller(scene) -> None:
@@ -153,27 +140,6 @@ def test_what_is_held_says_so(scene) -> None:
     assert (corners(display) == before).all()
 
 
-def test_grey_buttons_say_why(scene) -> None:
-    """No rig, no plate, a picture in the viewer's own pixels."""
-    for name in ("fit_display", "fit_plate", "fit_picture_size"):
-        assert not getattr(bpy.ops.kiriko, name).poll()
-    rig = small_rig()
-    assert bpy.ops.kiriko.fit_plate.poll()
-    bpy.data.objects.remove(rig["PLATE"])
-    assert not bpy.ops.kiriko.fit_plate.poll()
-    scene.kiriko.picture_source = "IMAGE"
-    assert not bpy.ops.kiriko.fit_picture_size.poll()
-
-
-def test_a_limit_is_told(scene, capfd) -> None:
-    """A picture that could grow to more than twice its size says that it did not try."""
-    small_rig(picture_size=0.005, display_size=0.06)
-    bpy.ops.kiriko.fit_picture_size()
-    assert re.search(
-        r"A limit was reached: a width above 1 cm is not tried", capfd.readouterr().out
-    )
-
-
 @pytest.mark.parametrize("display", [1.0, 12.0])
 def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, display) -> None:
     """Where light beside an edge goes far aside in a strip as thin as 1/500 of the picture: what
@@ -194,28 +160,3 @@ def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, 
     assert after > before - 5e-4
     assert float(text[1]) / 100 == pytest.approx(after, abs=1e-3)
     assert float(text[2]) / 100 == pytest.approx(before, abs=1e-3)
-
-
-def test_all_of_a_picture_that_was_fitted_arrives_through_hard_glass(scene, kiriko) -> None:
-    """In a monkey's head, where light is lost in strips as thin as 1/1000 of the picture: what
-    Solve leaves out is only what is finer than a viewer pixel, and rays that are ten times as
-    dense as the fit's at first find nothing that is lost.
-    """
-    bpy.ops.mesh.primitive_monkey_add(size=0.05)
-    head = bpy.context.object
-    head.modifiers.new("Subdivision", "SUBSURF").levels = 1
-    bpy.ops.object.shade_smooth()
-    bpy.ops.kiriko.add_rig(viewer_resolution=128)
-    next(t for t in scene.objects if t.kiriko.role == "PICTURE").scale *= 1.7
-    bpy.ops.kiriko.fit_picture_size(share=1.0)
-    # the head's eyes are open, and nobody knows the way of light through gaps
-    shown, result = coverage(), scene.kiriko.result
-    assert shown + json.loads(result.details)["misses"]["passed gaps in the glass"] > 0.998
-    assert "missed" not in scene.kiriko.result.summary
-    light = importlib.import_module(f"{kiriko.__name__}.core.bench.picture_light")
-    work = kiriko.operators.work
-    settings = work.settings_of(scene)
-    steps = light.traced_by_all(
-        work.read(bpy.context).rig, lambda rig: work.session().plan(rig, settings), n_grid=400
-    )
-    assert kiriko.core.base.steps.finish(steps).share == 1.0

@@ -226,17 +226,3 @@ def test_a_turn_is_found_whatever_the_limit() -> None:
         light = finish(traced(with_rest_turned(off, 0.9 * found[0].angle * way), plans, 24))
         back = light.weight[lost & light.light.has_arrived].sum() / light.weight[lost].sum()
         assert back < TURN_SEARCH.enough or light.share <= before.share
-
-
-def test_a_wider_limit_is_no_loss() -> None:
-    """Nor is a turn that may be made; it is made only where it is worth it."""
-    rig = rig_around(Glass("ball", icosphere(0.025, 4)), picture=0.035, plate=0.35, display=0.06)
-    off = shifted(rig, "pictures", [0.006, 0, 0.004])
-    most = 0.0
-    for shift in (0.004, 0.009, 0.1):
-        still = finish(best_place(off, plan_of(), Limits(shift, turn=0.0)))
-        free = finish(best_place(off, plan_of(), Limits(shift, turn=np.radians(15))))
-        assert still.after > most - 3 * PLACE_SEARCH.worth_it
-        assert free.after > still.after - PLACE_SEARCH.worth_it
-        assert free.turn == 0 or free.after > still.after + PLACE_SEARCH.turn_worth_it / 2
-        most = max(most, still.after)

@@ -152,18 +152,6 @@ def test_a_claim_is_an_empty_file_until_it_is_given_up(tmp_path: Path, name: str
         disk.claim(tmp_path / "no folder" / "frame.png")
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_folder_in_the_way_of_a_set_stays(tmp_path: Path, name: str) -> None:
-    """It is not replaced like a file, nor is any other of the set."""
-    before = {other: None if other == name else "old" for other in NAMES}
-    for other in NAMES:
-        (tmp_path / other).mkdir() if other == name else (tmp_path / other).write_text("old")
-    with pytest.raises(ImageError, match=f"'{tmp_path / name}' cannot be written") as caught:
-        write_all(tmp_path)
-    assert str(caught.value).endswith(".")
-    assert contents(tmp_path) == before
-
-
 @pytest.mark.parametrize("suffix", [".png", ".csv"])
 def test_a_name_as_long_as_the_file_system_takes_can_be_written(
     tmp_path: Path, suffix: str

@@ -9,13 +9,11 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.offset import parameters, part_motions, with_amounts
-from kiriko.core.glass.motion import find_motion
+from kiriko.core.bench.offset import part_motions, with_amounts
 from kiriko.core.image.flat_picture import view_of_picture
 from kiriko.core.lab.calibrate.extra_photograph import extra_photographs
 from kiriko.core.lab.calibrate.fit import fit
 from kiriko.core.lab.calibrate.misalignment import Bench, spread
-from kiriko.core.light import mesh_cache
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, cube_rig, rig
@@ -108,48 +106,6 @@ def test_derivatives_are_what_re_tracing_finds(make):
         largest = np.nanmax(np.linalg.norm(d[k], axis=1))
         if largest > 0.01:  # px for a unit; a cube that is shifted moves nothing
             assert np.nanmax(off) < 0.01 * largest, parameter.name
-
-
-def test_of_a_bench_only_the_part_is_made_ready_again_whose_errors_changed(monkeypatch):
-    """Derivatives where all is off already: each of the glass's seven parameters moves it twice,
-    and it is moved back after its place and after its index. They are those of plans made from
-    nothing, to the bit.
-    """
-    found = bench(ball_rig(2, pixels=PX, display=0.1))
-    random = np.random.default_rng(3)
-    hidden = 0.3 * random.standard_normal(len(found.parameters)) * tolerances_of(found)
-    at = found.seen(hidden)
-    moved = []
-    monkeypatch.setattr(
-        mesh_cache, "find_motion", lambda *meshes: moved.append(meshes) or find_motion(*meshes)
-    )
-    d = found.sensitivity(hidden, at)
-    assert np.isfinite(d).any(axis=(1, 2)).all()
-    assert len(moved) == 2 * 7 + 2
-
-    plan = found.plan(hidden)
-    for k, parameter in enumerate(found.parameters):
-        off = hidden.copy()
-        off[k] += parameter.step
-        rig = found.plan(off).rig
-        kind, number = parameter.part
-        for role, part in plan.rig.parts():
-            is_own = part is getattr(plan.rig, kind)[number]
-            assert any(part is other for other in rig.of(role)) != is_own, (parameter.name, role)
-
-        from_nothing = bench(ball_rig(2, pixels=PX, display=0.1))
-        assert np.array_equal(found.shown(off), from_nothing.shown(off), equal_nan=True)
-        plan = found.plan(hidden)
-
-
-def test_all_parts_can_be_off(cube):
-    names = [parameter.name for parameter in cube.parameters]
-    assert len(names) == len(set(names)) == 4 * 6 + 4
-    assert all(
-        any(name.startswith(part) for name in names)
-        for part in ("glass", "plate", "display", "viewer")
-    )
-    assert len(parameters(cube_rig())) == 4 * 6 + 2  # an ideal plate has no make
 
 
 def test_random_benches_spread_as_the_tolerances_say(cube):
@@ -255,44 +211,6 @@ def test_another_photograph_tells_more(cube):
     (k,) = [k for k, p in enumerate(cube.parameters) if p.name == "plate: turn about right"]
 
     assert side.errors[k] < 0.7 * found.errors[k]
-
-
-def test_another_viewer_adds_nothing_to_another_photograph(cube):
-    """Both photographs are taken from the first one's sight: the gains are those without the
-    second, whose place stays as unknown as it was.
-    """
-    first = cube.rig.viewer
-    other = replace(first, name="other", position=first.position + 0.06 * first.axes[0])
-    among = [p for p in cube.parameters if p.kind == "shift"]
-    alone = Bench(cube.rig, cube.settings, cube.view, among)
-    two = replace(cube.rig, viewers=(first, other))
-    among = [p for p in parameters(two) if p.kind == "shift"]
-    beside = Bench(two, cube.settings, cube.view, among)
-
-    gains = []
-    for one in (alone, beside):
-        tolerances = tolerances_of(one)
-        found = finish(fit(one, cube.view, tolerances))
-        extras = finish(extra_photographs(one, found, tolerances))
-        gains.append({extra.where: extra.gain for extra in extras})
-    assert len(beside.parameters) == len(alone.parameters) + 3
-    assert gains[1] == pytest.approx(gains[0], rel=1e-6)
-    (k, *_) = [k for k, p in enumerate(among) if p.name.startswith("other: ")]
-    assert all(extra.errors[k] == pytest.approx(tolerances[k]) for extra in extras)
-
-
-def test_what_is_known_is_not_fitted(cube):
-    """With the index and all shifts known, the other
-    amounts and another photograph are told as ever.
-    """
-    among = [p for p in cube.parameters if p.kind not in {"index", "shift"}]
-    some = Bench(cube.rig, cube.settings, cube.view, among)
-    tolerances = tolerances_of(some)
-    found = finish(fit(some, cube.view, tolerances))
-    assert found.amounts.shape == (len(among),)
-    extras = finish(extra_photographs(some, found, tolerances))
-    assert len(extras) == 5
-    assert all((extra.errors <= found.errors * (1 + 1e-9)).all() for extra in extras)
 
 
 def test_amounts_by_name_take_the_picture_along(cube):

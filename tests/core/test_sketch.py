@@ -19,7 +19,7 @@ from kiriko.core.bench.sketch import (
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.landings import Reason
 from kiriko.core.light.trace import trace
-from kiriko.core.rig.rig import Blocker, PicturePlace, Rig
+from kiriko.core.rig.rig import PicturePlace
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rectangle, rig
 
@@ -88,17 +88,6 @@ def test_the_lost_half_is_hatched_and_only_that():
     normal = (Y - Z) / 2**0.5
     for note in words:
         assert abs((note.place - 0.15 * Y) @ normal) < 1e-9
-
-
-def test_a_lost_part_between_the_corners_is_told_too():
-    """A part that no corner and not the middle is lost with has words in its middle."""
-    hole = rectangle(0.004 * (X + Z) + 0.05 * Y, X, Z, 0.004, 0.004)
-    a_rig = replace(rig(SLAB), blockers=(Blocker("wall", hole),))
-    sketch = sketch_of(a_rig)
-    assert all(way.has_arrived for way in sketch.light.ways)
-    (note,) = (note for note in sketch.notes if note.state == "lost")
-    assert note.text == "blocked"
-    assert np.abs(note.place - 0.004 * (X + Z)).max() < 0.001
 
 
 def test_a_picture_beyond_the_frame_is_lost_there():
@@ -238,12 +227,6 @@ def test_an_incomplete_rig_is_sketched_as_far_as_it_goes(without):
     assert ("aerial" in states) == (without not in {"plates", "displays"})
     n_dimensions = {"glasses": 1, "plates": 1, "displays": 1}
     assert len(sketch.dimensions) == n_dimensions.get(without, 2)
-
-
-def test_of_nothing_there_is_no_sketch():
-    """An empty rig has no lines, and no error."""
-    sketch = finish(sketching(Rig((), (), (), ()), None))
-    assert sketch.lines == sketch.notes == sketch.dimensions == ()
 
 
 @pytest.mark.parametrize("part", ["glasses", "plates", "displays", "pictures"])
