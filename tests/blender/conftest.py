@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
+from typing import Any
 
 # Before anything named bl_ext, and after tests/conftest.py has set the profile.
 import bpy
@@ -68,6 +69,19 @@ def linked(tmp_path: Path) -> Callable[..., bpy.types.ID]:
 def kiriko(blender: ModuleType) -> ModuleType:
     """The package as Blender has it, not the one tests of core import."""
     return importlib.import_module(EXTENSION)
+
+
+@pytest.fixture
+def read(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[[], Any]:
+    """Reads the scene as Solve does."""
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+    return lambda: module.read(bpy.context, bpy.context.scene)
+
+
+@pytest.fixture
+def errors(kiriko: ModuleType) -> ModuleType:
+    """Module core.base.errors, whose classes Blender's package raises."""
+    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
 
 
 @pytest.fixture

@@ -91,11 +91,6 @@ def working(scene: bpy.types.Scene, request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def image_io(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
-
-
-@pytest.fixture
 def read(kiriko: ModuleType, working: str) -> Callable[[bpy.types.Image], np.ndarray]:
     module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
     return lambda image: module.read_pixels(image, "the picture")[..., :3]

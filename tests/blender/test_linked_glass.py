@@ -325,23 +325,3 @@ def test_remove_rig_leaves_no_glass_of_a_modifier(scene: bpy.types.Scene, linked
     )
     bpy.ops.kiriko.remove_rig()
     assert [material.name for material in bpy.data.materials] == ["Kiriko Glass"]
-
-
-@pytest.mark.parametrize("kind", ["curve", "text", "surface"])
-def test_what_is_told_of_linked_glass_without_a_material_can_be_done(
-    scene: bpy.types.Scene, linked: Callable, look: Callable, kind: str
-) -> None:
-    """Make It Glass is told of what it can do alone."""
-    if kind == "curve":
-        bpy.ops.curve.primitive_bezier_circle_add(radius=0.03)
-        bpy.context.object.data.bevel_depth = 0.01
-    elif kind == "text":
-        bpy.ops.object.text_add()
-        bpy.context.object.data.size, bpy.context.object.data.extrude = 0.1, 0.01
-    else:
-        bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=0.03)
-    add_rig(link_in_place(linked, bpy.context.object))
-    assert "give it glass in the file that it is linked from" in scene.kiriko.result.notes
-    (entry,) = (one for one in look() if "is no glass" in str(one.text))
-    assert "in the file that it is linked from" in str(entry.text)
-    assert [button.operator for button in entry.buttons] == ["kiriko.select_part"]

@@ -276,26 +276,6 @@ def test_undo_to_before_takes_the_view_along(
     assert not live(kiriko).is_on()
 
 
-def test_a_view_is_found_by_its_screen_while_it_is_maximised(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
-    """What is kept of a view by the name of its screen is found by it, whenever it was kept."""
-    screens = importlib.import_module(f"{kiriko.__name__}.core.blender.screens")
-    name = bpy.context.window.screen.name
-    views = screens.spaces(name)
-    assert space() in views
-
-    def names() -> list[str]:
-        return [screens.place_of(area)[0].name for area in bpy.context.window.screen.areas]
-
-    before = names()
-    maximise()
-    assert screens.spaces(name) == views
-    assert names() == [name]
-    maximise()
-    assert names() == before == [name] * len(before)
-
-
 def test_remove_rig_leaves_the_view_first(
     scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
 ) -> None:

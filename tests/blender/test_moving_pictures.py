@@ -20,12 +20,6 @@ FRAMES = 4  # of the sequences here
 
 
 @pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    return lambda: module.read(bpy.context, scene)
-
-
-@pytest.fixture
 def moving(kiriko: ModuleType) -> ModuleType:
     return importlib.import_module(f"{kiriko.__name__}.core.blender.moving")
 

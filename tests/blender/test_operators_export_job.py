@@ -469,36 +469,6 @@ def test_an_index_that_the_material_has_is_told_to_have_no_effect(
     assert "no effect" not in capsys.readouterr().out
 
 
-def test_what_cannot_be_replaced_leaves_all_as_it_was(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
-    """A folder in the template's place, and a file in that of the scripts' folder: no part of the
-    bundle is there.
-    """
-    job = ("job", "--frames", "1-3", "--zip", zipped, "--overwrite", "--out", saved)
-    (saved / "template.json").mkdir(parents=True)
-    assert run(*job) == 1
-    assert "template.json' cannot be written" in capsys.readouterr().err
-    assert [path.name for path in saved.iterdir()] == ["template.json"]
-
-    (saved / "template.json").rmdir()
-    (saved / "kiriko").write_text("mine")
-    assert run(*job) == 1
-    assert "cannot be written" in capsys.readouterr().err
-    assert [path.name for path in saved.iterdir()] == ["kiriko"]
-    assert (saved / "kiriko").read_text() == "mine"
-
-    (saved / "kiriko").unlink()
-    assert run(*job) == 0
-    before = {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()}
-    (saved / "template.json").unlink()
-    (saved / "template.json").mkdir()
-    bpy.context.scene.kiriko.tolerance = 0.7
-    assert run(*job) == 1
-    before.pop(saved / "template.json")
-    assert {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()} == before
-
-
 def test_values_beyond_a_property_s_range_are_refused(
     run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -523,18 +493,6 @@ def test_values_beyond_a_property_s_range_are_refused(
     assert run("solve", "--set", "kiriko.tolerance", lowest, "--set", "kiriko.max_events",
                whole.hard_min, "--frames", "x", "--out", saved) == 1  # fmt: skip
     assert "is no list of frames" in capsys.readouterr().err
-
-
-def test_values_are_tried_and_taken_back(
-    run: Callable[..., int], saved: Path, zipped: Path
-) -> None:
-    """The copy of the file has the values that the file has."""
-    before = bpy.context.scene.kiriko.tolerance
-    values = ("--vary", "kiriko.tolerance", "--values", "0.1", "0.2")
-    assert run("job", *values, "--zip", zipped, "--out", saved) == 0
-    bpy.ops.wm.open_mainfile(filepath=str(saved / NAME))
-    assert bpy.context.scene.kiriko.tolerance == before
-    assert not bpy.context.scene.kiriko.is_property_set("tolerance")
 
 
 def test_values_are_set_before_the_work(

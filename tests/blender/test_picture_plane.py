@@ -1,9 +1,7 @@
 """The picture's plane: it shows the solved picture, in the shape of its image."""
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -14,12 +12,6 @@ from mathutils import Matrix
 from small_rigs import new_object, primitive, small_rig
 
 SINGLE = 2e-6  # share: float32's rounding of sides and areas
-
-
-@pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    return lambda: module.read(bpy.context, bpy.context.scene)
 
 
 def image(

@@ -28,12 +28,6 @@ def corners(thing: bpy.types.Object) -> np.ndarray:
     return np.array([thing.matrix_world @ vertex.co for vertex in thing.data.vertices])
 
 
-@pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    return lambda: module.read(bpy.context, scene)
-
-
 @pytest.mark.parametrize("is_upright", [False, True])
 @pytest.mark.parametrize("unit", [1.0, 0.001])
 def test_a_display_becomes_a_phone_in_its_place(

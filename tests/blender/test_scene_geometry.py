@@ -1,4 +1,3 @@
-import importlib
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
@@ -11,12 +10,6 @@ from mathutils import Matrix
 
 # Blender stores and composes matrices in float32: relative error of a few roundings
 SINGLE = 2.0**-22
-
-
-@pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    return lambda: module.read(bpy.context, scene)
 
 
 def add(data: bpy.types.ID | None, role: str = "NONE", name: str = "thing") -> bpy.types.Object:

@@ -1,6 +1,4 @@
-import importlib
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import bmesh
@@ -9,12 +7,6 @@ import numpy as np
 import pytest
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
-
-
-@pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    return lambda: module.read(bpy.context, scene)
 
 
 def new_material(name: str = "stuff") -> tuple[bpy.types.Material, Any, Any]:

@@ -14,17 +14,6 @@ from small_rigs import small_rig
 SIZE = (24, 16)  # pixels of the pictures here
 
 
-@pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
-    return lambda: module.read(bpy.context, scene)
-
-
-@pytest.fixture
-def errors(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
-
-
 def new_material(name: str = "paper") -> tuple[bpy.types.Material, Any, Any]:
     material = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0, 0):

@@ -31,11 +31,6 @@ def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
     return lambda: module.read(bpy.context, scene).rig.viewer
 
 
-@pytest.fixture
-def errors(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
-
-
 def add_camera(scene: bpy.types.Scene, kind: str = "perspective") -> bpy.types.Object:
     """The scene's camera, of one of the kinds above, somewhere and looking somewhere."""
     camera = bpy.data.objects.new("eye", bpy.data.cameras.new("lens"))

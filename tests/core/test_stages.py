@@ -27,13 +27,6 @@ def progress_of(a_rig, session=None, **settings):
     return np.array(list((session or Session()).solve(a_rig, Settings(**settings))))
 
 
-def moved(a_rig):
-    """The rig with its picture elsewhere."""
-    mesh = a_rig.picture.mesh
-    mesh = replace(mesh, vertices=mesh.vertices + np.array([0.001, 0, 0]))
-    return replace(a_rig, pictures=(replace(a_rig.picture, mesh=mesh),))
-
-
 def viewers(a_rig, *sideways):
     """The rig with viewers that stand so far aside."""
     places = [a_rig.viewer.position + np.array([x, 0, 0]) for x in sideways]
