@@ -264,37 +264,6 @@ def test_words_in_braces_are_read_by_the_scene(
     assert sorted(contents(out)) == [f"{said}.mkv", f"{said}_1.png", f"{said}_2.png"]
 
 
-@pytest.mark.parametrize("name", ["{", "{nothing}_#"])
-def test_braces_in_a_name_are_those_of_blender(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    name: str,
-) -> None:
-    """Where Blender has path templates, one that is none is told before any work, on the command
-    line and by the button; else they are characters like others.
-    """
-    ours = bpy.context.scene.kiriko
-    ours.animation_path = f"//button/{name}"
-    ask = ("solve", "--out", folder(tmp_path), "--frames", "1", "--name", name)
-    if bpy.app.version < (4, 5, 0):
-        assert run(*ask) == 0
-        assert bpy.ops.kiriko.solve_animation(frames="1") == {"FINISHED"}
-        made = name.replace("####", "0001").replace("#", "1") if "#" in name else f"{name}0001"
-        assert (folder(tmp_path) / f"{made}.png").exists()
-        assert (tmp_path / "button" / f"{made}.png").exists()
-        return
-    assert run(*ask) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"braces in the name '{name}'" in line
-    assert not folder(tmp_path).exists()
-    with pytest.raises(RuntimeError, match="braces in the name"):
-        bpy.ops.kiriko.solve_animation(frames="1")
-    assert not (tmp_path / "button").exists()
-    assert len(bpy.data.scenes) == 1
-
-
 @pytest.mark.parametrize(
     ("asked", "words", "code"),
     [

@@ -12,7 +12,7 @@ import pytest
 
 import languages as tool
 from panel_layout import Layout
-from small_rigs import new_object, small_rig
+from small_rigs import small_rig
 
 EXTENSION = "bl_ext.user_default.kiriko"
 LOCALES = sorted(path.stem for path in (tool.ROOT / "languages").glob("*.po"))
@@ -204,18 +204,3 @@ def test_the_terminal_stays_english(
     telling = importlib.import_module(f"{EXTENSION}.operators.telling")
     error = telling.KirikoError("The scene has {n} gaps.", n=2)
     assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."
-
-
-def test_errors_with_words_of_their_values_are_japanese(
-    scene: bpy.types.Scene, in_japanese: Callable[[str], str]
-) -> None:
-    """Roles, and an image that is older than its scene: words within a sentence are Japanese."""
-    parts = small_rig()
-    bpy.ops.kiriko.solve()
-    parts["PLATE"].location.x += 0.01
-    with pytest.raises(RuntimeError, match="シーンが変わりました。計算し直すか、allow_stale=True"):
-        bpy.ops.kiriko.export(filepath="//never.png")
-    light = new_object(None, "GLASS")
-    with pytest.raises(RuntimeError, match="役割は「ガラス」です"):
-        bpy.ops.kiriko.solve()
-    bpy.data.objects.remove(light)

@@ -247,21 +247,6 @@ def test_what_the_display_does_not_show_is_not_missed(bench: Bench, tmp_path: Pa
     assert bench.off(bench.rig()) < 0.3 < before
 
 
-def test_a_border_that_is_missing_without_names_is_refused(bench: Bench, tmp_path: Path) -> None:
-    seen = bench.seen(bench.drawn)
-    seen[6::7] = np.nan
-    path = bench.csv(tmp_path / "points.csv", seen, names=False)
-    path.write_text(
-        "".join(line + "\n" for line in path.read_text().splitlines() if "nan" not in line)
-    )
-    with pytest.raises(
-        RuntimeError,
-        match=r"its points cannot be told apart|Too few of the 7"
-        r" columns",
-    ):
-        bpy.ops.kiriko.calibrate(filepath=str(path))
-
-
 @pytest.mark.usefixtures("no_advice")
 def test_the_same_file_again_takes_its_own_place(bench: Bench, tmp_path: Path) -> None:
     """With the index known, as with other tolerances: an earlier fit does not count twice."""
@@ -430,28 +415,6 @@ def test_bad_files_change_nothing(bench: Bench, tmp_path: Path, case: str) -> No
     assert inventory() == before
     assert ours.found == ours.offset == ""
     assert bench.scene.kiriko.result.source is None
-
-
-def test_points_that_are_wrong_change_nothing(bench: Bench, tmp_path: Path) -> None:
-    """Two swapped, those of another rig, an image without a lattice, one of another shape."""
-    seen = bench.seen(bench.drawn)
-    swapped = seen.copy()
-    swapped[[9, 31]] = swapped[[31, 9]]
-    image_io = bench.image_io
-    cases = [
-        (bench.csv(tmp_path / "swapped.csv", swapped), r"\(3, 2\) and \(4, 5\)"),
-        (bench.csv(tmp_path / "other.csv", seen * 0.6 + [150, 20]), "another rig"),
-        (image_io.write(tmp_path / "black.png", np.zeros((512, 512, 3)), "PNG8"), "No lattice"),
-        (image_io.write(tmp_path / "wide.png", np.ones((512, 700, 3)), "PNG8"), "700 x 512"),
-    ]
-    before = inventory()
-    ours = bench.scene.kiriko.calibration
-
-    for path, words in cases:
-        with pytest.raises(RuntimeError, match=words):
-            bpy.ops.kiriko.calibrate(filepath=str(path))
-        assert inventory() == before
-        assert ours.found == ours.offset == ""
 
 
 def state(scene: bpy.types.Scene) -> tuple:

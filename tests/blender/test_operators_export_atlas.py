@@ -48,30 +48,6 @@ def test_atlas_is_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert tuple(image.size) == (64, 64)
 
 
-def test_how_much_it_will_be_is_told_before_it_is_made(
-    scene: bpy.types.Scene,
-    kiriko: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """How many, how long and how large, with the places planned and none of them made."""
-    small_rig()
-    module = importlib.import_module(f"{kiriko.__name__}.operators.export_atlas")
-    told = []
-
-    def noted(operator: bpy.types.Operator, level: str, text: str) -> None:
-        told.append((level, str(text), sorted(path.name for path in tmp_path.iterdir())))
-
-    monkeypatch.setattr(module, "report", noted)
-    bpy.ops.kiriko.export_atlas(directory=str(tmp_path), tolerance=2.0, **BOX)
-    ((level, text, files),) = told
-    assert level == "INFO"
-    assert re.match(
-        r"\d+ places of the head \(2 right, .*\): about [\d.]+ min and [\d.]+ MB;", text
-    )
-    assert files == ["index.json"]
-
-
 def test_lengths_are_in_the_scene_s_unit(scene: bpy.types.Scene, tmp_path: Path) -> None:
     small_rig()
     scene.unit_settings.scale_length = 0.5

@@ -333,37 +333,6 @@ def test_values_may_begin_with_a_dash(
     assert bpy.context.scene.kiriko.export_path == text
 
 
-def test_button_has_a_task_for_each_viewer(
-    kiriko: ModuleType, saved: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The template is that of the command line."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.export_job")
-    monkeypatch.setattr(module.extension, "pack", kiriko_zip)
-    scene = bpy.context.scene
-    first = scene.kiriko.viewer or scene.camera
-    second = first.copy()
-    second.name = "-Second / 2"
-    scene.collection.objects.link(second)
-    for camera in (first, second, None):
-        scene.kiriko.viewers.add().camera = camera
-    scene.kiriko.viewers[2].is_on = False
-    scene.kiriko.viewer_shown = 1
-    before = [one.is_on for one in scene.kiriko.viewers], 1
-    bpy.ops.kiriko.export_job(directory=str(saved), frames="1-2", every_viewer=True)
-    solve = read(saved / "template.json")["steps"][0]
-    ranges = {
-        one["name"]: one["range"] for one in solve["parameterSpace"]["taskParameterDefinitions"]
-    }
-    assert ranges["Viewer"] == [first.name, "-Second / 2"]
-    now = [one.is_on for one in scene.kiriko.viewers], scene.kiriko.viewer_shown
-    assert now == before
-    with pytest.raises(RuntimeError, match="leave out Every Rig"):
-        bpy.ops.kiriko.export_job(
-            directory=str(saved / "b"), frames="1-2", every_viewer=True, every_rig=True
-        )
-    assert not (saved / "b").exists()
-
-
 def sentence_of_solve(run: Callable[..., int], out: Path, capsys: pytest.CaptureFixture) -> str:
     capsys.readouterr()
     assert run("solve", "--out", out) == 1

@@ -219,26 +219,6 @@ def test_asset_library_is_added_once_and_only_when_asked(
     assert bpy.ops.kiriko.add_asset_library.poll()
 
 
-def test_a_scene_of_another_unit_has_a_material_of_its_own(scene: bpy.types.Scene) -> None:
-    """Lengths in a material are in Blender units: that of
-    metres stays, and is used again in metres.
-    """
-    made = []
-    for metres in (1.0, 0.001, 1.0, 0.001):
-        scene.unit_settings.system, scene.unit_settings.scale_length = "METRIC", metres
-        thing = plane(f"Plane {len(made)}")
-        assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}
-        made.append(thing.active_material)
-        assert group_of(made[-1]).inputs["Pitch"].default_value * metres == pytest.approx(
-            0.5e-3, rel=1e-6
-        )
-        assert group_of(made[-1]).inputs["Height"].default_value * metres == pytest.approx(
-            1.25e-3, rel=1e-6
-        )
-
-    assert made[0] == made[2] != made[1] == made[3]
-
-
 def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scene) -> None:
     """Its model, pitch and the rest in a material of its own.
 

@@ -261,41 +261,6 @@ def test_several_viewers_are_told_by_the_same_numbers_everywhere(
         assert [line for line in text if f"kiriko: {line}\n" not in printed] == []
 
 
-def test_an_eye_box_that_is_none_from_the_start_is_missing_with_its_reason(
-    run: Callable[..., int],
-    rig: dict,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
-    """Eyes 0.3 m apart disagree by more than the limit: the sentence of the button stands in JSON
-    and in the terminal, in place of six lengths of 0; all else is told.
-    """
-    bpy.context.scene.kiriko.viewer.data.stereo.interocular_distance = 0.3
-    bpy.ops.kiriko.two_eyes()
-    with pytest.raises(RuntimeError, match="off by more than 5 arcmin") as refused:
-        bpy.ops.kiriko.eye_box()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    for verb, name, more in (("eyes", "eyes", ()), ("report", "report", ("--seconds", 0))):
-        out = tmp_path / verb
-        capsys.readouterr()
-        assert run(verb, "--out", out, *more) == 0
-        told = json.loads((out / f"{name}.json").read_text())
-        assert "eye_box" not in told
-        assert list(told["missing"]) == ["eye_box"]
-        why = told["missing"]["eye_box"]
-        assert why in str(refused.value)
-        assert why in capsys.readouterr().out
-        assert "eye_box.svg" not in names(out)
-        assert {"head_box.svg", "two_eyes.svg", f"{name}.json"} <= {*names(out)}
-
-        # a drawing of before does not stay beside numbers that it does not belong to
-        for old in ("eye_box.svg", "mine.svg"):
-            (out / old).write_text("of before")
-        assert run(verb, "--out", out, "--overwrite", *more) == 0
-        assert "eye_box.svg" not in names(out)
-        assert (out / "mine.svg").read_text() == "of before"
-
-
 def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     run: Callable[..., int],
     kiriko: ModuleType,

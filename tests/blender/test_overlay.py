@@ -202,33 +202,6 @@ def test_a_picture_in_the_viewers_pixels_is_looked_at_over_its_frame(sketcher: M
     assert np.abs(np.abs(frame[:, [0, 2]]) - 0.02).max() < 1e-6
 
 
-def test_it_leaves_the_session_and_the_result_as_they_are(
-    sketcher: ModuleType, kiriko: ModuleType
-) -> None:
-    """Glass that was solved is not made anew, the next solve is the same, no result gets stale."""
-    glass = small_rig()["GLASS"]
-    scene = bpy.context.scene
-    bpy.ops.kiriko.solve()
-    session = kiriko.operators.work.session()
-    before = dict(session._kept._old), session._optics, session._placed
-    solved_for = scene.kiriko.result.solved_for
-
-    bpy.context.window_manager.kiriko.show_overlay = False
-    assert looked(sketcher) is None
-    bpy.context.window_manager.kiriko.show_overlay = True
-    assert looked(sketcher).sketch.light.ways
-    glass.location.x += 0.001
-    looked(sketcher)
-    after = session._kept._old
-    assert after.keys() == before[0].keys()
-    assert all(after[key] is value for key, value in before[0].items())
-    assert (session._optics, session._placed) == before[1:]
-
-    glass.location.x -= 0.001
-    assert scene.kiriko.result.solved_for == solved_for
-    assert not kiriko.operators.watch.has_changed(bpy.context)
-
-
 def nothing(rig: dict[str, bpy.types.Object]) -> None:
     for thing in list(bpy.context.scene.objects):
         bpy.data.objects.remove(thing)

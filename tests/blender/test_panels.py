@@ -263,23 +263,6 @@ def test_before_there_is_a_rig_there_is_one_button(
     assert all(polled())
 
 
-def test_an_object_s_settings_stand_in_its_properties_too(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
-    """The same settings and buttons as in the sidebar, also for the first part of a rig by hand."""
-    thing = cube()
-    bpy.context.view_layer.objects.active = thing
-    panel = bpy.types.OBJECT_PT_kiriko
-    assert (panel.bl_space_type, panel.bl_context) == ("PROPERTIES", "object")
-    assert panel.poll(bpy.context)
-    assert drawn("object", "OBJECT_PT_kiriko", thing).props == ["role"]
-    for role in ("GLASS", "PLATE", "DISPLAY", "MIRROR"):
-        thing.kiriko.role = role
-        here = drawn("object", "OBJECT_PT_kiriko", thing)
-        there = drawn("object", "VIEW3D_PT_kiriko_object", thing)
-        assert (here.props, here.operators) == (there.props, there.operators)
-
-
 def test_buttons_stay_where_they_are(drawn: Callable[..., Layout]) -> None:
     """Nothing in or above Solve and Result depends on the active object."""
     parts = small_rig()
@@ -548,27 +531,6 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(
     shown = drawn("object", "VIEW3D_PT_kiriko_object", viewer)
     assert shown.props == ["use_resolution"]
     assert shown.texts.count("As the render: 1920 x 1080 px") == 1
-
-
-def test_the_camera_that_blender_shows_is_named_where_it_is_another(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
-    """With a button that makes the viewer the scene's camera.
-
-    Then only its frame is told, where that is another.
-    """
-    mine = new_object(bpy.data.cameras.new("mine"))
-    scene.camera = mine
-    small_rig()
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig")
-    assert f"Numpad 0 shows '{mine.name}', not 'Kiriko Viewer'." in " ".join(shown.texts)
-    assert "wm.context_set_id" in shown.operators
-    bpy.ops.wm.context_set_id(data_path="scene.camera", value="Kiriko Viewer")
-    assert scene.camera == scene.kiriko.viewer
-    shown = " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
-    assert "Numpad 0 shows it in the shape of the render, 1920 x 1080 px." in shown
-    scene.render.resolution_x = 1080
-    assert "Numpad" not in " ".join(drawn("rig", "VIEW3D_PT_kiriko_rig").texts)
 
 
 def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) -> None:

@@ -3,7 +3,6 @@ picture are refused.
 """
 
 import importlib
-import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
-from known.profiles import COLUMNS, fixed, profile, with_code_points
+from known.profiles import COLUMNS, fixed, profile
 from small_rigs import small_rig
 
 TALL = np.random.default_rng(2).random((24, 16, 3)).astype(np.float32)  # as a person sees it
@@ -258,21 +257,6 @@ def test_choosing_turns_a_copy_of_a_photograph(picture: bpy.types.Object, tmp_pa
         assert path.read_bytes() == data
 
 
-@pytest.mark.parametrize(("orientation", "is_reported"), [(0, False), (9, False), (6, True)])
-def test_an_orientation_that_is_none_is_not_reported(
-    picture: bpy.types.Object, tmp_path: Path, orientation: int, is_reported: bool
-) -> None:
-    """Some cameras write 0."""
-    path = write(tmp_path / "p.jpg", TALL)
-    entry = struct.pack("<HHIHHI", 0x112, 3, 1, orientation, 0, 0)
-    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry
-    data = path.read_bytes()
-    path.write_bytes(data[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + data[2:])
-    loaded_from(path)
-    bpy.ops.kiriko.solve()
-    assert ("stored turned" in bpy.context.scene.kiriko.result.notes) == is_reported
-
-
 @pytest.mark.parametrize("is_packed", [False, True])
 def test_a_turned_photograph_that_blender_loaded_is_reported(
     picture: bpy.types.Object, tmp_path: Path, is_packed: bool
@@ -330,19 +314,6 @@ def test_a_profile_that_blender_does_not_apply_is_reported(
     assert (word in capfd.readouterr().out) == is_other
     bpy.ops.kiriko.solve()
     assert (word in bpy.context.scene.kiriko.result.notes) == is_other
-
-
-def test_code_points_of_a_png_are_applied_or_reported(
-    picture: bpy.types.Object, tmp_path: Path
-) -> None:
-    """Blender 5 takes such a PNG as Display P3, earlier ones as sRGB."""
-    path = write(tmp_path / "p.png", TALL)
-    path.write_bytes(with_code_points(path.read_bytes(), 12))
-    opened(picture, path)
-    bpy.ops.kiriko.solve()
-    is_reported = "a colour profile (" in bpy.context.scene.kiriko.result.notes
-    assert is_reported == (picture.kiriko.image.colorspace_settings.name == "sRGB")
-    assert is_reported or bpy.app.version >= (5, 0)
 
 
 @pytest.mark.parametrize("is_alike", [False, True])
@@ -405,15 +376,6 @@ def test_a_picture_that_is_cut_off_is_refused(
     path.write_bytes(whole)
     picture.kiriko.image.reload()
     bpy.ops.kiriko.solve()
-
-
-def test_a_packed_picture_that_was_cut_off_is_refused(
-    picture: bpy.types.Object, tmp_path: Path
-) -> None:
-    image = loaded_from(cut(write(tmp_path / "p.jpg", TALL), 0.9))
-    image.pack()
-    with pytest.raises(RuntimeError, match="is cut off"):
-        bpy.ops.kiriko.solve()
 
 
 def test_a_packed_picture_needs_no_file(picture: bpy.types.Object, tmp_path: Path) -> None:

@@ -257,23 +257,6 @@ def test_instances_of_geometry_nodes(read: Callable[[], Any]) -> None:
     assert_same_points(centres, CORNERS, 1e-6)
 
 
-def test_instances_on_vertices(read: Callable[[], Any]) -> None:
-    """A child scattered over its parent's vertices is glass
-    by its own role, not by that of its parent.
-    """
-    host = add(cube(), name="host")
-    host.instance_type = "VERTS"
-    child = add(cube(0.2), "GLASS", "child")
-    child.parent = host
-    glasses = read().rig.glasses
-    assert len([g for g in glasses if "instance" in g.name]) == 8
-    child.kiriko.role, host.kiriko.role = "NONE", "BLOCKER"
-    host.show_instancer_for_viewport = True
-    rig = read().rig
-    assert not rig.glasses
-    assert [b.name for b in rig.blockers] == ["host"]
-
-
 def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
     """A bevelled curve, a text and a family of metaballs are each read once, closed and
     facing out.

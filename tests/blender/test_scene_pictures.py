@@ -518,27 +518,6 @@ def test_pictures_without_pixels(
         read()
 
 
-def test_a_picture_that_would_not_fit_is_refused(
-    read: Callable[[], Any], kiriko: ModuleType, errors: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Before its pixels are read, which take 16 bytes each.
-
-    With its need, the free memory, and the remedy.
-    """
-    free_memory = importlib.import_module(f"{kiriko.__name__}.core.base.free_memory")
-    add_plane(None).kiriko.image = generated()
-    needed = 16.0 * SIZE[0] * SIZE[1]
-    monkeypatch.setattr(free_memory, "available", lambda: needed - 1)
-    words = (
-        r"of the picture 'poster' would take about 0\.0000061 GB .* are free: .* smaller one \(24"
-        r" x 16 pixels"
-    )
-    with pytest.raises(errors.RigError, match=words):
-        read()
-    monkeypatch.setattr(free_memory, "available", lambda: needed)
-    assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
-
-
 def test_tiled_picture(read: Callable[[], Any]) -> None:
     """Of a picture in several tiles the first is read, and a note says so."""
     plane = add_plane(None)

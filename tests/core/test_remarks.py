@@ -27,7 +27,6 @@ from known.reference_rigs import (
     lattice_image,
     mean_normals,
     rig,
-    wavy_slab,
 )
 from known.work import drain, solve
 
@@ -174,41 +173,6 @@ def test_the_error_of_noisy_meshes_is_told(aside, noise):
     drawn, _ = true_and_told(replace(mesh, surface="facets"))
     assert (told.cause == "jumps") == (drawn < true)
     assert told.uneven == 0
-
-
-def reeded(n):
-    """A pane of n x n faces: six sine-shaped ribs in front, a flat back, and its own normals."""
-    slab = wavy_slab(n)
-    x, y, _ = slab.vertices.T
-    k = 2 * np.pi / 0.0125
-    is_front = y < 0
-    vertices = slab.vertices.copy()
-    vertices[:, 1] = np.where(is_front, -0.01 + 0.0005 * np.sin(k * x), 0.01)
-    steep = np.where(is_front, 0.0005 * k * np.cos(k * x), 0)
-    own = np.stack([steep, np.where(is_front, -1, 1), 0 * x], axis=1)
-    own /= np.linalg.norm(own, axis=1, keepdims=True)
-    normals = np.where(slab.is_smooth[:, None, None], own[slab.triangles], slab.corner_normals)
-    return replace(slab, vertices=vertices, corner_normals=normals)
-
-
-@pytest.mark.parametrize("n", [60, 72])
-@pytest.mark.parametrize("surface", ["smooth", "facets"])
-def test_the_error_of_reeded_glass_is_told(n, surface):
-    """Within a factor of 3 of the rms against its own normals, at the picture's place, where light
-    that is turned by the glass lands nearly as if it were not: its way to the display tells
-    nothing of how far it lands beside.
-    """
-    exact = reeded(n)
-    mesh = mean_normals(replace(exact, surface=surface))
-    a_rig = rig(mesh, display=0.1)
-    along = np.linspace(0, 512, 66)[1:-1]
-    rays = a_rig.viewer.rays(np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2))
-    found, meant = (
-        trace_all(make_plan(rig(one, display=0.1), Settings()), *rays).xy for one in (mesh, exact)
-    )
-    true = np.sqrt(np.nanmean(((found - meant) ** 2).sum(axis=1)))
-    told = drain(tessellation(make_plan(a_rig, Settings()))).error
-    assert true / 3 < told < 3 * true
 
 
 def test_notes_on_the_mesh_follow_the_tolerance():
