@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Floats
-from ..native import image_passes, loading
 
 VALUES_AT_ONCE = 1 << 17  # that stay in the processor's nearer memory from step to step
 ONE = 0x3F800000  # bits of the float32 number 1
-SHIFTS = range(16, 11, -1)  # bits that numbers of one entry of a table may differ in
+SHIFT = 14  # bits that numbers of one entry of a table may differ in
 
 
 def encode(linear: ArrayLike, gamma: float | None = None) -> Floats:
@@ -33,11 +32,10 @@ def linear_from_srgb(encoded: Floats) -> Floats:
 
 
 class _Table(NamedTuple):
-    """The 8-bit number of a float32 number in 0..1, by its bits: that of the entry `bits >> shift`,
-    and one more from `bits` = `more` on.
+    """The 8-bit number of a float32 number in 0..1, by its bits: that of the entry `bits >> SHIFT`,
+    and one more from `bits` = `more` on; (65025,) each.
     """
 
-    shift: int
     number: NDArray[np.uint8]
     more: NDArray[np.uint32]
 
@@ -51,13 +49,10 @@ def quantised(
 
     kind : "uint8" or "uint16"
     """
-    top = np.iinfo(kind).max
     table = _table(gamma) if kind == "uint8" and linear.dtype == np.float32 else None
     if table is None:
+        top = np.iinfo(kind).max
         return np.ascontiguousarray(np.rint(encode(linear, gamma) * top).astype(kind))
-
-    if loading.library() is not None:
-        return image_passes.quantise(linear, *table)
 
     numbers = np.empty(linear.shape, np.uint8)
     out = numbers.reshape(-1)
@@ -66,7 +61,7 @@ def quantised(
         some = np.fmax(values[first : first + VALUES_AT_ONCE], np.float32(0))  # 0 for no number
         np.fmin(some, np.float32(1), out=some)
         bits = np.abs(some, out=some).view(np.uint32)  # 0 may be a negative one
-        entry = (bits >> table.shift).astype(np.intp)
+        entry = (bits >> np.uint32(SHIFT)).astype(np.intp)
         is_more = bits >= table.more.take(entry)
         np.add(table.number.take(entry), is_more, out=out[first : first + VALUES_AT_ONCE])
     return numbers
@@ -75,22 +70,22 @@ def quantised(
 @cache
 def _table(gamma: float | None) -> _Table | None:
     """The table of an encoding; None for one so steep that numbers of one entry are too unlike."""
-    numbers = np.arange(1, 256)
+    first = np.arange((ONE >> SHIFT) + 1, dtype=np.uint32) << np.uint32(SHIFT)
+    number, next_number = (_numbers(bits, gamma) for bits in (first, first + np.uint32(1 << SHIFT)))
+    if (next_number > number + 1).any():
+        return None
 
-    # the least float32 number that becomes each number, by halving; its bits grow with it
-    low, high = np.zeros(255, np.uint32), np.full(255, ONE, np.uint32)
-    while (low < high).any():
-        middle = (low + high) // 2
-        is_there = np.rint(encode(middle.view(np.float32), gamma) * 255) >= numbers
-        high = np.where(is_there, middle, high)
-        low = np.where(is_there, low, middle + 1)
-    least = low.astype(np.uint32)
+    # in entries of two numbers, the last bits of the lower one, by halving
+    changing = np.flatnonzero(next_number > number)
+    last = first[changing]
+    for step in reversed(range(SHIFT)):
+        further = last + np.uint32(1 << step)
+        last = np.where(_numbers(further, gamma) == number[changing], further, last)
+    more = np.full(len(first), ONE + 1, np.uint32)
+    more[changing] = last + 1
+    return _Table(number.astype(np.uint8), more)
 
-    for shift in SHIFTS:
-        first = np.arange((ONE >> shift) + 1, dtype=np.uint32) << np.uint32(shift)
-        last = np.minimum(first + np.uint32((1 << shift) - 1), np.uint32(ONE))
-        number = np.searchsorted(least, first, side="right")
-        if (np.searchsorted(least, last, side="right") <= number + 1).all():
-            more = np.append(least, np.uint32(ONE + 1))[number]
-            return _Table(shift, number.astype(np.uint8), more)
-    return None
+
+def _numbers(bits: NDArray[np.uint32], gamma: float | None) -> Floats:
+    """The 8-bit numbers of float32 numbers."""
+    return np.rint(encode(bits.view(np.float32), gamma) * 255)

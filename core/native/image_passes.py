@@ -49,20 +49,6 @@ def finish(total: Floats, weight: Floats, is_covered: Bools) -> NDArray[np.float
     return image
 
 
-def quantise(
-    values: NDArray[np.float32],
-    shift: int,
-    number: NDArray[np.uint8],
-    more: NDArray[np.uint32],
-) -> NDArray[np.uint8]:
-    """The 8-bit numbers of values of any shape, by a table of `core/files/encoding.py`."""
-    values = np.ascontiguousarray(values)
-    out = np.empty(values.shape, np.uint8)
-    table = shift, number.ctypes.data, more.ctypes.data
-    loaded().kiriko_quantise(values.ctypes.data, values.size, *table, out.ctypes.data, n_threads())
-    return out
-
-
 def of_levels(levels: Sequence[NDArray[np.float32]]) -> ctypes.Array:
     """The structures of a picture's sizes (h, w, 4) float32, rows in one piece."""
     made = (LevelStructure * len(levels))()

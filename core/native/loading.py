@@ -36,7 +36,6 @@ FUNCTIONS = {
     "kiriko_halve": (None, _P, _P),
     "kiriko_decode": (_I, _P, _P, *3 * [_I]),
     "kiriko_finish": (None, *4 * [_P], _I, _I),
-    "kiriko_quantise": (None, _P, _I, _I, *3 * [_P], _I),
     "kiriko_fit_fields": (None, _P, _P, _I),
     "kiriko_make_slopes": (None, *3 * [_P], *3 * [_I]),
     "kiriko_sweep_normals": (None, *6 * [_P], *3 * [_I]),

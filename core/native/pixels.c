@@ -1,8 +1,7 @@
-/* Passes over all pixels of an image: what core/image/pyramid.py, core/image/source_image.py, core/encoding.py and
-   core/blender/picture.py do by numpy, to the same bits. */
+/* Passes over all pixels of an image: what core/image/pyramid.py, core/image/source_image.py and core/blender/picture.py
+   do by numpy, to the same bits. */
 
 #include <stdatomic.h>
-#include <string.h>
 
 #include "kiriko.h"
 
@@ -79,31 +78,4 @@ KIRIKO_API void kiriko_finish(const double *total, const double *weight, const u
                               int64_t n_pixels, int64_t n_threads) {
     Finish finish = {total, weight, is_covered, image, n_pixels};
     share_out(finish_pixels, &finish, n_pixels, 1 << 16, n_threads < 1 ? 1 : n_threads);
-}
-
-typedef struct {
-    const float *values;
-    int64_t shift;
-    const uint8_t *number;
-    const uint32_t *more;
-    uint8_t *out;
-} Quantising;
-
-static void quantise_values(void *context, int64_t first, int64_t last) {
-    const Quantising *q = context;
-    for (int64_t i = first; i < last; i++) {
-        float value = q->values[i] > 0 ? q->values[i] : 0; /* 0 for no number */
-        if (value > 1) value = 1;
-        uint32_t bits;
-        memcpy(&bits, &value, sizeof bits);
-        uint32_t entry = bits >> q->shift;
-        q->out[i] = (uint8_t)(q->number[entry] + (bits >= q->more[entry]));
-    }
-}
-
-/* The 8-bit numbers of n values, by a table as encoding.py makes it. */
-KIRIKO_API void kiriko_quantise(const float *values, int64_t n, int64_t shift, const uint8_t *number,
-                                const uint32_t *more, uint8_t *out, int64_t n_threads) {
-    Quantising quantising = {values, shift, number, more, out};
-    share_out(quantise_values, &quantising, n, 1 << 18, n_threads < 1 ? 1 : n_threads);
 }

@@ -15,7 +15,9 @@ def by_powers(values: np.ndarray, kind: str, gamma: float | None) -> np.ndarray:
 
 @pytest.mark.parametrize("gamma", GAMMAS)
 def test_the_table_has_the_numbers_of_the_formula(gamma: float | None) -> None:
-    """At every step from one number to the next, at both its neighbours, and everywhere else."""
+    """At every step from one number to the next, at both its neighbours, at all half floats, and
+    everywhere else.
+    """
     grid = np.linspace(-0.1, 1.1, 1 << 18, dtype=np.float32)
     # where the number changes, by the formula turned round: 4 neighbours each way
     codes = (np.arange(1, 256) - 0.5) / 255
@@ -26,7 +28,8 @@ def test_the_table_has_the_numbers_of_the_formula(gamma: float | None) -> None:
     near = steps.astype(np.float32).view(np.int32)[:, None] + np.arange(-4, 5, dtype=np.int32)
     small = np.geomspace(1e-45, 1, 1 << 16).astype(np.float32)
     odd = np.array([-0.0, 0.0, np.nan, np.inf, -np.inf, 1e-45, 1.0, -1e-30], np.float32)
-    values = np.concatenate([grid, near.view(np.float32).ravel(), small, odd])
+    halves = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
+    values = np.concatenate([halves, grid, near.view(np.float32).ravel(), small, odd])
     assert np.array_equal(
         encoding.quantised(values, "uint8", gamma), by_powers(values, "uint8", gamma)
     )

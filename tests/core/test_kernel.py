@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 import build_kernel
 from kiriko.core.base.arrays import frozen
 from kiriko.core.base.steps import finish
-from kiriko.core.files.encoding import quantised
 from kiriko.core.glass import (
     curved,
     curved_roots,
@@ -1047,19 +1046,16 @@ def test_taps_that_are_kept_paint_the_same_bits(shape):
 
 @pytest.mark.parametrize("shape", [(64, 48), (2, 2), (6, 9)])
 def test_same_pixels(shape):
-    """Halving, division by weights, 8-bit numbers and decoding: numpy's, bit for bit."""
+    """Halving, division by weights and decoding: numpy's, bit for bit."""
     dice = np.random.default_rng(17)
     image = dice.random((*shape, 4)).astype(np.float32)
-    wild = np.array([NAN, INF, -INF, -0.0, 1e-42, 1.0, 7.0], np.float32)
-    values = np.concatenate([np.resize(wild, 70), dice.random(5000, np.float32)])
     total, weight = dice.random((3, *shape)), dice.random(shape) - 0.5
 
     def all_of_them():
         halved = Pyramid(image).levels[1:]
         sums = Painting(shape[::-1])
         sums._total[:] = total
-        of_gammas = [quantised(values, "uint8", gamma) for gamma in (None, 2.2)]
-        return [*halved, sums.finished(np.maximum(weight, 0)), *of_gammas]
+        return [*halved, sums.finished(np.maximum(weight, 0))]
 
     with loading.off():
         expected = all_of_them()
