@@ -58,10 +58,14 @@ class Painting:
         for total, values in zip(self._total, pyramid.read(strokes), strict=True):
             add_at(total, strokes.point, values)
 
+    def join(self, other: "Painting", colours: tuple[float, ...]) -> None:
+        """Add another painting, by a weight for each colour."""
+        self._total += np.array(colours)[:, None, None] * other._total
+
     def finished(
         self, weight: Floats, margin: int = 0, beside: Floats | None = None
     ) -> NDArray[np.float32]:
-        """Source image (H, W, 3), linear, finite; nothing can be added any more.
+        """Source image (H, W, 3), linear, finite.
 
         Parameters
         ----------
@@ -79,8 +83,8 @@ class Painting:
         else:
             image = np.empty((*weight.shape, 3), np.float32)
             for channel, total in enumerate(self._total):
-                np.divide(total, weight, out=total, where=covered)
-                image[..., channel] = np.where(covered, total.clip(-MOST_LIGHT, MOST_LIGHT), 0)
+                light = np.divide(total, weight, out=np.zeros_like(total), where=covered)
+                image[..., channel] = light.clip(-MOST_LIGHT, MOST_LIGHT)
 
         return grow(image, covered, margin, is_free)
 

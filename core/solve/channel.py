@@ -7,6 +7,7 @@ sees, how far off that is) lives in its channel. The display is one for all of t
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,38 @@ from ..map.sampling import sample
 from ..map.share_batches import ShareBatches
 from ..map.shares import Coverage, Shares, add_at
 from ..map.view_map import MapError, ViewMap
+from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .accuracy import Accuracy
 from .measured import Measured
 from .memory import check_memory
+
+WHITE = 1.0, 1.0, 1.0
+
+
+class ChannelKey(NamedTuple):
+    """What makes a channel: a viewer and a wavelength, m, with the weights of its light in red,
+    green and blue of the painting.
+    """
+
+    viewer: Viewer
+    wavelength: float
+    colours: tuple[float, float, float]
+
+    def of(self, settings: Settings) -> Settings:
+        """Settings by which its light is traced."""
+        return replace(settings, wavelength=self.wavelength)
+
+    def weighed(self, values: Floats, colour: int) -> Floats:
+        """Values as much as its light counts in a colour; the array itself at a weight of 1."""
+        values, weight = self.viewer.weighed(values), self.colours[colour]
+        return values if weight == 1 else weight * values
+
+
+def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
+    """The channels of a rig: all colours of a viewer go the way of one wavelength."""
+    return tuple(ChannelKey(viewer, settings.wavelength, WHITE) for viewer in rig.viewers)
 
 
 @dataclass(eq=False)

@@ -23,7 +23,7 @@ from ..map.view_map import ViewMap
 from ..rig.rig import PicturePlace
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
-from .channel import shares_of
+from .channel import WHITE, ChannelKey, shares_of
 from .picture_coverage import of_the_picture
 
 MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
@@ -43,7 +43,7 @@ class Placed:
     strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
     """
 
-    viewer: Viewer
+    key: ChannelKey
     picture: PicturePlace
     shares: ShareBatches
     reads: Reads
@@ -56,6 +56,10 @@ class Placed:
     view_coverage: Floats | None = None
     strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
+
+    @property
+    def viewer(self) -> Viewer:
+        return self.key.viewer
 
     def let_go(self) -> None:
         """Keep no shares: they are made again when they are asked for."""
@@ -127,8 +131,12 @@ def paint(
     """
     painting = Painting(channels[0].shares.display_size)
     for k, (placed, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
-        steps = _strongest_first(placed, clock, _add(painting, placed, pyramid, clock))
+        is_white = placed.key.colours == WHITE
+        own = painting if is_white else Painting(placed.shares.display_size)
+        steps = _strongest_first(placed, clock, _add(own, placed, pyramid, clock))
         yield from within(steps, k / len(channels), (k + 1) / len(channels))
+        if not is_white:
+            painting.join(own, placed.key.colours)
     return painting
 
 
@@ -176,11 +184,11 @@ def _add(
         placed.strokes.clear()  # next to all that has to be made again they would save little
 
 
-def place(view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings) -> Placed:
-    """The shares of a viewer's map as a picture's place has them, none of which are made yet."""
-    shares = _shares_to_paint(view_map, picture, viewer, settings)
+def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: Settings) -> Placed:
+    """The shares of a channel's map as a picture's place has them, none of which are made yet."""
+    shares = _shares_to_paint(view_map, picture, key.viewer, settings)
     return Placed(
-        viewer=viewer,
+        key=key,
         picture=picture,
         shares=shares,
         reads=reads_at(view_map.tolerance),
@@ -200,14 +208,23 @@ def finished(
 
     beside : for each channel the weight (H, W) of light beside the glass, where it counts
     """
-    weight = reduce(np.add, [placed.viewer.weighed(placed.coverage.weight) for placed in channels])
-    counted = [
-        placed.viewer.weighed(of_channel)
-        for placed, of_channel in zip(channels, beside, strict=True)
-        if of_channel is not None
-    ]
-    held_back = settings.suppress_glare * reduce(np.add, counted) if counted else None
-    return painting.finished(weight, settings.margin, held_back)
+
+    def summed(of_each: Sequence[Floats | None], colour: int) -> Floats | None:
+        them = zip(channels, of_each, strict=True)
+        found = [placed.key.weighed(one, colour) for placed, one in them if one is not None]
+        return reduce(np.add, found) if found else None
+
+    images = []
+    is_grey = all(len(set(placed.key.colours)) == 1 for placed in channels)
+    for colour in range(1 if is_grey else 3):
+        weight = summed([placed.coverage.weight for placed in channels], colour)
+        held_back = summed(beside, colour)
+        if held_back is not None:
+            held_back = settings.suppress_glare * held_back
+        images.append(painting.finished(weight, settings.margin, held_back))
+    if is_grey:
+        return images[0]
+    return np.stack([image[..., colour] for colour, image in enumerate(images)], axis=2)
 
 
 def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:

@@ -5,7 +5,7 @@ moved viewer builds no ray engine. Shares are made, painted and summed some at a
 may be more of them than memory holds.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,11 +24,11 @@ from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .accuracy import leaks
-from .channel import Traced, weight_beside
+from .channel import Traced, channel_keys, weight_beside
 from .dark import why_dark
 from .disagreement import is_comparable, is_sharp, settle
 from .memory import check_memory, check_traced
-from .painting import PASS, Clock, finished, paint, place
+from .painting import PASS, Clock, Placed, finished, paint, place
 from .picture_coverage import check_seen
 from .reach import UNTRACED, sample_reached
 from .remarks import remarks_on
@@ -54,7 +54,7 @@ class Session:
         self._kept = kept or Kept()
         self._optics: Optics | None = None
         self._placed: Place | None = None
-        self._pyramids: tuple[Pyramid, ...] = ()  # of each viewer's image
+        self._pyramids: tuple[Pyramid, ...] = ()  # of each channel's image
         self.is_tracing = False  # is the view map of a solve under way?
 
     def solve(
@@ -145,18 +145,21 @@ class Session:
         """
         clock = Clock()
         found = []
-        n = len(rig.viewers)
+        keys = channel_keys(rig, settings)
         traced, painted = spans(TRACING, ("painting",))
 
-        for k, viewer in enumerate(rig.viewers):
-            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap, is_coarse=True)
-            _, view_map = yield from within(steps, *section(traced, k, n))
-            found.append((view_map, place(view_map, rig.place_of(viewer), viewer, settings)))
+        for k, key in enumerate(keys):
+            of_it = key.viewer, key.of(settings), self._kept
+            steps = sample_reached(rig, *of_it, clock.lap, is_coarse=True)
+            _, view_map = yield from within(steps, *section(traced, k, len(keys)))
+            found.append((view_map, place(view_map, rig.place_of(key.viewer), key, settings)))
 
         channels = [placed for _, placed in found]
         if is_sharp(rig, settings):
             yield from at(painted[0], settle(channels, clock, is_sharp=True))
-        painting = yield from within(paint(channels, self._pyramids_of(rig), clock), *painted)
+        painting = yield from within(
+            paint(channels, self._pyramids_of(rig, channels), clock), *painted
+        )
         if not any(len(placed.shares) for placed in channels):
             raise RigError("The display stays dark.")
 
@@ -203,12 +206,12 @@ class Session:
             steps = settle(place.channels, clock, is_sharp(rig, settings))
             place = place._replace(settled=(yield from within(steps, 0.0, part)))
 
-        steps = paint(place.channels, self._pyramids_of(rig), clock)
+        steps = paint(place.channels, self._pyramids_of(rig, place.channels), clock)
         return place, (yield from within(steps, part, 1.0))
 
-    def _pyramids_of(self, rig: Rig) -> tuple[Pyramid, ...]:
-        """The sizes of each viewer's image, made once as long as it is the same."""
-        images = [rig.picture_of(viewer).image for viewer in rig.viewers]
+    def _pyramids_of(self, rig: Rig, channels: Sequence[Placed]) -> tuple[Pyramid, ...]:
+        """The sizes of each channel's image, made once as long as it is the same."""
+        images = [rig.picture_of(placed.viewer).image for placed in channels]
         self._pyramids = pyramids_of(images, self._pyramids)
         return self._pyramids
 
@@ -219,19 +222,20 @@ class Session:
         and returns the number of rays, too.
         """
         known = {} if self._optics is None else self._optics.by_key
-        new = {
-            key: viewer for key, viewer in zip(keys, rig.viewers, strict=True) if key not in known
-        }
+        of_rig = zip(keys, channel_keys(rig, settings), strict=True)
+        new = {key: one for key, one in of_rig if key not in known}
+        of_new = replace(rig, viewers=tuple(one.viewer for one in new.values()))
         n_rays = 0
         if new:
-            check_memory(rig, settings, [key in known for key in keys], is_told_again=True)
+            are_known = [viewer not in of_new.viewers for viewer in rig.viewers]
+            check_memory(rig, settings, are_known, is_told_again=True)
 
-        for k, (key, viewer) in enumerate(new.items()):
+        for k, (key, one) in enumerate(new.items()):
             span = section((0.0, 1.0), k, len(new))
-            traced = yield from within(self._trace(rig, viewer, settings, clock), *span)
+            steps = self._trace(rig, one.viewer, one.of(settings), clock)
+            traced = yield from within(steps, *span)
             yield span[1]
-            of_new = replace(rig, viewers=tuple(new.values()))
-            check_traced(of_new, viewer, settings, traced.view_map)
+            check_traced(of_new, one.viewer, settings, traced.view_map)
             known[key] = traced
             n_rays += traced.view_map.n_rays
 
@@ -240,7 +244,7 @@ class Session:
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
     ) -> Generator[float, None, Traced]:
-        """Trace the view map of one viewer; yields progress 0..1."""
+        """Trace the view map of one viewer at a wavelength; yields progress 0..1."""
         reached, spread = spans(("plan", *MAP), ("spread",))
         self.is_tracing = True
         try:

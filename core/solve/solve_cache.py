@@ -16,7 +16,7 @@ from ..map.view_map import ViewMap
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from .accuracy import LEAST_LOST
-from .channel import Channel, Traced
+from .channel import Channel, Traced, channel_keys
 from .disagreement import Settled, is_comparable, is_sharp
 from .measured import measuring
 from .painting import Clock, Placed, place
@@ -48,18 +48,21 @@ class Place(NamedTuple):
 
 
 def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
-    """The key of each viewer's view map."""
-    return tuple(fingerprint(key, settings.of_optics) for key in rig.light_keys)
+    """The key of each channel's view map."""
+    lit = dict(zip(rig.viewers, rig.light_keys, strict=True))
+    keys = channel_keys(rig, settings)
+    return tuple(fingerprint(lit[key.viewer], key.of(settings).of_optics) for key in keys)
 
 
 def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | None) -> Place:
     """The shares of all channels for a picture's place and size: known ones, or new ones."""
-    pictures = [rig.place_of(viewer) for viewer in rig.viewers]
+    of_rig = channel_keys(rig, settings)
+    pictures = [rig.place_of(one.viewer) for one in of_rig]
     keys = tuple(
         fingerprint(key, picture, settings.ghosts)
         for key, picture in zip(optics.keys, pictures, strict=True)
     )
-    weights = tuple(viewer.weight for viewer in rig.viewers)
+    weights = tuple((one.viewer.weight, one.colours) for one in of_rig)
     together = fingerprint(keys, weights, is_comparable(rig), is_sharp(rig, settings))
     if before is not None and before.together == together:
         return before
@@ -69,16 +72,16 @@ def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | Non
         known[key].let_go()
 
     channels = []
-    of_each = zip(keys, optics.channels, rig.viewers, pictures, strict=True)
-    for key, traced, viewer, picture in of_each:
+    of_each = zip(keys, optics.channels, of_rig, pictures, strict=True)
+    for key, traced, one, picture in of_each:
         old = known.get(key)
         if old is not None:
             old.strokes.clear()  # or they would be there twice until the solve ends
         channels.append(
-            place(traced.view_map, picture, viewer, settings)
+            place(traced.view_map, picture, one, settings)
             if old is None
             # what is settled with others is painted in another way
-            else replace(old, viewer=viewer, strokes=[], step=None)
+            else replace(old, key=one, strokes=[], step=None)
         )
 
     for placed in channels:
@@ -103,8 +106,8 @@ def plans_of(rig: Rig, settings: Settings, optics: Optics) -> list[Plan]:
     picture, and perhaps for names.
     """
     return [
-        replace(traced.plan, rig=rig, settings=settings, viewer=viewer)
-        for viewer, traced in zip(rig.viewers, optics.channels, strict=True)
+        replace(traced.plan, rig=rig, settings=key.of(settings), viewer=key.viewer)
+        for key, traced in zip(channel_keys(rig, settings), optics.channels, strict=True)
     ]
 
 

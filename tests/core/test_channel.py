@@ -1,6 +1,7 @@
 """Channels: all that is about one viewer is found for each of them, and painted into one image."""
 
 import ast
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,11 @@ import pytest
 
 from kiriko import core
 from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
+from kiriko.core.solve import session, solve_cache
+from kiriko.core.solve.channel import ChannelKey
 from known.reference_rigs import ball_rig, lattice_image
 from known.work import solve
 
@@ -45,17 +49,17 @@ def test_a_plan_is_the_same_for_each_viewer(small):
 def test_a_solution_of_one_viewer_has_one_channel(small):
     """It is of the rig's viewer, at the wavelength of the settings; what scripts read is its."""
     solution = solve(small, brightness=True)
-    (channel,) = solution.channels
-    assert solution.first is channel
-    assert channel.viewer is small.viewer
-    assert channel.wavelength == Settings().wavelength
-    assert channel.map_error is channel.view_map.error
-    assert solution.picture_coverage == channel.picture_coverage
-    assert solution.misses is channel.misses
+    (one,) = solution.channels
+    assert solution.first is one
+    assert one.viewer is small.viewer
+    assert one.wavelength == Settings().wavelength
+    assert one.map_error is one.view_map.error
+    assert solution.picture_coverage == one.picture_coverage
+    assert solution.misses is one.misses
     assert solution.source.shape == (64, 64, 3)
     assert solution.seen().shape == solution.ideal().shape == (48, 48, 3)
-    assert solution.weight is channel.coverage.weight
-    assert solution.display_coverage is channel.coverage.of_display
+    assert solution.weight is one.coverage.weight
+    assert solution.display_coverage is one.coverage.of_display
 
 
 def test_a_solve_checks_its_rig_once(small, monkeypatch):
@@ -98,3 +102,23 @@ def test_viewers_that_disagree_are_shown_the_mean(small):
     for channel, one in zip(both.channels, apart, strict=True):
         assert channel.picture_coverage == one.picture_coverage
         np.testing.assert_array_equal(channel.seen(one.source), one.seen())
+
+
+@pytest.mark.parametrize("has_kernel", [True, False])
+def test_channels_of_one_colour_each_paint_what_a_white_one_does(small, monkeypatch, has_kernel):
+    """A colour is painted by the channels that count in it, by their weights."""
+
+    def of_each_colour(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
+        return tuple(
+            ChannelKey(viewer, settings.wavelength, tuple(colours))
+            for viewer in rig.viewers
+            for colours in np.eye(3)
+        )
+
+    with nullcontext() if has_kernel else loading.off():
+        expected = solve(small).source
+        for module in (session, solve_cache):
+            monkeypatch.setattr(module, "channel_keys", of_each_colour)
+        found = solve(small)
+    assert len(found.channels) == 3
+    assert np.array_equal(found.source, expected)
