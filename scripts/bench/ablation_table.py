@@ -138,7 +138,7 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
 
 
 def _without_row(rows: Sequence[Row]) -> Iterator[str]:
-    """The options of records that no row changes, by record; those of `bench` and `lab` in one line."""
+    """The options of records that no row changes, by record; `bench` and `lab` in one line."""
     changed = {
         (change.target, name) for row in rows for change in row.changes for name in change.fields
     }
@@ -154,7 +154,8 @@ def _without_row(rows: Sequence[Row]) -> Iterator[str]:
                 elif left:
                     judge = ELSEWHERE.get(f"{module}.{record}", "")
                     yield f"| `{module}.{record}` | {', '.join(left)} | {judge} |"
-    yield f"| {len(n_bench)} records of `bench` and `lab` | {sum(n_bench)} options | {ELSEWHERE['bench']} |"
+    records = f"{len(n_bench)} records of `bench` and `lab`"
+    yield f"| {records} | {sum(n_bench)} options | {ELSEWHERE['bench']} |"
 
 
 def records_of(path: Path) -> Iterator[tuple[str, str, list[str]]]:
