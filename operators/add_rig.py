@@ -12,12 +12,10 @@ from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import within
 from ..core.base.words import listed, percent, summary
-from ..core.bench.behind import propose_behind
-from ..core.bench.initial_placement import Request, settle
-from ..core.bench.largest_square import SEARCH
-from ..core.bench.placement import Proposal, Wishes, propose, viewer_of
+from ..core.bench.initial_placement import SEARCH, Request, settle
+from ..core.bench.picture_light import MOST, Spread, part_of_picture
+from ..core.bench.placement import Proposal, Wishes, propose, propose_behind, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
-from ..core.bench.spread import MOST, Spread, part_of_picture
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.given_glass import has_place
 from ..core.blender.inspect_scene import has_own_faces

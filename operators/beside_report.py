@@ -18,14 +18,14 @@ import bpy
 from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
 from ..core.base.steps import at, within
-from ..core.bench.picture_room import plane_of
+from ..core.bench.part_sizes import plane_of
 from ..core.files import disk
 from ..core.lab.atlas.heads import check_viewer
-from ..core.lab.measure import eye_box_curves, head_box, two_eyes_drawing
+from ..core.lab.measure import eye_box, head_box
+from ..core.lab.measure import two_eyes as pairs
 from ..core.lab.measure.eye_box import LEAST, LIMIT, Walk
-from ..core.lab.measure.sharpness import sharpness
 from ..core.lab.measure.two_eyes import pair_of, two_eyes
-from ..core.lab.measure.viewer_errors import viewer_reports
+from ..core.lab.measure.viewer_errors import sharpness, viewer_reports
 from ..core.light.mesh_cache import Kept
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Disagreement
@@ -106,8 +106,8 @@ def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
 def names(rig: Rig) -> tuple[str, ...]:
     """The files that `beside` finds drawings for."""
     found = (
-        (check_head, eye_box_curves.FILE),
-        (check_pair, two_eyes_drawing.FILE),
+        (check_head, eye_box.FILE),
+        (check_pair, pairs.FILE),
         (head_box.check_box, head_box.FILE),
     )
     return tuple(name for check, name in found if _has(check, rig))
@@ -171,9 +171,7 @@ def _two_eyes_of(
     kept = Kept()
     work.session().lend(kept)
     eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=kept)
-    return two_eyes_drawing.as_data(eyes), {
-        two_eyes_drawing.FILE: two_eyes_drawing.as_svg(rig, eyes)
-    }
+    return pairs.as_data(eyes), {pairs.FILE: pairs.as_svg(rig, eyes)}
 
 
 def _head_box_of(
@@ -215,10 +213,10 @@ def eye_box_of(
     walk = Walk(plan, limit, least)
     yield from at(0.02, begin(walk))
     box = yield from within(walk.box(), 0.02, FOUND)
-    curves = yield from within(eye_box_curves.curves_of(walk, box), FOUND, 1.0)
+    curves = yield from within(eye_box.curves_of(walk, box), FOUND, 1.0)
     viewer = rig.viewer.name
-    drawing = eye_box_curves.as_svg(box, viewer, curves)
-    return eye_box_curves.as_data(box, viewer, curves), {eye_box_curves.FILE: drawing}
+    drawing = eye_box.as_svg(box, viewer, curves)
+    return eye_box.as_data(box, viewer, curves), {eye_box.FILE: drawing}
 
 
 def files_of(rig: Rig) -> tuple[str, ...]:

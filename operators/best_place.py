@@ -8,9 +8,8 @@ import numpy as np
 from ..core.base.messages import Message, joined
 from ..core.base.steps import within
 from ..core.base.words import percent
-from ..core.bench.best_place import BestPlace, Limits, best_place
-from ..core.bench.picture_room import plane_of
-from ..core.bench.rotated_rig import turn_of
+from ..core.bench.best_place import BestPlace, Limits, best_place, turn_of
+from ..core.bench.part_sizes import plane_of
 from ..core.blender.units import length_of_unit, length_text
 from ..core.rig.rig import Rig
 from . import automatic, needed, proposal, proposing, work

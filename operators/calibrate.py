@@ -23,11 +23,9 @@ from ..core.blender.viewer import seats_of, viewer_of
 from ..core.files import disk
 from ..core.files.picture_file import read_photograph
 from ..core.image.flat_picture import view_of_picture
-from ..core.lab.calibrate.check import check, check_picture, check_way, missing_borders
 from ..core.lab.calibrate.drawn import Lattice
-from ..core.lab.calibrate.extra_photograph import Extra, extra_photographs
-from ..core.lab.calibrate.file import read_points
-from ..core.lab.calibrate.fit import Fit, fit
+from ..core.lab.calibrate.file import check, check_picture, check_way, missing_borders, read_points
+from ..core.lab.calibrate.fit import Extra, Fit, extra_photographs, fit
 from ..core.lab.calibrate.match import match
 from ..core.lab.calibrate.misalignment import FEWEST, Bench
 from ..core.lab.calibrate.photograph import find_points

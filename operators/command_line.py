@@ -19,8 +19,7 @@ from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.stored_records import Numbers, take_reports
 from ..core.files import disk, image_io
 from ..core.lab.measure.work_precision import BUDGET
-from ..core.lab.warp.files import SIDECAR
-from ..core.lab.warp.options import FORMATS, TIMES, MapOptions
+from ..core.lab.warp.map_files import FORMATS, SIDECAR, TIMES, MapOptions
 from . import (
     bench_drawing,
     beside_report,

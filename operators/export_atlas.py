@@ -24,14 +24,13 @@ from ..core.blender.stored_records import Numbers
 from ..core.blender.units import length_of_unit
 from ..core.blender.viewer import seats_of
 from ..core.files import image_io
-from ..core.lab.atlas import atlas_plan
-from ..core.lab.atlas import making as atlases
-from ..core.lab.atlas.atlas import BYTES_A_PIXEL, Atlas, amount
+from ..core.lab.atlas import atlas as atlas_plan
+from ..core.lab.atlas import atlas as atlases
+from ..core.lab.atlas.atlas import BYTES_A_PIXEL, CHECKED, Atlas, Making, amount
+from ..core.lab.atlas.head_map import check, check_heads
 from ..core.lab.atlas.heads import AXES, HeadBox, HeadGrid
-from ..core.lab.atlas.making import CHECKED, Making
-from ..core.lab.atlas.refine import check, check_heads
-from ..core.lab.farm.atlas_job import SHARES
 from ..core.lab.farm.job import MOST as MOST_TASKS
+from ..core.lab.farm.job import SHARES
 from . import export_job, folder, needed, solve_to_folder, work
 from .export import gamma_of, use_bundled_modules
 from .into_folder import IntoFolder

@@ -15,12 +15,12 @@ from ..core.blender.rigs import rigs
 from ..core.blender.viewer import seats_of
 from ..core.files import disk
 from ..core.lab.farm import extension
-from ..core.lab.farm.atlas_job import AtlasJob
 from ..core.lab.farm.job import (
     BOOTSTRAP,
     FLAMENCO,
     KIRIKO,
     OUT,
+    AtlasJob,
     Choice,
     Job,
     asset_references,

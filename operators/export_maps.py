@@ -19,23 +19,22 @@ from ..core.base.steps import within
 from ..core.blender.paths import absolute
 from ..core.files import disk, image_io
 from ..core.lab.farm import extension
-from ..core.lab.warp.channel_maps import description, maps_of
-from ..core.lab.warp.files import (
+from ..core.lab.warp.map_files import (
     CONVENTION,
-    SIDECAR,
-    earlier_files,
-    names_of,
-    remove_earlier,
-    suffixes,
-    write_maps,
-)
-from ..core.lab.warp.options import (
     MOST_OVERSCAN,
+    SIDECAR,
     TIMES,
     MapOptions,
     check_memory,
+    description,
+    earlier_files,
+    maps_of,
     memory_needed,
+    names_of,
+    remove_earlier,
+    suffixes,
     wavelengths_for,
+    write_maps,
 )
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings

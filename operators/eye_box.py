@@ -14,8 +14,7 @@ from ..core.blender.objects import surface_object
 from ..core.blender.stored_records import Numbers
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import seats_of
-from ..core.lab.measure.eye_box import LEAST, LIMIT, EyeBox, Walk
-from ..core.lab.measure.eye_box_surface import surface_of
+from ..core.lab.measure.eye_box import LEAST, LIMIT, EyeBox, Walk, surface_of
 from ..core.lab.measure.head_box import as_data, check_box, head_box
 from ..core.light.plan import Plan
 from . import framing, long_work, needed, work

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.base.messages import Message
-from ..core.bench.picture_room import fit_picture
+from ..core.bench.part_sizes import fit_picture
 from . import fitting, needed
 
 

@@ -11,7 +11,7 @@ from ..core.base.messages import Message, joined
 from ..core.base.steps import within
 from ..core.base.words import listed, percent
 from ..core.bench.part_sizes import Fitted, Wanted
-from ..core.bench.spread import MOST
+from ..core.bench.picture_light import MOST
 from ..core.blender.resize import scale_by
 from ..core.blender.units import length_of_unit, length_text
 from ..core.rig.rig import ROLES, Rig

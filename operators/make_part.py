@@ -8,10 +8,8 @@ import bpy
 from ..core.base.errors import KirikoError, RigError
 from ..core.base.messages import Message
 from ..core.base.steps import within
-from ..core.bench.part_sizes import fit_display
-from ..core.bench.picture_room import fit_picture
-from ..core.bench.placement import rectangle
-from ..core.bench.recreate_part import Stand, stand_of
+from ..core.bench.part_sizes import fit_display, fit_picture
+from ..core.bench.placement import Stand, rectangle, stand_of
 from ..core.blender.objects import Workbench
 from ..core.blender.overridden import overridden
 from ..core.blender.places import KeptPlaces, read_places

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.bench.nearer import shifts_by, way_to_glass
+from ..core.bench.measured_remedies import shifts_by, way_to_glass
 from ..core.blender.units import length_of_unit, length_text
 from ..core.glass.motion import Motion
 from . import proposal, proposing, work

@@ -28,8 +28,7 @@ from ..core.lab.measure.report import (
     plate_svg,
     table,
 )
-from ..core.lab.measure.rungs import WorkPrecision
-from ..core.lab.measure.work_precision import BUDGET, Ladders, measure
+from ..core.lab.measure.work_precision import BUDGET, Ladders, WorkPrecision, measure
 from ..core.rig.rig import Plate, Rig
 from ..core.rig.settings import Settings
 from . import beside_report, folder, long_work, needed, work

@@ -9,8 +9,7 @@ from ..core.base.arrays import Floats
 from ..core.base.messages import Message
 from ..core.base.steps import within
 from ..core.base.words import percent
-from ..core.bench.rotated_rig import turn_of
-from ..core.bench.turn_back import turn_back
+from ..core.bench.best_place import turn_back, turn_of
 from ..core.blender.units import length_of_unit
 from . import proposal, proposing, work
 

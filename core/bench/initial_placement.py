@@ -21,9 +21,8 @@ from ..light.optics import reflect
 from ..light.plan import Plan
 from ..rig.rig import Rig, Viewer
 from .largest_square import SEARCH, Bundle, best_place, best_place_for, grid_over, largest_about
-from .light import Light, light_of
+from .picture_light import Light, Spread, light_of, points_of, spread_in
 from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
-from .spread import Spread, points_of, spread_in
 
 
 class Standing(NamedTuple):

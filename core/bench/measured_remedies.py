@@ -1,7 +1,9 @@
-"""What helps where some of a picture is lost, and by how much: for a list of things to do.
+"""Remedies for lost or illegible light, with their measured gains, for the checklist.
 
-Each remedy is found as by its own button, with fewer rays, and only those that bring something
-back are told. An operator's name stands with each, so that a list can have a button for it.
+Each remedy is found as by its own button, with fewer rays. Only remedies that bring something back
+are reported, each with its operator. One of them moves the picture to the glass, and the display
+with it: bent light spreads less on a shorter way. For one viewer the picture's depth changes
+nothing, but the display's does; both stay images of each other in the plate.
 """
 
 from collections.abc import Callable, Generator
@@ -9,24 +11,82 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.errors import RigError
 from ..base.messages import Message
 from ..base.steps import within
 from ..base.words import percent
+from ..glass.meshes import geometric_normals
 from ..glass.smoothed import smoothed
 from ..light.landings import REASON_WORDS, Reason
 from ..light.mesh_cache import Kept
-from ..rig.rig import Rig
+from ..light.optics import reflect
+from ..rig.rig import Display, PicturePlace, Rig
 from ..rig.settings import Settings
 from ..solve.legibility import READABLE, card_legibility
 from .best_place import Limits, best_place
-from .nearer import nearer, way_to_glass
-from .part_sizes import Fitted, Wanted, fit_display, fit_plate
+from .part_sizes import Fitted, Wanted, fit_display, fit_picture, fit_plate, plane_of
 from .picture_light import PlanOf, traced
-from .picture_room import fit_picture, plane_of
+
+
+class Shifts(NamedTuple):
+    """Of the picture and the display (3,), m."""
+
+    picture: Floats
+    display: Floats
+
+
+def way_to_glass(rig: Rig) -> float:
+    """The way of the picture along its axis towards the first viewer, m: from behind the glass to
+    its back, or with a plate, from within to its face. 0 if there is none.
+    """
+    try:
+        middle, axis = plane_of(rig).middle, _axis(rig)
+    except RigError:  # it has no place
+        return 0.0
+    if rig.mirrors or len(rig.plates) > 1:  # the display is on a way of its own
+        return 0.0
+    ahead = np.concatenate([(glass.mesh.vertices - middle) @ axis for glass in rig.glasses])
+    back, face = float(ahead.min()), float(ahead.max())
+    if back > 0:
+        return back
+    return max(face, 0.0) if rig.plates else 0.0
+
+
+def shifts_by(rig: Rig, way: float) -> Shifts:
+    """The shifts of picture and display for a way of the picture towards the first viewer, m."""
+    shift = way * _axis(rig)
+    if not rig.plates:
+        return Shifts(shift, shift)
+    normal = geometric_normals(rig.plates[0].mesh.corners)[0]
+    return Shifts(shift, reflect(shift, normal))
+
+
+def nearer(rig: Rig, way: float) -> Rig:
+    """The rig with its picture so much nearer to the first viewer, m."""
+    shifts = shifts_by(rig, way)
+    return replace(
+        rig,
+        pictures=(_moved(rig.pictures[0], shifts.picture),),
+        displays=(_moved(rig.display, shifts.display),),
+    )
+
+
+def _axis(rig: Rig) -> Floats:
+    """The direction (3,) perpendicular to the picture, towards the first viewer."""
+    plane = plane_of(rig)
+    axis = np.cross(*plane.sides)
+    axis /= np.linalg.norm(axis)
+    return axis * np.sign(axis @ (rig.viewers[0].position - plane.middle))
+
+
+def _moved(part: PicturePlace | Display, shift: Floats) -> PicturePlace | Display:
+    return replace(part, mesh=replace(part.mesh, vertices=part.mesh.vertices + shift))
+
 
 N_GRID = 32  # points along each edge of a triangle of the picture
 WORTH_IT = 1e-3  # share of the picture that a remedy has to bring back

@@ -1,26 +1,433 @@
-"""The light of a rig's picture to its viewers: which share of it arrives, and why not all.
+"""The light of a rig's picture: where each ray goes, where it lands, which share of it arrives.
 
-Points spread evenly over the picture each stand for the part around them. Where the light of
-neighbours takes different ways a strip between them may be lost that no point is in, as beside the
-edges of cut glass: there the picture is divided further, as far as that is no more than a few times
-the work.
+Rays are the viewer's own, straight through points in space. So the light of a place does not depend
+on the picture that stands there: one bundle answers for pictures of any size in its reach. Points
+spread evenly over the picture each stand for the part around them. If the light of neighbours takes
+different ways, a strip between them may be lost that no point is in, as at the edges of cut glass:
+there the picture is divided further, up to a few times the work.
 """
 
-from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
-from ..base.steps import within
-from ..glass.meshes import areas_of
+from ..base.errors import RigError
+from ..base.messages import Message
+from ..base.steps import at, within
+from ..base.vectors import cross_2d, normalise
+from ..glass.meshes import areas_of, geometric_normals
+from ..light.landings import BY_GAPS, REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
+from ..light.rays import Step
+from ..light.trace import tracing
+from ..rig.kinds import Kind
 from ..rig.mesh import Mesh
 from ..rig.rig import PicturePlace, Rig
 from ..rig.viewer import Viewer
-from .flat import Outline
-from .light import Light, light_of, together
-from .spread import LIGHT_RAYS, points_of, points_over, small_triangles
+
+IS_FLAT = 1e-4  # of its size, by which a part may be off its plane
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The outline of a flat part.
+
+    middle : (3,) m, world, of its extents along the axes
+    axes : (2, 3) unit, along its sides
+    edges : (e, 2, 2) m along the axes, from the middle
+    half : (2,) m, half of its width and height
+    """
+
+    middle: Floats
+    axes: Floats
+    edges: Floats
+    half: Floats
+
+    def across(self, places: Floats) -> Floats:
+        """Places (n, 3) along the axes, (n, 2) m from the middle."""
+        return (places - self.middle) @ self.axes.T
+
+    def reach(self, across: Floats, about: Floats) -> Floats:
+        """How many times as large (n,) the outline would have to be to
+        reach places (n, 2), if its middle stood at (2,).
+        """
+        start, end = np.moveaxis(self.edges, 1, 0)
+        along = end - start
+        p = (across - about)[:, None]
+        steep = cross_2d(p, along[None])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # the ray t p meets the edge at start + s along
+            t = cross_2d(start, along) / steep
+            s = cross_2d(np.broadcast_to(start, (len(p), *start.shape)), p) / steep
+            is_met = (t > 0) & (s >= -IS_FLAT) & (s <= 1 + IS_FLAT)
+            outermost = np.where(is_met, t, 0.0).max(axis=1)
+            return np.where(outermost > 0, 1 / outermost, 0.0)
+
+    def changed(self, mesh: Mesh, size: float, shift: Floats) -> Mesh:
+        """Its mesh so many times as large about the middle, and moved by (3,) m."""
+        return replace(mesh, vertices=self.middle + size * (mesh.vertices - self.middle) + shift)
+
+
+def outline_of(mesh: Mesh, along: Floats, owner: str) -> Outline:
+    """The outline of a flat mesh.
+
+    Parameters
+    ----------
+    along : (3,) world, along one of its sides
+    owner : the part at the beginning of a sentence
+
+    Raises
+    ------
+    RigError : it is not flat
+    """
+    normal = geometric_normals(mesh.corners)[areas_of(mesh.corners).argmax()]
+    x = normalise(along - (along @ normal) * normal)
+    axes = np.stack([x, np.cross(normal, x)])
+    origin = mesh.corners[0, 0]
+    points = mesh.corners.reshape(-1, 3) - origin
+    across = points @ axes.T
+    size = np.ptp(across, axis=0).max()
+    if np.ptp(points @ normal) > IS_FLAT * size:
+        raise RigError("{owner} is not flat: its size is for you to choose.", owner=owner)
+
+    middle = across.min(axis=0) / 2 + across.max(axis=0) / 2
+    vertices = (mesh.vertices - origin) @ axes.T - middle
+    return Outline(
+        middle=origin + middle @ axes,
+        axes=axes,
+        edges=vertices[_borders(mesh)],
+        half=np.ptp(across, axis=0) / 2,
+    )
+
+
+def _borders(mesh: Mesh) -> Ints:
+    """Edges (e, 2) of one triangle alone, by their vertices."""
+    pairs = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, counts = np.unique(pairs, axis=0, return_counts=True)
+    return edges[counts == 1]
+
+
+RAYS_AT_ONCE = 5000  # that are traced together: so often Esc is heard
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """The light of points (n), in their order.
+
+    is_seen : (n,) lies the point within the viewer's image?
+    reason : (n,) of Reason; of points out of sight BLOCKED
+    branch : (n,) the way of the light, 0 where it ended on the way
+    positions : (n, 3) m, of the ends
+    has_leaked : (n,) through a gap in open glass
+    into_glass, out_of_glass : (n, 3) m, first and last meeting with glass, NaN where there is none
+    at_plate : (n, 3) m, first meeting with the plate that was asked about, NaN where there is none
+    """
+
+    is_seen: Bools
+    reason: NDArray[np.uint8]
+    branch: NDArray[np.uint64]
+    positions: Floats
+    has_leaked: Bools
+    into_glass: Floats
+    out_of_glass: Floats
+    at_plate: Floats
+
+    @property
+    def has_arrived(self) -> Bools:
+        """(n,) is the point seen, and has its light a landing on the display?"""
+        return self.is_seen & (self.reason == Reason.ARRIVED)
+
+    def lost(self, weight: Floats) -> dict[str, float]:
+        """Shares of the weight (n,) in sight that do not arrive, by reason in words; light that
+        went through a gap has no other one.
+        """
+        seen = np.where(self.is_seen, weight, 0.0)
+        whole = max(float(seen.sum()), np.finfo(float).tiny)
+        by_reason = {
+            word: float(seen[~self.has_leaked & (self.reason == number)].sum()) / whole
+            for number, word in REASON_WORDS.items()
+        }
+        is_in_gap = self.has_leaked & (self.reason != Reason.ARRIVED)
+        by_reason[BY_GAPS] = float(seen[is_in_gap].sum()) / whole
+        return {word: share for word, share in by_reason.items() if share > 0}
+
+
+def together(lights: Sequence[Light]) -> Light:
+    """The light of several viewers as one, the points of each behind those of the one before."""
+    return Light(
+        **{
+            field.name: np.concatenate([getattr(light, field.name) for light in lights])
+            for field in fields(Light)
+        }
+    )
+
+
+def light_of(
+    plan: Plan, points: Floats, plate: Outline | None = None
+) -> Generator[float, None, Light]:
+    """Follow the viewer's rays straight through points (n, 3), m; yields progress 0..1.
+
+    plate : the outline of a plate, whose meetings are noted
+    """
+    viewer = plan.viewer
+    xy = viewer.project(points)
+    is_seen = ((xy >= 0) & (xy <= (viewer.width, viewer.height))).all(axis=1)  # false for NaN too
+    light = Light(
+        is_seen=is_seen,
+        reason=np.full(len(points), Reason.BLOCKED, np.uint8),
+        branch=np.zeros(len(points), np.uint64),
+        positions=np.full((len(points), 3), np.nan),
+        has_leaked=np.zeros(len(points), bool),
+        into_glass=np.full((len(points), 3), np.nan),
+        out_of_glass=np.full((len(points), 3), np.nan),
+        at_plate=np.full((len(points), 3), np.nan),
+    )
+
+    seen = np.flatnonzero(is_seen)
+    origins, directions = viewer.rays(xy[seen])
+    for first in range(0, len(seen), RAYS_AT_ONCE):
+        some = slice(first, first + RAYS_AT_ONCE)
+        steps: list[Step] = []
+        found = yield from at(
+            first / len(seen), tracing(plan, origins[some], directions[some], steps=steps)
+        )
+        of = seen[some]
+        landings = main_landings(found, len(of))
+        light.reason[of] = landings.reason
+        light.branch[of] = landings.branch
+        light.positions[of] = landings.positions
+        light.has_leaked[of] = landings.leak >= 0
+        _note_meetings(plan, light, of, steps)
+        if plate is not None:
+            _note_plate(plan, light, of, steps, plate)
+
+    return light
+
+
+def _note_meetings(plan: Plan, light: Light, of: Ints, steps: list[Step]) -> None:
+    """Write down where rays, those of points `of`, met glass."""
+    for step in steps:
+        is_glass = _kind(plan, step) == Kind.GLASS
+        ray = of[step.rays[is_glass]]
+        place = step.place[is_glass]
+        is_new = np.isnan(light.into_glass[ray, 0])
+        light.into_glass[ray[is_new]] = place[is_new]
+        light.out_of_glass[ray] = place
+
+
+def _note_plate(plan: Plan, light: Light, of: Ints, steps: list[Step], plate: Outline) -> None:
+    """Write down where rays, those of points `of`, first met a plate."""
+    normal = np.cross(*plate.axes)
+    for step in steps:
+        off = np.abs((step.place - plate.middle) @ normal)
+        is_here = (_kind(plan, step) == Kind.PLATE) & (off <= IS_FLAT * plate.half.max())
+        ray = of[step.rays[is_here]]
+        is_new = np.isnan(light.at_plate[ray, 0])
+        light.at_plate[ray[is_new]] = step.place[is_here][is_new]
+
+
+def _kind(plan: Plan, step: Step) -> Ints:
+    """The kind of part (h,) that each ray of a step met."""
+    return plan.parts.kind[plan.triangles.part[step.triangle]]
+
+
+SEVERAL = Message("several parts of the picture")
+# by row, from the lowest, and column
+PARTS = (
+    (
+        Message("the picture's lower left corner"),
+        Message("the picture's lower side"),
+        Message("the picture's lower right corner"),
+    ),
+    (
+        Message("the picture's left side"),
+        Message("the picture's middle"),
+        Message("the picture's right side"),
+    ),
+    (
+        Message("the picture's upper left corner"),
+        Message("the picture's upper side"),
+        Message("the picture's upper right corner"),
+    ),
+)
+THIRDS = 1 / 3, 2 / 3  # of the picture's sides
+MOST = 0.95  # share of the light without its outermost part
+
+
+@dataclass(frozen=True)
+class LightRays:
+    """How a picture's light is followed, and told about.
+
+    n_grid : points along each edge of a triangle of the picture
+    named_share : of the outermost light, that has to come from a
+        part of the picture for that part to be named
+    """
+
+    n_grid: int = 128
+    named_share: float = 0.5
+
+
+LIGHT_RAYS = LightRays()
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """The light of a picture on the plane of its display.
+
+    places : (n, 2) in the picture's UV
+    across : (n, 2) m, along the display's width and height, from its middle to the landings
+    weight : (n,) share of the picture
+    beside : (m, 2) as places, of light that lands beside the display
+    beside_weight : (m,) share of the picture
+    lost : shares of the picture that do not arrive, by reason; the
+        part out of the viewer's sight does not count
+    leaked : share of the picture that arrives through gaps in open glass
+    """
+
+    places: Floats
+    across: Floats
+    weight: Floats
+    beside: Floats
+    beside_weight: Floats
+    lost: dict[str, float]
+    leaked: float
+
+    @property
+    def unseen(self) -> dict[str, float]:
+        """As `lost`, with light that arrives through gaps: nobody knows that it is seen."""
+        leaked = self.lost.get(BY_GAPS, 0.0) + self.leaked
+        return {**self.lost, BY_GAPS: leaked} if leaked else self.lost
+
+    def width(self, aspect: float, share: float = 1.0) -> float:
+        """Width, m, of a display, `aspect` times as wide as high,
+        on which this share of the arriving light lands.
+        """
+        if not len(self.across):
+            return 0.0
+        half = self._half_widths(aspect)
+        order = np.argsort(half)
+        within = np.cumsum(self.weight[order])
+        last = np.searchsorted(within, share * within[-1]) if share < 1 else len(order) - 1
+        return 2 * float(half[order[last]])
+
+    def outermost(self, aspect: float) -> Message:
+        """From which part of the picture the light comes that lands
+        furthest from the display's middle, in words.
+        """
+        is_far = 2 * self._half_widths(aspect) > self.width(aspect, MOST)
+        return part_of_picture(self.places[is_far], self.weight[is_far])
+
+    def _half_widths(self, aspect: float) -> Floats:
+        return np.maximum(np.abs(self.across[:, 0]), np.abs(self.across[:, 1]) * aspect)
+
+
+def part_of_picture(places: Floats, weight: Floats) -> Message:
+    """The part of a picture in which most of these places (n,
+    2) lie, in its UV, by their weight (n,), in words.
+    """
+    if not len(places):
+        return SEVERAL
+
+    # the light of each of nine parts
+    column, row = np.digitize(places, THIRDS).T
+    of_part = np.zeros((3, 3))
+    np.add.at(of_part, (row, column), weight / weight.sum())
+
+    # one part alone
+    row, column = np.unravel_index(of_part.argmax(), (3, 3))
+    if of_part[row, column] >= LIGHT_RAYS.named_share:
+        return PARTS[row][column]
+
+    # or a whole side
+    sides = {
+        PARTS[0][1]: of_part[0],
+        PARTS[2][1]: of_part[2],
+        PARTS[1][0]: of_part[:, 0],
+        PARTS[1][2]: of_part[:, 2],
+    }
+    side = max(sides, key=lambda words: sides[words].sum())
+    return side if sides[side].sum() >= LIGHT_RAYS.named_share else SEVERAL
+
+
+def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:
+    """Points (n, 3) spread evenly over the triangles of a picture,
+    their UV (n, 2) and the area (n,) each stands for.
+    """
+    return points_over(place.mesh.corners, place.mesh.uv, n or LIGHT_RAYS.n_grid)
+
+
+def points_over(corners: Floats, uv: Floats, n: int) -> tuple[Floats, Floats, Floats]:
+    """The same over triangles (t, 3, 3), with UV (t, 3, 2), by n points along each edge.
+
+    A triangle is divided into small ones; a third of each belongs to each of its corners.
+    """
+    # the corners of the small ones, by barycentric coordinates
+    a, b = (x.ravel() for x in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
+    a, b = a[a + b <= n], b[a + b <= n]
+    c = n - a - b
+    n_at_borders = (a == 0).astype(int) + (b == 0) + (c == 0)
+    area = np.array([6, 3, 1])[n_at_borders] / (3 * n**2)
+
+    weights = np.stack([a, b, c], axis=1) / n
+    points, at = (
+        np.einsum("pk,tkc->tpc", weights, x).reshape(-1, x.shape[-1]) for x in (corners, uv)
+    )
+    return points, at, (areas_of(corners)[:, None] * area).ravel()
+
+
+def small_triangles(n: int, n_triangles: int) -> Ints:
+    """The small triangles (m, 3) of `points_over`, as numbers of its points."""
+    b, a = np.indices((n + 1, n + 1)).reshape(2, -1)
+    b, a = b[a + b <= n], a[a + b <= n]
+    number = np.full((n + 2, n + 2), -1)
+    number[b, a] = np.arange(len(a))
+    b, a = b[a + b < n], a[a + b < n]
+    lower = np.stack([number[b, a], number[b, a + 1], number[b + 1, a]], axis=1)
+    upper = np.stack([number[b, a + 1], number[b + 1, a + 1], number[b + 1, a]], axis=1)
+    one = np.concatenate([lower, upper[(upper >= 0).all(axis=1)]])
+    n_points = (n + 1) * (n + 2) // 2
+    return (n_points * np.arange(n_triangles)[:, None, None] + one).reshape(-1, 3)
+
+
+def spread_of(plan: Plan, display_frame: Floats) -> Generator[float, None, Spread]:
+    """Trace the light of the picture, which faces the viewer; yields progress 0..1.
+
+    Parameters
+    ----------
+    plan : of a rig whose display is as large as allowed
+    display_frame : (4, 4) of the display, m
+    """
+    points, uv, area = points_of(plan.rig.picture_place)
+    light = yield from light_of(plan, points)
+    return spread_in(light, uv, area, display_frame)
+
+
+def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> Spread:
+    """The spread of light that was traced already.
+
+    Parameters
+    ----------
+    uv, area : (n, 2) and (n,) of the light's points, as by `points_of`
+    display_frame : (4, 4) of the display, m
+    """
+    seen = np.where(light.is_seen, area, 0.0)
+    weight = seen / max(seen.sum(), np.finfo(float).tiny)
+    across = (light.positions - display_frame[:3, 3]) @ display_frame[:3, :2]
+    arrived = light.has_arrived
+    beside = light.is_seen & (light.reason == Reason.MISSED_DISPLAY)
+    return Spread(
+        places=uv[arrived],
+        across=across[arrived],
+        weight=weight[arrived],
+        beside=uv[beside],
+        beside_weight=weight[beside],
+        lost=light.lost(weight),
+        leaked=float(weight[arrived & light.has_leaked].sum()),
+    )
+
 
 PlanOf = Callable[[Rig], Plan]
 

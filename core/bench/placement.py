@@ -1,8 +1,15 @@
-"""Where the parts of a new rig with a plate stand, and how large they are. Lengths in m.
+"""Places and sizes, in m, of the parts of a new rig with or without a plate, or of one made anew.
 
-The viewer looks along f; the picture stands in the glass's centre c and faces the viewer; the plate
-stands at c + D f. The display stands where the plate images the picture: at its mirror image in the
+With a plate: the viewer looks along f; the picture stands in the glass's centre c and faces the
+viewer; the plate stands at c + D f. The display stands at the mirror image of the picture in the
 plate, turned as a mirror turns it.
+
+Without one: the viewer looks through the glass's centre at the display, which stands upright behind
+the glass, or lies under it for a viewer who looks down steeply. The picture is where the display
+is.
+
+So each of picture, plate and display follows from the other two: a part that was deleted is made
+anew there.
 """
 
 from dataclasses import dataclass, replace
@@ -10,9 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.vectors import dot
+from ..base.errors import RigError
+from ..base.vectors import dot, normalise
+from ..glass.meshes import box_of
+from ..light.display import affine_fit
 from ..light.optics import reflect
 from ..rig.rig import Display, Mesh, PicturePlace, Plate, Rig, Viewer
+from .part_sizes import plate_outline
 
 
 @dataclass(frozen=True)
@@ -226,3 +237,220 @@ def lattice(pixels: int = 1024, n: int = 7) -> np.ndarray:
     for k, colour in enumerate((1.0, weight[None, :], weight[:, None])):
         picture[..., k] = disc * colour
     return picture
+
+
+@dataclass(frozen=True)
+class StraightBench:
+    """The bench without a plate, for a glass of any size.
+
+    lies_from : rad, of the viewer's look down: from there on the display lies under the glass
+    gap_share : of the glass's depth, the way from its back to an upright display: light through the
+        middle of a ball of index 1.5 then lands as far from the axis as it came. Glass lies on a
+        display that lies
+    lift_share : of the picture, by which it stands before the display, so
+        that both can be seen and selected
+    """
+
+    lies_from: float = np.pi / 4
+    gap_share: float = 1.0
+    lift_share: float = 0.01
+
+
+STRAIGHT_BENCH = StraightBench()
+
+
+def propose_behind(bounds: Floats, wishes: Wishes, aim: Floats | None = None) -> Proposal:
+    """A rig without a plate, around glass within these bounds (2, 3), world, m.
+
+    aim : bounds (2, 3) of the glass of which the viewer looks at the middle, where it is not
+        all of it: between two glasses there is none. The display is behind all of it
+    """
+    bench = STRAIGHT_BENCH
+    aim = bounds if aim is None else aim
+    centre = (aim[0] + aim[1]) / 2
+    corners, of_aim = (
+        np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3) - centre for box in (bounds, aim)
+    )
+
+    # the viewer's axes
+    level = np.array([-np.sin(wishes.azimuth), np.cos(wishes.azimuth), 0.0])
+    right = np.array([np.cos(wishes.azimuth), np.sin(wishes.azimuth), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    down, along = np.sin(wishes.look_down), np.cos(wishes.look_down)
+    forward = along * level - down * up
+    upward = down * level + along * up
+
+    # sizes of the glass, as the viewer sees it, and how far it reaches to the display
+    lies = wishes.look_down >= bench.lies_from - 1e-6
+    away = -up if lies else level
+    width, height, depth = (float(np.ptp(of_aim @ axis)) for axis in (right, upward, away))
+    # all of it is in sight
+    wide = 2 * max(float(np.abs(corners @ axis).max()) for axis in (right, upward))
+    grow = max(1.0, wide / REFERENCE_BENCH.large_m)
+    gap = wishes.distance or (0.0 if lies else bench.gap_share * depth)
+    way = (float((corners @ away).max()) + gap) / float(away @ forward)
+
+    # what is seen at the glass is seen larger further away
+    distance = wishes.viewer_distance or REFERENCE_BENCH.viewer_distance_m * grow
+    seen = REFERENCE_BENCH.picture_share * (min(width, height) or wide)
+    picture = wishes.picture or seen * (distance + way) / distance
+    at = centre + way * forward
+    upright = level if lies else up
+    most = REFERENCE_BENCH.most_display * picture * max(wishes.aspect, 1.0)
+
+    return Proposal(
+        placement=Placement(
+            viewer=frame(right, upward, centre - distance * forward),
+            picture=frame(right, upright, at - bench.lift_share * picture * away),
+            plate=None,
+            display=frame(right, upright, at),
+        ),
+        viewer_distance=distance,
+        field=wishes.field or wide,
+        plate=0.0,
+        picture=picture,
+        display=wishes.display or wishes.max_display or most,
+    )
+
+
+LEAST = 1e-6  # of a frame's place: nearer ones are in the same
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """Where a part stands, and how large it is.
+
+    frame : (4, 4) columns right, up, front, position, world
+    side : m, of a picture or a plate; the shorter one of a display; the width that a viewer sees
+    distance : m, of a viewer from what it sees
+    """
+
+    frame: Floats
+    side: float
+    distance: float = 0.0
+
+
+def stand_of(role: str, rig: Rig) -> Stand:
+    """Where a part of a role is to be made, in a rig that has none of it.
+
+    Raises
+    ------
+    RigError : too little is left of the rig to tell
+    """
+    makers = {"DISPLAY": _display, "PICTURE": _picture, "PLATE": _plate, "VIEWER": _viewer}
+    if not rig.glasses:
+        raise _too_little()
+    return makers[role](rig)
+
+
+def _too_little() -> RigError:
+    return RigError(
+        "Too little is left of the rig to tell where the part stands: press Undo, or remove the rig"
+        " and add it again."
+    )
+
+
+def _display(rig: Rig) -> Stand:
+    picture = _picture_left(rig) or _in_glass(rig)
+    if rig.plates:
+        return Stand(_mirrored(picture.frame, rig), picture.side)
+    lift = STRAIGHT_BENCH.lift_share * picture.side
+    return Stand(_shifted(picture.frame, -lift), picture.side)
+
+
+def _picture(rig: Rig) -> Stand:
+    in_glass = _in_glass(rig)
+    if not rig.displays:
+        return in_glass
+    shown = _frame_of(rig.display.mesh)
+    if rig.plates:
+        return Stand(_mirrored(shown, rig), in_glass.side)
+    return Stand(_shifted(shown, STRAIGHT_BENCH.lift_share * in_glass.side), in_glass.side)
+
+
+def _plate(rig: Rig) -> Stand:
+    """Half way between picture and display, before the viewer's eyes."""
+    picture = (_picture_left(rig) or _in_glass(rig)).frame
+    if not rig.displays:
+        raise _too_little()
+    way = _frame_of(rig.display.mesh)[:3, 3] - picture[:3, 3]
+    if np.linalg.norm(way) <= LEAST * _wide(rig):
+        raise _too_little()
+
+    normal = normalise(way)
+    middle = picture[:3, 3] + way / 2
+    if rig.viewers:
+        sight = normalise(picture[:3, 3] - rig.viewers[0].position)
+        steep = sight @ normal
+        if steep > LEAST:
+            middle = picture[:3, 3] + sight * (np.linalg.norm(way) / 2 / steep)
+    right = picture[:3, 0]
+    right = normalise(right - (right @ normal) * normal)
+    side = REFERENCE_BENCH.plate_m * _grow(rig)
+    return Stand(frame(right, np.cross(normal, right), middle), side)
+
+
+def _viewer(rig: Rig) -> Stand:
+    """In front of the picture, as far from the glass's middle as Add Rig has it."""
+    picture = (_picture_left(rig) or _in_glass(rig)).frame
+    distance = REFERENCE_BENCH.viewer_distance_m * _grow(rig)
+    to_glass = (_bounds(rig).mean(axis=0) - picture[:3, 3]) @ picture[:3, 2]
+    return Stand(_shifted(picture, distance + to_glass), _wide(rig), distance)
+
+
+def _picture_left(rig: Rig) -> Stand | None:
+    """The picture that is there; None for one in the viewer's own pixels, too."""
+    mesh = rig.picture_place.mesh if rig.pictures else None
+    if mesh is None:
+        return None
+    fit, _ = affine_fit(mesh.uv.reshape(-1, 2), mesh.corners.reshape(-1, 3))
+    return Stand(_frame_of(mesh), float(np.linalg.norm(fit[:2], axis=1).min()))
+
+
+def _in_glass(rig: Rig) -> Stand:
+    """A picture in the middle of the glass, which faces the viewer, or whoever looks along +y."""
+    right, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    if rig.viewers:
+        right, up, _ = rig.viewers[0].axes
+    low, high = _bounds(rig)
+    corners = np.stack(np.meshgrid(*_bounds(rig).T), axis=-1).reshape(-1, 3)
+    width, height = (float(np.ptp(corners @ np.asarray(axis))) for axis in (right, up))
+    side = REFERENCE_BENCH.picture_share * (min(width, height) or max(width, height))
+    return Stand(frame(np.asarray(right), np.asarray(up), (low + high) / 2), side)
+
+
+def _bounds(rig: Rig) -> Floats:
+    return box_of(np.concatenate([glass.mesh.bounds for glass in rig.glasses]))
+
+
+def _wide(rig: Rig) -> float:
+    return float(np.ptp(_bounds(rig), axis=0).max())
+
+
+def _grow(rig: Rig) -> float:
+    return max(1.0, _wide(rig) / REFERENCE_BENCH.large_m)
+
+
+def _frame_of(mesh: Mesh) -> Floats:
+    """The frame of a flat rectangle, by its UV: right along u, up along v."""
+    uv = mesh.uv.reshape(-1, 2)
+    fit, _ = affine_fit(uv, mesh.corners.reshape(-1, 3))
+    right = normalise(fit[0])
+    up = normalise(fit[1] - (fit[1] @ right) * right)
+    return frame(right, up, (uv.min(axis=0) + uv.max(axis=0)) / 2 @ fit[:2] + fit[2])
+
+
+def _mirrored(of: Floats, rig: Rig) -> Floats:
+    """A frame's mirror image in the rig's first plate."""
+    plate = plate_outline(rig.plates[0])
+    normal = np.cross(*plate.axes)
+    right, up, _, at = of[:3].T
+    at = at + 2 * ((plate.middle - at) @ normal) * normal
+    return frame(reflect(right, normal), reflect(up, normal), at)
+
+
+def _shifted(of: Floats, along: float) -> Floats:
+    """A frame that is moved along its front."""
+    moved = of.copy()
+    moved[:3, 3] += along * of[:3, 2]
+    return moved

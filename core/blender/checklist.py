@@ -13,7 +13,7 @@ from ..base.messages import Message, as_message, joined
 from ..base.numbers import millimetres
 from ..base.words import percent
 from ..bench.measured_remedies import MOVE_TO_GLASS, SMOOTH_GLASS
-from ..bench.spread import MOST
+from ..bench.picture_light import MOST
 from ..light.landings import REASON_WORDS, Reason
 from ..solve.legibility import READABLE, illegible
 from .bodies import on_no_place

@@ -19,7 +19,9 @@ import numpy as np
 from atlas_reader import Atlas as Reader
 from bench.solve import brought
 from kiriko.core.base.steps import finish
-from kiriko.core.lab.atlas import atlas_plan, head_map, making
+from kiriko.core.lab.atlas import atlas as atlas_plan
+from kiriko.core.lab.atlas import atlas as making
+from kiriko.core.lab.atlas import head_map
 from kiriko.core.lab.atlas.atlas import Atlas, random_heads
 from kiriko.core.lab.atlas.heads import HeadBox
 from kiriko.core.rig.settings import Settings

@@ -37,10 +37,16 @@ from bench import atlas, farm_jobs, farm_movies
 from environments import as_module, clean_environment, python_path
 from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
-from kiriko.core.lab.warp.channel_maps import ChannelMaps, maps_of
-from kiriko.core.lab.warp.files import names_of, write_maps
-from kiriko.core.lab.warp.options import FORMATS, TIMES, MapOptions
-from kiriko.core.lab.warp.tables import ffmpeg_command
+from kiriko.core.lab.warp.map_files import (
+    FORMATS,
+    TIMES,
+    ChannelMaps,
+    MapOptions,
+    ffmpeg_command,
+    maps_of,
+    names_of,
+    write_maps,
+)
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known import map_uv

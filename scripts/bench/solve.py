@@ -31,7 +31,7 @@ import numpy as np
 from kiriko.core.base.stages import SHARES, spans
 from kiriko.core.base.steps import finish
 from kiriko.core.image.ghosts import Paths
-from kiriko.core.lab.measure.choices import measure_choices
+from kiriko.core.lab.measure.work_precision import measure_choices
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings

@@ -17,8 +17,7 @@ import numpy as np
 from mathutils import Euler, Matrix
 
 from kiriko.core.base.arrays import Floats
-from kiriko.core.bench.behind import propose_behind
-from kiriko.core.bench.placement import Placement, Wishes, place
+from kiriko.core.bench.placement import Placement, Wishes, place, propose_behind
 from kiriko.core.blender.shaders import show_picture
 
 from .shapes import BROUGHT, fitting, mesh_of

@@ -12,8 +12,7 @@ import numpy as np
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.bench.offset import TOLERANCES, Parameter
-from kiriko.core.lab.calibrate.extra_photograph import extra_photographs
-from kiriko.core.lab.calibrate.fit import fit
+from kiriko.core.lab.calibrate.fit import extra_photographs, fit
 from kiriko.core.lab.calibrate.misalignment import Bench, spread
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings

@@ -224,7 +224,7 @@ def test_maps_that_memory_does_not_hold_are_refused(
 ) -> None:
     """Before any work, with a remedy."""
     small_rig()
-    options = importlib.import_module(f"{kiriko.__name__}.core.lab.warp.options")
+    options = importlib.import_module(f"{kiriko.__name__}.core.lab.warp.map_files")
     monkeypatch.setattr(options, "BYTES", 1e15)
     with pytest.raises(RuntimeError, match=r"Exporting maps would take about .* GB of memory"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path), formats={"NPZ"})

@@ -14,10 +14,12 @@ import pytest
 from kiriko.core.base.errors import ImageError, RigError
 from kiriko.core.base.messages import Message
 from kiriko.core.base.steps import finish
+from kiriko.core.lab.atlas import atlas as atlas_plan
 from kiriko.core.lab.atlas import atlas as atlases
-from kiriko.core.lab.atlas import atlas_plan, head_map, making
+from kiriko.core.lab.atlas import atlas as making
+from kiriko.core.lab.atlas import head_map
+from kiriko.core.lab.atlas.head_map import _Line, _worst_between, map_at, refine
 from kiriko.core.lab.atlas.heads import HeadBox, HeadGrid, check_viewer, viewer_at
-from kiriko.core.lab.atlas.refine import _Line, _worst_between, map_at, refine
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.closed_forms import landing, through_slab

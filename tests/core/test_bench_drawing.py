@@ -11,9 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kiriko.core.lab.calibrate.drawn import Lattice
-from kiriko.core.lab.drawing.bench import SCALES, draw_bench
-from kiriko.core.lab.drawing.datum import find_datum, standing
-from kiriko.core.lab.drawing.outlines import contour, rectangle
+from kiriko.core.lab.drawing.bench import (
+    SCALES,
+    contour,
+    draw_bench,
+    find_datum,
+    rectangle,
+    standing,
+)
 from kiriko.core.lab.drawing.seen import draw_seen
 from kiriko.core.lab.drawing.sheet import SIZES
 from kiriko.core.rig.rig import Rig

@@ -5,15 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import kiriko.core.bench.turn_back as search
+import kiriko.core.bench.best_place as search
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.best_place import PLACE_SEARCH, Limits, best_place
+from kiriko.core.bench.best_place import (
+    PLACE_SEARCH,
+    TURN_SEARCH,
+    Limits,
+    best_place,
+    turn_back,
+    turn_of,
+    with_glass_turned,
+    with_rest_turned,
+)
 from kiriko.core.bench.offset import moved
 from kiriko.core.bench.picture_light import traced
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
-from kiriko.core.bench.rotated_rig import turn_of, with_glass_turned, with_rest_turned
-from kiriko.core.bench.turn_back import TURN_SEARCH, turn_back
 from kiriko.core.glass.motion import Motion
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.rig.settings import Settings

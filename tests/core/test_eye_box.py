@@ -10,9 +10,21 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.lab.atlas.heads import viewer_at
-from kiriko.core.lab.measure.eye_box import EDGE, N_POINTS, WAYS, EyeBox, Walk, eye_box
-from kiriko.core.lab.measure.eye_box_curves import BEYOND, as_data, as_svg, curves_of
-from kiriko.core.lab.measure.eye_box_surface import MOST, octahedron, surface_of
+from kiriko.core.lab.measure.eye_box import (
+    BEYOND,
+    EDGE,
+    MOST,
+    N_POINTS,
+    WAYS,
+    EyeBox,
+    Walk,
+    as_data,
+    as_svg,
+    curves_of,
+    eye_box,
+    octahedron,
+    surface_of,
+)
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rig

@@ -12,8 +12,7 @@ from kiriko.core.base.errors import ImageError, RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
 from kiriko.core.lab.farm import extension, join
-from kiriko.core.lab.farm.atlas_job import AtlasJob
-from kiriko.core.lab.farm.job import Choice, Job, parameter_values
+from kiriko.core.lab.farm.job import AtlasJob, Choice, Job, parameter_values
 
 FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)
 RIGS = tuple(Choice(name, name.lower()) for name in ("Rig", "Rig.001"))

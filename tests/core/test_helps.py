@@ -9,9 +9,9 @@ import pytest
 from kiriko.core.base.numbers import millimetres
 from kiriko.core.base.steps import finish
 from kiriko.core.bench import measured_remedies
-from kiriko.core.bench.flat import outline_of
 from kiriko.core.bench.measured_remedies import Help, what_helps
 from kiriko.core.bench.part_sizes import Fitted, fit_plate
+from kiriko.core.bench.picture_light import outline_of
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
 from kiriko.core.rig.settings import Settings

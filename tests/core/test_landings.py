@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.bench import light as bench_light
-from kiriko.core.bench import spread
+from kiriko.core.bench import picture_light
+from kiriko.core.bench import picture_light as bench_light
 from kiriko.core.image import glare, simulation, source_image
 from kiriko.core.image.simulation import plate_view, simulate
 from kiriko.core.image.source_image import splat
@@ -242,7 +242,7 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
                 bench.seen(off),
                 bench.sensitivity()[0],
                 drain(visible_range.visible_range(plan)).share,
-                drain(spread.spread_of(plan, np.eye(4))).across,
+                drain(picture_light.spread_of(plan, np.eye(4))).across,
             ]
         )
 

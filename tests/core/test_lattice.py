@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import ImageError
-from kiriko.core.lab.calibrate.check import check, check_way
 from kiriko.core.lab.calibrate.drawn import Lattice
-from kiriko.core.lab.calibrate.file import read_points
+from kiriko.core.lab.calibrate.file import check, check_way, read_points
 from kiriko.core.lab.calibrate.match import match
 from kiriko.core.lab.calibrate.misalignment import Bench
 from kiriko.core.lab.calibrate.photograph import find_points

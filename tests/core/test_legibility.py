@@ -7,10 +7,14 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.bench import measured_remedies as helps_module
-from kiriko.core.bench.behind import propose_behind
-from kiriko.core.bench.measured_remedies import WORTH_READING, legible_by, with_help
-from kiriko.core.bench.nearer import nearer, way_to_glass
-from kiriko.core.bench.placement import Wishes, rig_of, viewer_of
+from kiriko.core.bench.measured_remedies import (
+    WORTH_READING,
+    legible_by,
+    nearer,
+    way_to_glass,
+    with_help,
+)
+from kiriko.core.bench.placement import Wishes, propose_behind, rig_of, viewer_of
 from kiriko.core.glass.smoothed import vertex_normals
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.legibility import READABLE, card, card_legibility, likeness

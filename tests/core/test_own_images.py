@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.lab.measure.charts import showing
+from kiriko.core.lab.measure.reference import showing
 from kiriko.core.lab.measure.viewer_errors import viewer_reports
 from kiriko.core.lab.warp.stmap import warp_map
 from kiriko.core.native import loading

@@ -7,9 +7,17 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.flat import outline_of
-from kiriko.core.bench.part_sizes import ROOM, Wanted, fit_display, fit_plate, plate_outline
-from kiriko.core.bench.picture_room import fit_picture, plane_of, resized
+from kiriko.core.bench.part_sizes import (
+    ROOM,
+    Wanted,
+    fit_display,
+    fit_picture,
+    fit_plate,
+    plane_of,
+    plate_outline,
+    resized,
+)
+from kiriko.core.bench.picture_light import outline_of
 from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.rig.settings import Settings

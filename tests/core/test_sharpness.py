@@ -6,7 +6,7 @@ from math import erf
 import numpy as np
 import pytest
 
-from kiriko.core.lab.measure.sharpness import BRIGHT, DARK, TILT, mtf50, sharpness
+from kiriko.core.lab.measure.viewer_errors import BRIGHT, DARK, TILT, mtf50, sharpness
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, lattice_image

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
+from kiriko.core.bench.picture_light import SEVERAL, Spread, part_of_picture, points_of, spread_of
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
-from kiriko.core.bench.spread import SEVERAL, Spread, part_of_picture, points_of, spread_of
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
 from kiriko.core.rig.settings import Settings

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.initial_placement import Request, settle
-from kiriko.core.bench.largest_square import SEARCH, Bundle, grid_over
+from kiriko.core.bench.initial_placement import SEARCH, Bundle, Request, grid_over, settle
+from kiriko.core.bench.picture_light import Spread
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
-from kiriko.core.bench.spread import Spread
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

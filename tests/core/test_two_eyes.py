@@ -13,8 +13,14 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.files.png import encoded
 from kiriko.core.lab.measure.places_seen import Look, grid_of, places_seen
-from kiriko.core.lab.measure.two_eyes import angles_between, nearest_between, sights_of, two_eyes
-from kiriko.core.lab.measure.two_eyes_drawing import as_data, as_svg
+from kiriko.core.lab.measure.two_eyes import (
+    angles_between,
+    as_data,
+    as_svg,
+    nearest_between,
+    sights_of,
+    two_eyes,
+)
 from kiriko.core.lab.measure.viewer_errors import displaced
 from kiriko.core.rig.rig import PicturePlace
 from kiriko.core.rig.settings import Settings

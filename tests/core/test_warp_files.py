@@ -8,9 +8,17 @@ import pytest
 
 from kiriko.core.base.errors import ImageError
 from kiriko.core.files import image_io
-from kiriko.core.lab.warp.channel_maps import description, maps_of
-from kiriko.core.lab.warp.files import CHANNELS, earlier_files, names_of, remove_earlier, write_maps
-from kiriko.core.lab.warp.options import FORMATS, MapOptions
+from kiriko.core.lab.warp.map_files import (
+    CHANNELS,
+    FORMATS,
+    MapOptions,
+    description,
+    earlier_files,
+    maps_of,
+    names_of,
+    remove_earlier,
+    write_maps,
+)
 from known.known_maps import asked_for, maps_by, straight, turned
 from known.reference_rigs import ball_rig, cube_rig
 from known.warp_readers import bilinear, data, drawn, obj, pgm, ramp, remapped, sampled

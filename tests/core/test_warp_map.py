@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.lab.warp.channel_maps import maps_of
-from kiriko.core.lab.warp.files import suffixes
-from kiriko.core.lab.warp.grid import middles, nodes
-from kiriko.core.lab.warp.options import FORMATS, MapOptions
-from kiriko.core.lab.warp.stmap import view_stmap, warp_map
-from kiriko.core.lab.warp.view_from_display import view_from_display
-from kiriko.core.lab.warp.warp_mesh import mesh_grid
+from kiriko.core.lab.warp.map_files import FORMATS, MapOptions, maps_of, suffixes
+from kiriko.core.lab.warp.stmap import mesh_grid, view_stmap, warp_map
+from kiriko.core.lab.warp.view_from_display import middles, nodes, view_from_display
 from kiriko.core.light.trace import trace
 from kiriko.core.map.points import in_triangles
 from known.closed_forms import landing, through_ball, through_slab

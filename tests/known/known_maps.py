@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from kiriko.core.lab.warp.channel_maps import ChannelMaps
-from kiriko.core.lab.warp.stmap import STMap
-from kiriko.core.lab.warp.warp_mesh import WarpMesh
+from kiriko.core.lab.warp.map_files import ChannelMaps
+from kiriko.core.lab.warp.stmap import STMap, WarpMesh
 
 
 def straight(x, y):

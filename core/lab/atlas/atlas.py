@@ -1,20 +1,28 @@
-"""An atlas: a folder of warp maps over a grid of heads, with an index that a reader needs alone."""
+"""An atlas: a folder of warp maps over a grid of heads, with an index; planned, made, checked."""
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...base.errors import MALFORMED, ImageError
+from ...base.errors import MALFORMED, ImageError, RigError
+from ...base.fingerprint import fingerprint
 from ...base.messages import Message
 from ...base.numbers import number
+from ...base.steps import within
 from ...files import disk
 from ...rig.rig import Rig
+from ...rig.settings import Settings
 from ...rig.viewer import Viewer
+from ...solve.session import Session
+from . import head_map
+from .head_map import HeadMap, Refined, check, map_at, refine, solved_at
 from .heads import AXES, HeadBox, HeadGrid, Offset
-from .refine import Refined
 
 INDEX = "index.json"
 FORM = 1  # of the index
@@ -194,3 +202,308 @@ def amount(atlas: Atlas) -> Message:
     width, height = atlas.display_size
     most = n * width * height * BYTES_A_PIXEL / 1e6
     return Message("{atlas}, and up to {mb} MB of source images", atlas=told, mb=number(most))
+
+
+SaveImage = Callable[[Path, NDArray[np.float32]], None]
+CHECKED = 8  # heads
+
+
+@dataclass(frozen=True, eq=False)
+class Making:
+    """What an atlas is made of, and where.
+
+    viewer : of the rig, whose head moves
+    known : maps that planning traced, by their files' names; each is let go when it is written
+    save_image : writes a source image to a new file; None where none can be written
+    has_images : are source images asked for?
+    """
+
+    session: Session
+    rig: Rig
+    viewer: Viewer
+    settings: Settings
+    folder: Path
+    save_image: SaveImage | None = None
+    has_images: bool = False
+    known: dict[str, HeadMap] = field(default_factory=dict)
+
+    @cached_property
+    def key(self) -> str:
+        """Fingerprint of all that the maps depend on."""
+        rig = replace(self.rig, pictures=(self.rig.picture_place,))
+        return fingerprint(rig, self.viewer, self.settings.of_optics)
+
+    @cached_property
+    def image_key(self) -> str:
+        """The same, of the source images."""
+        return fingerprint(self.rig, self.viewer, self.settings)
+
+    def at(self, offset: Offset) -> Generator[float, None, HeadMap]:
+        """The map of the head at an offset; yields progress 0..1."""
+        return map_at(self.session, self.rig, self.viewer, self.settings, offset)
+
+
+def missing(folder: Path, atlas: Atlas) -> list[int]:
+    """The numbers of the places whose files are not there, whole files as they all are."""
+    names = zip(atlas.maps, atlas.images or atlas.maps, strict=True)
+    return [k for k, files in enumerate(names) if not all((folder / f).exists() for f in files)]
+
+
+def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[float, None, int]:
+    """Write the files of places, by their numbers; yields progress 0..1, returns how many were
+    missing.
+    """
+    wanted = sorted(set(numbers) & set(missing(making.folder, atlas)))
+    offsets, maps, images = atlas.grid.offsets(), atlas.maps, atlas.images
+    for k, place in enumerate(wanted):
+        if (known := making.known.pop(maps[place], None)) is not None:
+            head_map.write(making.folder / maps[place], known)
+            continue
+
+        steps = solved_at(
+            making.session, making.rig, making.viewer, making.settings, offsets[place]
+        )
+        found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
+        with disk.together(making.folder) as new_files:
+            head_map.write(new_files / maps[place], found)
+            if atlas.has_images:
+                making.save_image(new_files / images[place], source)
+    return len(wanted)
+
+
+def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, None, Atlas]:
+    """Compare heads at random places, blended and traced; yields progress 0..1, returns the atlas
+    with what was found, which its index tells from now on.
+
+    Raises
+    ------
+    ImageError : files are missing
+    """
+    lacking = missing(making.folder, atlas)
+    if lacking:
+        raise ImageError(
+            "The atlas in '{folder}' lacks {n} of {of} places, the first is {name}: make them"
+            " first.",
+            folder=making.folder,
+            n=len(lacking),
+            of=len(atlas.grid),
+            name=atlas.maps[lacking[0]],
+        )
+
+    offs, names = [], atlas.maps
+    for k, offset in enumerate(random_heads(atlas.grid, n)):
+        steps = making.at(offset)
+        true = yield from within(steps, k / n, (k + 1) / n)
+        numbers, weights = atlas.grid.around(offset)
+        maps = [head_map.read(making.folder / names[i]) for i in numbers]
+        offs.append(head_map.off(head_map.between(maps, weights), true, atlas.picture_size))
+
+    told = {
+        "heads": n,
+        "median_px": float(np.median([off.median for off in offs])),
+        "most_px": max(off.most for off in offs),
+        "at_borders": float(np.mean([off.at_borders for off in offs])),
+    }
+    atlas = replace(atlas, checked=told)
+    write(making.folder, atlas)
+    return atlas
+
+
+def is_fine(atlas: Atlas) -> bool:
+    """Does an atlas that was checked keep its tolerance?"""
+    return atlas.checked["most_px"] <= atlas.tolerance
+
+
+def refuse_too_coarse(atlas: Atlas) -> None:
+    """Raise RigError where it does not."""
+    if not is_fine(atlas):
+        raise RigError(
+            "With {n} places of the head blending is {off:.3g} px off, of {tolerance:g}: make it"
+            " without --plan, or plan it anew with a smaller tolerance.",
+            n=len(atlas.grid),
+            off=atlas.checked["most_px"],
+            tolerance=atlas.tolerance,
+        )
+
+
+def finer(atlas: Atlas, most: int) -> Atlas:
+    """The atlas with its worst axis halved; RigError where it would have more than `most` places.
+
+    Lines through the middle of the box told less than its corners have.
+    """
+    off = atlas.planned["off"]
+    axis = max(off, key=lambda name: off[name]["most"])
+    grid = atlas.grid.halved(AXES.index(axis))
+    if len(grid) > most:
+        raise RigError(
+            "With {n} places of the head blending is {off:.3g} px off: set a larger tolerance, a"
+            " smaller box, or more than {most} places.",
+            n=len(atlas.grid),
+            off=atlas.checked["most_px"],
+            most=most,
+        )
+
+    # to a quarter with each halving, where the map is smooth
+    less = {**off, axis: {**off[axis], "most": off[axis]["most"] / 4}}
+    return replace(atlas, grid=grid, planned={**atlas.planned, "off": less}, checked=None)
+
+
+def halved(
+    making: Making, atlas: Atlas, most: int, n: int = CHECKED
+) -> Generator[float, None, Atlas]:
+    """Check an atlas, and halve its grid where it misses its tolerance; yields progress 0..1.
+
+    One that lacks places stays: it was halved before. So whoever asks twice gets the same.
+    """
+    if missing(making.folder, atlas):
+        return atlas
+    atlas = yield from checked(making, atlas, n)
+    if not is_fine(atlas):
+        atlas = finer(atlas, most)
+        write(making.folder, atlas)
+    return atlas
+
+
+def whole(
+    making: Making, atlas: Atlas, most: int, n: int = CHECKED
+) -> Generator[float, None, Atlas]:
+    """Make all places of a planned atlas and check it, halved until it keeps its tolerance; yields
+    progress 0..1.
+    """
+    done = 0.0
+    while True:
+        to_do = len(missing(making.folder, atlas))
+        end = done + (1 - done) * to_do / (to_do + n)
+        yield from within(made(making, atlas, range(len(atlas.grid))), done, end)
+        done = (end + 1) / 2  # it may have to be finer
+        atlas = yield from within(halved(making, atlas, most, n), end, done)
+        if atlas.checked is not None:
+            yield 1.0
+            return atlas
+
+
+def share(atlas: Atlas, number: int, of: int) -> range:
+    """The numbers of the places that are one of so many shares of an atlas, counted from 1."""
+    return range(number - 1, len(atlas.grid), of)
+
+
+def planned(
+    making: Making, box: HeadBox, tolerance: float, most: int, overwrite: bool, remedy: str
+) -> Generator[float, None, Atlas]:
+    """Find how fine the grid has to be, and write the index; yields progress 0..1.
+
+    Maps in the folder that are of the same rig stay, others go where they may. Source images that
+    are asked for later are made beside the maps; those that are there stay, asked for or not.
+
+    Raises
+    ------
+    RigError, MeshError : the rig cannot be solved somewhere in the box, or not finely enough
+    ImageError : an atlas of another rig or box, or source images of another picture, are there, and
+        `overwrite` is not set; `remedy` ends the sentence
+    """
+    rig = making.rig
+    check(rig, making.viewer, box, tolerance, most)
+    before = read(making.folder)
+    is_of_rig = before is not None and before.rig == making.key
+    if before is not None and not is_of_rig and not overwrite:
+        raise ImageError(
+            "The folder '{folder}' has the atlas of another rig: choose another or {remedy}.",
+            folder=making.folder,
+            remedy=remedy,
+        )
+    image_key = _image_key(making, before if is_of_rig else None, overwrite, remedy)
+    if is_of_rig and (before.grid.box, before.tolerance) == (box, tolerance):
+        if before.image_key == image_key:
+            return before
+        atlas = replace(before, image_key=image_key)
+    else:
+        if _has_places_of_another_box(making.folder, before, box) and not overwrite:
+            raise ImageError(
+                "The folder '{folder}' has the atlas of a head in another box: choose another"
+                " folder or {remedy}.",
+                folder=making.folder,
+                remedy=remedy,
+            )
+        refined = yield from refine(making.at, box, rig.picture_place, tolerance, most)
+        if image_key is None:  # else their source images are wanted, too
+            found = refined.maps.items()
+            making.known.update((map_name(offset), one) for offset, one in found)
+        atlas = new(rig, making.viewer, making.key, refined, tolerance, image_key)
+
+    write(making.folder, atlas)
+    if before is not None:
+        kept = set(atlas.maps) if is_of_rig else set()
+        kept |= set(atlas.images) if before.image_key == image_key else set()
+        _remove(making.folder, {*before.maps, *before.images} - kept)
+    return atlas
+
+
+def _image_key(making: Making, before: Atlas | None, overwrite: bool, remedy: str) -> str | None:
+    """Fingerprint of the source images that an atlas has; None where there are to be none.
+
+    before : the atlas of the same rig that is there
+    """
+    if before is not None and before.has_images:
+        if before.image_key == making.image_key:
+            return making.image_key
+        if not overwrite:
+            raise ImageError(
+                "The folder '{folder}' has source images of another picture, or in another light:"
+                " choose another folder or {remedy}.",
+                folder=making.folder,
+                remedy=remedy,
+            )
+    return making.image_key if making.has_images else None
+
+
+def _has_places_of_another_box(folder: Path, atlas: Atlas | None, box: HeadBox) -> bool:
+    """Are files of an atlas there that would go, since hardly a place of another box is one of
+    this one?
+    """
+    if atlas is None or atlas.grid.box == box:
+        return False
+    return len(missing(folder, atlas)) < len(atlas.grid)
+
+
+def _remove(folder: Path, names: Iterable[str]) -> None:
+    for name in names:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as reason:
+            raise ImageError(
+                "The file '{path}' of an earlier atlas cannot be removed ({why}): remove it"
+                " yourself.",
+                path=folder / name,
+                why=reason.strerror,
+            ) from None
+
+
+def planned_before(making: Making) -> Atlas:
+    """The atlas whose index is in the folder; RigError where it is of another rig, or its source
+    images are of another picture.
+    """
+    atlas = read(making.folder)
+    if atlas is None:
+        raise ImageError(
+            "The folder '{folder}' has no {index}: plan the atlas first.",
+            folder=making.folder,
+            index=INDEX,
+        )
+    if atlas.rig != making.key:
+        raise RigError(
+            "The rig is not the one that the atlas in '{folder}' was planned for: plan it anew.",
+            folder=making.folder,
+        )
+    if atlas.has_images and atlas.image_key != making.image_key:
+        raise RigError(
+            "The picture, or its light, is not the one that the source images in '{folder}' were"
+            " planned for: plan them anew.",
+            folder=making.folder,
+        )
+    if making.has_images and not atlas.has_images:
+        raise RigError(
+            "The atlas in '{folder}' was planned without source images: plan it anew with them, and"
+            " its maps stay.",
+            folder=making.folder,
+        )
+    return atlas

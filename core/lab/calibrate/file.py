@@ -1,20 +1,309 @@
-"""Points of a lattice from a file."""
+"""A lattice's points from a file, and whether found points were taken for the right ones.
+
+Neighbours predict a point by a paraboloid through them. The point is mistaken if it stands more
+than max(0.3 spacings, 6 times the median distance) from there. That holds for a lattice bent by
+glass, too; no fixed distance from a straight one does.
+"""
 
 import csv
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...base.arrays import Floats
+from ...base.arrays import Bools, Floats
 from ...base.errors import ImageError
-from ...base.messages import Message
+from ...base.messages import Message, joined
 from ...files.disk import read_bytes
-from .check import missing_borders
 from .drawn import Lattice
-from .match import match
+from .match import (
+    GROWTH,
+    Basis,
+    Site,
+    match,
+    mean_steps,
+    neighbours_of,
+    predicted,
+    roughness,
+    without_strangers,
+)
+
+
+@dataclass(frozen=True)
+class Mistakes:
+    """When points are not believed; held by tests/core/test_lattice.py.
+
+    mistaken : spacings off, from which on a point is pointed out to people
+    mistaken_one_in : so many points; more are another lattice
+    n_compared : places each way, at which a photograph is compared with the picture
+    liker : by how much more another way has to be like the photograph
+    """
+
+    mistaken: float = 0.3
+    mistaken_one_in: int = 3
+    n_compared: int = 400
+    liker: float = 0.005
+
+
+MISTAKES = Mistakes()
+# how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
+WAYS = {
+    Message("mirrored"): (True, False, 0, 0),
+    Message("upside down and mirrored"): (False, True, 0, 0),
+    Message("upside down"): (True, True, 0, 0),
+    Message("a column to the left"): (False, False, 1, 0),
+    Message("a column to the right"): (False, False, -1, 0),
+    Message("a row higher"): (False, False, 0, -1),
+    Message("a row lower"): (False, False, 0, 1),
+}
+
+
+class _Misplaced(NamedTuple):
+    """Points that are not where their neighbours want them, by site.
+
+    at, wanted : px, x + iy; spacing : px, of the lattice there
+    """
+
+    at: dict[Site, complex]
+    wanted: dict[Site, complex]
+    spacing: dict[Site, float]
+
+
+def check(points: Floats, lattice: Lattice) -> None:
+    """Raise ImageError when points (m, 2), px, NaN where not
+    measured, do not go on smoothly from one to the next.
+
+    Which are swapped or mistaken is found from their neighbours. It takes a third of a spacing, or
+    several times what the other points are off: light that is bent unevenly is no mistake.
+    """
+    at = points[:, 0] + 1j * points[:, 1]
+    sites = {
+        (k % lattice.columns, k // lattice.columns): k for k in np.flatnonzero(np.isfinite(at))
+    }
+    bases = dict.fromkeys(sites, mean_steps(at, sites))
+    good = without_strangers(at, sites, bases, MISTAKES.mistaken)
+    if not good:
+        return
+
+    rough = np.median(list(roughness(at, good, bases).values()) or [0.0])
+    most = max(MISTAKES.mistaken, GROWTH.above_roughness * rough)
+    found = _misplaced(at, sites, good, bases, most)
+
+    if rough > MISTAKES.mistaken or len(found.wanted) > len(sites) / MISTAKES.mistaken_one_in:
+        raise ImageError(
+            "The points are not in the order of a lattice of {columns} x {rows}: number"
+            " them by column and row, or set the lattice that was shown.",
+            columns=lattice.columns,
+            rows=lattice.rows,
+        )
+
+    if found.wanted:
+        names = {site: lattice.name(sites[site]) for site in found.wanted}
+        raise ImageError(
+            "Some points are hardly where they belong: {problems}. Correct that, or leave them"
+            " out.",
+            problems=joined(_told(found, names), "; "),
+        )
+
+
+def _misplaced(
+    at: NDArray[np.complex128],
+    sites: dict[Site, int],
+    good: dict[Site, int],
+    bases: dict[Site, Basis],
+    most: float,
+) -> _Misplaced:
+    """Sites that are not good, and more than so many spacings off."""
+    found = _Misplaced({}, {}, {})
+    for site in sorted(sites.keys() - good.keys(), key=sites.get):
+        near = neighbours_of(site, good)
+        if len(near) > 3:
+            place, there = predicted(site, near, at[[good[s] for s in near]], bases[site])
+            if np.abs(at[sites[site]] - place) > most * np.abs(there).min():
+                found.at[site] = at[sites[site]]
+                found.wanted[site] = place
+                found.spacing[site] = np.abs(there).min()
+
+    return found
+
+
+def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
+    """Misplaced points, by names, in words: first those that stand in each other's place."""
+
+    def is_in_place_of(here: Site, there: Site) -> bool:
+        return (
+            np.abs(found.at[here] - found.wanted[there]) < MISTAKES.mistaken * found.spacing[there]
+        )
+
+    told = []
+    swapped = set()
+
+    for one, other in product(names, repeat=2):
+        is_new = one != other and not swapped & {one, other}
+        if is_new and is_in_place_of(one, other) and is_in_place_of(other, one):
+            told.append(
+                Message("points {one} and {other} seem swapped", one=names[one], other=names[other])
+            )
+            swapped |= {one, other}
+
+    for site in names:
+        if site not in swapped:
+            far = np.abs(found.at[site] - found.wanted[site])
+            told.append(
+                Message(
+                    "point {point} stands {far:.0f} pixels from where its neighbours have it",
+                    point=names[site],
+                    far=far,
+                )
+            )
+
+    return told
+
+
+def missing_borders(points: Floats, expected: Floats, lattice: Lattice) -> list[str]:
+    """Outer columns and rows of which points are expected (m,
+    2) but none was found (m, 2), in words.
+    """
+    shape = lattice.rows, lattice.columns
+    is_known, is_due = (np.isfinite(xy).all(axis=1).reshape(shape) for xy in (points, expected))
+    borders = {
+        Message("the first column"): np.s_[:, 0],
+        Message("the last column"): np.s_[:, -1],
+        Message("the first row"): np.s_[0],
+        Message("the last row"): np.s_[-1],
+    }
+    return [name for name, k in borders.items() if is_due[k].any() and not is_known[k].any()]
+
+
+def check_way(points: Floats, expected: Floats) -> None:
+    """Raise ImageError where points (m, 2), px, are mirrored or
+    turned far against what is expected (m, 2) of them.
+    """
+    both = np.isfinite(points).all(axis=1) & np.isfinite(expected).all(axis=1)
+    if both.sum() < GROWTH.fewest:
+        return
+
+    from_middle = expected[both] - expected[both].mean(axis=0)
+    linear = np.linalg.lstsq(from_middle, points[both] - points[both].mean(axis=0), rcond=None)[0].T
+    if (
+        np.linalg.det(linear) < 0
+        or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear)))
+        > GROWTH.most_turned_rad
+    ):
+        raise ImageError(
+            "The points are mirrored or turned: count columns from the left and rows from"
+            " the top, and hold the camera as the viewer looks."
+        )
+
+
+def check_picture(
+    points: Floats, lattice: Lattice, photograph: NDArray, picture: NDArray, is_unsure: bool
+) -> None:
+    """Raise ImageError where a photograph shows the picture better
+    when mirrored, upside down or a column or row aside.
+
+    Of a lattice whose points all look alike nothing can be told, but for its border: is_unsure, as
+    where an outer column was not found, asks for a picture that is less like the photograph in all
+    other ways.
+
+    Parameters
+    ----------
+    points : (m, 2) px of the photograph, as they were told apart; NaN where not
+    photograph, picture : (h, w, c), row 0 at the top; the picture has the lattice on it
+    """
+    is_known = np.isfinite(points).all(axis=1)
+    u, v = lattice.uv.T
+
+    def terms(u: Floats, v: Floats) -> Floats:
+        return np.stack([np.ones_like(u), u, v, u * v, u * u, v * v], axis=-1)
+
+    if is_known.sum() < 2 * terms(u, v).shape[1]:
+        return
+
+    # where the picture's places are in the photograph
+    fit = np.linalg.lstsq(terms(u, v)[is_known], points[is_known], rcond=None)[0]
+    side = (np.arange(MISTAKES.n_compared) + 0.5) / MISTAKES.n_compared
+    u, v = (x.ravel() for x in np.meshgrid(side, side))
+    at = terms(u, v) @ fit
+    seen, is_inside = _read(photograph, at / photograph.shape[1::-1])
+
+    # only around points that were found: elsewhere the display may show nothing
+    steps = (1 - 2 * lattice.margin) / (np.array([lattice.columns, lattice.rows]) - 1)
+    column, row = (
+        np.rint((x - lattice.margin) / step).astype(int)
+        for x, step in zip((u, 1 - v), steps, strict=True)
+    )
+    is_inside &= (column >= 0) & (column < lattice.columns) & (row >= 0) & (row < lattice.rows)
+    is_inside &= is_known[np.where(is_inside, row * lattice.columns + column, 0)]
+
+    # which way is more like it than that which was found
+    way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
+    if more > (-MISTAKES.liker if is_unsure else MISTAKES.liker):
+        raise ImageError(
+            "The photograph seems to show the picture {way}: hold the camera as the viewer"
+            " looks, show the whole lattice, or name each point in a CSV file.",
+            way=way,
+        )
+
+
+def _most_like(
+    seen: NDArray, is_inside: Bools, picture: NDArray, uv: Floats, steps: Floats
+) -> tuple[str, float]:
+    """The way in which a picture, at places (n, 2), is most like
+    the colours that are seen (n, c), and by how much more than as it is.
+
+    is_inside : (n,) places that count; steps : (2,) between columns and between rows, in UV
+    """
+    u, v = uv.T
+    shown, _ = _read(picture, np.stack([u, 1 - v], axis=1))
+    n = min(seen.shape[1], shown.shape[1])
+    most, way = -np.inf, ""
+
+    for name, (mirror_u, mirror_v, columns, rows) in WAYS.items():
+        other_u = (1 - u if mirror_u else u) + columns * steps[0]
+        other_v = (1 - v if mirror_v else v) + rows * steps[1]
+        other, is_there = _read(picture, np.stack([other_u, 1 - other_v], axis=1))
+
+        some = is_inside & is_there
+        of_other = _likeness(seen[some, :n], other[some, :n])
+        more = of_other - _likeness(seen[some, :n], shown[some, :n])
+        if more > most:
+            most, way = more, name
+
+    return way, most
+
+
+def _likeness(a: NDArray, b: NDArray) -> float:
+    """Correlation of colours (n, c), the mean of each
+    channel aside; 0 where there is nothing to compare.
+    """
+    if not len(a):
+        return 0.0
+    a = a - a.mean(axis=0)
+    b = b - b.mean(axis=0)
+    size = np.sqrt((a * a).sum() * (b * b).sum())
+    return float((a * b).sum() / size) if size > 0 else 0.0
+
+
+def _read(image: NDArray, place: Floats) -> tuple[NDArray, Bools]:
+    """Encoded colours (n, 3 or 1) at places (n, 2), 0..1 from
+    the upper left, and which are in the image.
+    """
+    height, width = image.shape[:2]
+    x, y = np.floor(place * (width, height)).astype(int).T
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    channels = image.reshape(height, width, -1)[
+        ..., : 3 if image.ndim == 3 and image.shape[2] >= 3 else 1
+    ]
+
+    return np.sqrt(
+        np.clip(channels[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], 0, 1)
+    ), inside
 
 
 def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:

@@ -1,21 +1,141 @@
-"""The errors of a bench, by the places at which a lattice is seen in a photograph.
+"""The errors of a bench that fit photographs best, by damped least squares.
 
-Wanted are the amounts p that make |measured - seen(p)|^2 / noise^2 + |p / tolerance|^2 least, by
-damped least squares (Levenberg's): each step solves (J^T J + 1 + damping) dp = J^T off - p, in
-tolerances. The second term is the knowledge of before: without it amounts that move the points
-alike cannot be told apart at all.
+Also the further photograph that would reduce their uncertainty most.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...base.arrays import Bools, Floats
 from ...base.errors import RigError
+from ...base.messages import Message
 from ...base.steps import within
-from .least_squares import State, Task, settle
+from ...bench.offset import moved, parameters, turned
+from ...glass.motion import Motion
+from ...rig.rig import Viewer
 from .misalignment import FEWEST, Bench
+
+
+@dataclass(frozen=True)
+class Damping:
+    """How least squares are damped; held to simulated benches by tests/core/test_misalignment.py
+    and `dev.py paper`.
+
+    most_steps : of least squares
+    first, step : of the normal equations' diagonal; times more where a
+        step does not help, less where it does
+    most : at which no step helps any more
+    enough : of the sum of squares, in noise, or of one: the gain of
+        a step when there is nothing more to gain
+    """
+
+    most_steps: int = 30
+    first: float = 1e-3
+    step: float = 10
+    most: float = 1e8
+    enough: float = 1e-5
+
+
+DAMPING = Damping()
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A bench with amounts (p,) off, and how well it fits.
+
+    cost : the sum to be made small
+    off : (2 k,) residuals over the noise
+    at : (m, 2) viewer px at which the points are seen
+    used : (m,) which k of them are measured and seen
+    movements : (2 k, p) as in Fit; None until they are asked for, or where there is no such rig
+    """
+
+    amounts: Floats
+    cost: float
+    off: Floats
+    at: Floats
+    used: Bools
+    movements: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A bench that is fitted to measured points (m, 2), NaN where they are not."""
+
+    bench: Bench
+    measured: Floats
+    tolerances: Floats
+    noise: float
+
+    def at(self, amounts: Floats, start: Floats) -> State:
+        """The state with amounts (p,), whose points are seen about at (m, 2)."""
+        try:
+            at = self.bench.seen(amounts, start)
+        except RigError:  # no such bench can be made
+            return State(amounts, np.inf, np.empty(0), start, np.zeros(len(start), bool))
+
+        used = np.isfinite(self.measured - at).all(axis=1)
+        off = (self.measured - at)[used].ravel() / self.noise
+
+        # points that are not seen count as the others do on
+        # average: else to lose the worst would seem to help
+        n_measured = int(np.isfinite(self.measured).all(axis=1).sum())
+        data = off @ off * n_measured / used.sum() if used.sum() >= FEWEST else np.inf
+        cost = float(data + ((amounts / self.tolerances) ** 2).sum())
+        return State(amounts, cost, off, at, used)
+
+    def with_movements(self, state: State) -> Generator[float, None, State]:
+        """The state with its movements, where such a rig can be made."""
+        try:
+            found = yield from self.bench.sensitivities(state.amounts, state.at)
+        except RigError:
+            return state
+
+        by_parameter = found[:, state.used].reshape(len(self.tolerances), -1)
+        movements = np.nan_to_num(by_parameter.T * self.tolerances / self.noise)
+        return replace(state, movements=movements)
+
+
+def settle(task: Task, state: State) -> Generator[float, None, State]:
+    """The fit of all points that are measured, from a state on."""
+    tolerances = task.tolerances
+    damping = DAMPING.first
+    state = yield from within(task.with_movements(state), 0.0, 0.2)
+
+    for k in range(DAMPING.most_steps):
+        d = state.movements
+        normal = d.T @ d + np.eye(len(tolerances))
+        step = np.linalg.solve(
+            normal + damping * np.diag(np.diag(normal)),
+            d.T @ state.off - state.amounts / tolerances,
+        )
+
+        tried = task.at(state.amounts + step * tolerances, state.at)
+        if tried.cost <= state.cost:
+            # how many steps it takes is not known: each gets a part of the rest
+            done = 1 - 0.8 ** (k + 1), 1 - 0.8 ** (k + 2)
+            tried = yield from within(task.with_movements(tried), *done)
+
+        if tried.movements is None:
+            damping *= DAMPING.step
+            if damping > DAMPING.most:
+                return state
+            continue
+
+        gain = state.cost - tried.cost
+        is_at_end = gain < DAMPING.enough * max(state.cost, 1.0)
+        state = tried
+        damping = damping / DAMPING.step
+        if is_at_end:
+            return state
+
+    raise RigError(
+        "The fit still changes after {steps} steps: look for wrong or swapped points,"
+        " compare the lattice with the picture, or lower the tolerances.",
+        steps=DAMPING.most_steps,
+    )
 
 
 @dataclass(frozen=True)
@@ -225,3 +345,118 @@ def _rms(distances: Floats) -> float:
 def covariance_of(movements: Floats) -> Floats:
     """Covariance (p, p), in tolerances, of amounts that are fitted to points that move so."""
     return np.linalg.inv(movements.T @ movements + np.eye(movements.shape[1]))
+
+
+ASIDE_DEGREES = 10.0  # from which another photograph is considered
+NEARER = 0.7  # of the distance to the glass, likewise
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """Another photograph, of the same display from another place, and the knowledge it would add.
+
+    where : the place, from the viewer
+    errors : (p,) standard deviations of the amounts then
+    condition : that of both photographs' movements together
+    gain : bits that it tells of the errors, the second viewer's own place aside
+    """
+
+    where: str
+    errors: Floats
+    condition: float
+    gain: float
+
+
+def extra_photographs(
+    bench: Bench, found: Fit, tolerances: Floats, noise: float = 0.3
+) -> Generator[float, None, list[Extra]]:
+    """Other places to take a photograph from, the most telling first; yields progress.
+
+    The place of the second viewer is as uncertain as that
+    of the first; its focal length is the same.
+    """
+    viewer = bench.viewer
+    pivot = bench.rig.glasses[0].mesh.bounds.mean(axis=0)
+    away = viewer.axes[2]
+
+    n = len(bench.parameters)
+    own = np.array(
+        [
+            p.name.startswith(f"{viewer.name}: ") and p.unit in {"mm", "deg"}
+            for p in bench.parameters
+        ]
+    )
+    shared = np.flatnonzero(~own)
+
+    # the second viewer's own place is a parameter more
+    first = np.hstack([found.movements, np.zeros((len(found.movements), own.sum()))])
+    columns = np.arange(n)
+    columns[own] = n + np.arange(own.sum())
+    before = covariance_of(first)[np.ix_(shared, shared)]
+
+    # about where the points are: as far away as the glass
+    origins, directions = viewer.rays(bench.view)
+    points = origins + directions * ((pivot - origins) @ away / (directions @ away))[:, None]
+    extras = []
+    places = _places(viewer, pivot)
+    for k, (where, motion) in enumerate(places.items()):
+        try:
+            there = _bench_from(bench, motion, points, own)
+            d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
+        except RigError:  # nothing is seen from there
+            continue
+
+        used = np.isfinite(d).all(axis=(0, 2))
+        if used.sum() < FEWEST:
+            continue
+
+        # with the movements of both photographs
+        second = np.zeros((2 * used.sum(), first.shape[1]))
+        second[:, columns] = d[:, used].reshape(n, -1).T * tolerances / noise
+        both = np.vstack([first, second])
+
+        covariance = covariance_of(both)
+        after = covariance[np.ix_(shared, shared)]
+        gain = 0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1]) / np.log(2)
+        extras.append(
+            Extra(
+                where=where,
+                errors=np.sqrt(np.diag(covariance))[:n] * tolerances,
+                condition=condition_of(both),
+                gain=float(gain),
+            )
+        )
+
+    return sorted(extras, key=lambda extra: -extra.gain)
+
+
+def _places(viewer: Viewer, pivot: Floats) -> dict[Message, Motion]:
+    """Other places of the viewer around a point (3,), m, in words, and how it gets there."""
+    right, up, away = viewer.axes
+    angle = ASIDE_DEGREES
+    nearer = (1 - NEARER) * ((pivot - viewer.position) @ away) * away
+    return {
+        Message("{angle:g} degrees further right", angle=angle): turned(up, angle, pivot),
+        Message("{angle:g} degrees further left", angle=angle): turned(up, -angle, pivot),
+        Message("{angle:g} degrees higher", angle=angle): turned(right, -angle, pivot),
+        Message("{angle:g} degrees lower", angle=angle): turned(right, angle, pivot),
+        Message("{factor:g} times the distance", factor=NEARER): Motion(np.eye(3), nearer),
+    }
+
+
+def _bench_from(bench: Bench, motion: Motion, points: Floats, own: Bools) -> Bench:
+    """A bench whose viewer stands elsewhere and sees the points (m, 3), m, that it shows.
+
+    own (p,) : parameters of the viewer's own place: the second is shifted
+        and turned about its own axes
+    """
+    viewer = moved(bench.viewer, motion)
+    rig = replace(bench.rig, viewers=(viewer, *bench.rig.viewers[1:]))
+    theirs = {p.name: p for p in parameters(rig)}
+    among = [
+        theirs[p.name] if is_own else p for p, is_own in zip(bench.parameters, own, strict=True)
+    ]
+    there = Bench(rig, bench.settings, viewer.project(points), among)
+    at = there.seen(np.zeros(len(among)), display=bench.display)
+
+    return Bench(rig, bench.settings, at, among)

@@ -1,10 +1,9 @@
-"""Which point of a photograph is which of the lattice?
+"""Which of the points that were found make up a lattice, and which are each other's neighbours.
 
-A lattice that has grown counts its points from anywhere, along any of its rows, columns and
-diagonals. So it is put into the drawn one in all ways that leave the fewest points over: by quarter
-turns, slants and shifts. Of these the one counts that is turned least against what is expected, off
-= |angle| + 2 |p - g e| / |g e| with g e the expected points e turned and scaled onto those seen, p;
-of its shifts the nearest. Where a second one is nearly as good the photograph is refused.
+A photograph bends the lattice, so that no straight rows can be looked for. It grows: from a seed
+and its two steps, each next point is expected where a paraboloid through its neighbours has it,
+held by their steps, and the nearest point there is taken. At last those that stand further from
+where their neighbours have them than all the others are left out, worst first.
 """
 
 from dataclasses import dataclass
@@ -16,7 +15,264 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats, Ints
 from ...base.errors import ImageError
 from .drawn import Lattice
-from .growth import GROWTH, largest
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How a lattice goes on; held to rendered photographs by tests/core/test_lattice.py.
+
+    near : spacings, from where a point should be by its neighbours
+    strange : spacings off: this is never too far
+    above_roughness : times the median distance of points from where their neighbours want them
+    unlike : in size, two neighbours, as a logarithm
+    far_px : away, where no neighbour is
+    fewest : points of a lattice
+    by_chance, few_by_chance : fewer points than these are a lattice only if they
+        are most of those found, this share of them
+    rough_quantile : of distances, which is not strange in a lattice
+    n_around : nearest neighbours that tell a point's spacings
+    n_paired : of these, that may be the next column and the next row
+    n_seeds : points that are tried as seeds
+    n_grown : seeds that a lattice is grown from, the likeliest
+    whole : share of all points, in one lattice: no other one is looked for
+    unlike_shape : by how much a seed's step to the next row by that to the next column may be off
+    most_turned_rad, least_scale, most_scale : of a seed's steps against those expected
+    shortest_counts : of equal seeds the one with the shortest steps is likeliest
+    reach : columns and rows away, to which neighbours count
+    held_slope, held_bend : weights of the known steps, and of none, against points one spacing away
+    """
+
+    near: float = 0.3
+    strange: float = 0.1
+    above_roughness: float = 6.0
+    unlike: float = np.log(2.2)
+    far_px: float = 1e9
+    fewest: int = 4
+    by_chance: int = 9
+    few_by_chance: float = 0.6
+    rough_quantile: float = 0.75
+    n_around: int = 24
+    n_paired: int = 10
+    n_seeds: int = 80
+    n_grown: int = 8
+    whole: float = 0.97
+    unlike_shape: float = 0.4
+    most_turned_rad: float = np.radians(50.0)
+    least_scale: float = 0.4
+    most_scale: float = 2.5
+    shortest_counts: float = 0.05
+    reach: int = 3
+    held_slope: float = 0.01
+    held_bend: float = 0.03
+
+
+GROWTH = Growth()
+# a step to the next row by that to the next column, as they may be
+SHAPES = 1j * np.concatenate([[0.5, 0.7, 1.0, 1.4, 2.0], np.exp(1j * np.radians([-30.0, 30.0]))])
+Site = tuple[int, int]
+Basis = NDArray[np.complex128]  # (2,) steps to the next column and to the next row, x + iy
+Seed = tuple[int, Basis]
+
+
+def _seeds(
+    points: Floats, sizes: Floats, shapes: NDArray, steps: NDArray | None = None
+) -> list[Seed]:
+    """Points from which a lattice may be grown, and its steps there; the likeliest first.
+
+    Parameters
+    ----------
+    sizes : (k,) of the points: those of neighbours differ little
+    shapes : (q,) complex, step to the next row by that to the next column, as they may be
+    steps : (q,) complex px, step to the next column, from which it
+        may be turned and scaled somewhat; None: any
+    """
+    at = points[:, 0] + 1j * points[:, 1]
+    if len(at) < GROWTH.fewest:
+        return []
+
+    # the nearest points around some of them
+    chosen = np.unique(np.linspace(0, len(at) - 1, GROWTH.n_seeds).astype(int))
+    is_alike = np.abs(np.log(sizes / sizes[chosen, None])) < GROWTH.unlike
+    apart = np.where(is_alike, at - at[chosen, None], GROWTH.far_px)
+    order = np.argsort(np.abs(apart), axis=1)[:, 1 : GROWTH.n_around + 1]
+    around = np.take_along_axis(apart, order, axis=1)
+
+    # two of these as steps, where their shape may be
+    n = min(GROWTH.n_paired, around.shape[1])
+    first, second = (k.ravel() for k in np.nonzero(~np.eye(n, dtype=bool)))
+    a = around[:, first]
+    b = around[:, second]
+
+    is_likely = np.zeros(a.shape, bool)
+    for k, shape in enumerate(shapes):
+        fits = np.abs(b / a / shape - 1) < GROWTH.unlike_shape
+        if steps is not None:
+            grown = a / steps[k]
+            fits &= np.abs(np.angle(grown)) < GROWTH.most_turned_rad
+            fits &= (np.abs(grown) > GROWTH.least_scale) & (np.abs(grown) < GROWTH.most_scale)
+        is_likely |= fits & (np.abs(a) < GROWTH.far_px) & (np.abs(b) < GROWTH.far_px)
+
+    # the better the eight points around are where the steps have them, the likelier
+    row, pair = np.nonzero(is_likely)
+    a = a[row, pair]
+    b = b[row, pair]
+    short = np.minimum(np.abs(a), np.abs(b))
+    missed = np.zeros(len(a))  # of the eight points around, in reaches of near
+
+    for i, j in product((-1, 0, 1), repeat=2):
+        if (i, j) != (0, 0):
+            off = np.abs(around[row] - (i * a + j * b)[:, None]).min(axis=1)
+            missed += np.minimum(off / (GROWTH.near * short), 1)
+
+    # of equals the shortest
+    missed += GROWTH.shortest_counts * (np.abs(a) + np.abs(b)) / np.abs(around[row, 0])
+
+    # of each point its likeliest steps
+    found = []
+    has = set()
+
+    for k in np.argsort(missed, kind="stable"):
+        if row[k] not in has:
+            has.add(row[k])
+            found.append((int(chosen[row[k]]), np.array([a[k], b[k]])))
+
+    return found[: GROWTH.n_grown]
+
+
+def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[Site, int]:
+    """The largest lattice that grows from a seed: indices of
+    points by column and row, counted from anywhere.
+    """
+    best: dict[Site, int] = {}
+    for seed in _seeds(points, sizes, *shapes_and_steps):
+        sites = _grown(points[:, 0] + 1j * points[:, 1], sizes, *seed)
+        if len(sites) > len(best):
+            best = sites
+        if len(best) > GROWTH.whole * len(points):
+            break
+    return best
+
+
+def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -> dict[Site, int]:
+    """Points that go on from a seed, each where those before
+    let it be expected: indices by column and row.
+    """
+    sites = {(0, 0): seed}
+    bases = {(0, 0): basis}
+    used = {seed}
+    tried: dict[Site, int] = {}
+    reach = 1
+    while reach <= 2:  # where one is missing the next may be there
+        steps = range(-reach, reach + 1)
+        front = {
+            (i + di, j + dj) for i, j in sites for di, dj in product(steps, steps)
+        } - sites.keys()
+
+        # points where they are expected, as often as more of their neighbours are known
+        found = []
+        for site in sorted(front):
+            near = neighbours_of(site, sites)
+            if tried.get(site) == len(near):
+                continue
+
+            tried[site] = len(near)
+
+            # of like points the nearest
+            known = [sites[s] for s in near]
+            place, there = predicted(
+                site, near, at[known], np.mean([bases[s] for s in near], axis=0)
+            )
+            off = np.where(
+                np.abs(np.log(sizes / np.median(sizes[known]))) < GROWTH.unlike,
+                np.abs(at - place),
+                np.inf,
+            )
+            nearest = int(off.argmin())
+            if off[nearest] < GROWTH.near * np.abs(there).min() and nearest not in used:
+                found.append((off[nearest], site, nearest, there))
+
+        # the best first: each point has one site
+        for _, site, nearest, there in sorted(found, key=lambda some: some[0]):
+            if nearest not in used:
+                sites[site], bases[site] = nearest, there
+                used.add(nearest)
+
+        reach = 1 if found else reach + 1
+        if not found:
+            tried.clear()
+
+    return without_strangers(at, sites, bases)
+
+
+def without_strangers(
+    at: NDArray[np.complex128],
+    sites: dict[Site, int],
+    bases: dict[Site, Basis],
+    strange: float = GROWTH.strange,
+) -> dict[Site, int]:
+    """Without the points that stand further from where their
+    neighbours want them than the others do, worst first.
+    """
+    sites = dict(sites)
+    while off := roughness(at, sites, bases):
+        worst = max(off, key=off.get)
+        if off[worst] <= max(strange, GROWTH.above_roughness * np.median(list(off.values()))):
+            break
+        del sites[worst]
+    return sites
+
+
+def roughness(
+    at: NDArray[np.complex128], sites: dict[Site, int], bases: dict[Site, Basis]
+) -> dict[Site, float]:
+    """How far points stand from where their neighbours want them, in spacings.
+
+    Of those that have enough of these.
+    """
+    off = {}
+    for site in sites:
+        near = [s for s in neighbours_of(site, sites) if s != site]
+        if len(near) > 3:
+            place, there = predicted(site, near, at[[sites[s] for s in near]], bases[site])
+            off[site] = float(np.abs(at[sites[site]] - place) / np.abs(there).min())
+    return off
+
+
+def mean_steps(at: NDArray[np.complex128], sites: dict[Site, int]) -> Basis:
+    """Steps to the next column and to the next row, by all points."""
+    design = np.column_stack([np.ones(len(sites)), np.array(list(sites), float).reshape(-1, 2)])
+    return np.linalg.lstsq(design, at[list(sites.values())], rcond=None)[0][1:]
+
+
+def neighbours_of(site: Site, sites: dict[Site, int]) -> list[Site]:
+    """Sites up to three columns and rows away, itself included, that have a point."""
+    i, j = site
+    steps = range(-GROWTH.reach, GROWTH.reach + 1)
+    return [s for di, dj in product(steps, steps) if (s := (i + di, j + dj)) in sites]
+
+
+def predicted(site: Site, near: list[Site], at: NDArray, basis: Basis) -> tuple[complex, Basis]:
+    """Where a point should be, and its steps there: by a
+    paraboloid through points near it, held by known steps.
+    """
+    d = np.array(near, float) - site
+    design = np.column_stack([np.ones(len(d)), d, d**2, d[:, 0] * d[:, 1]])
+    weight = 1 / (d**2).sum(axis=1)
+    held = np.diag([0, *2 * [GROWTH.held_slope], *3 * [GROWTH.held_bend]])
+    right = design.T @ (weight * (at - d @ basis))
+    found = np.linalg.solve((design.T * weight) @ design + held, right)
+    return found[0], basis + found[1:3]
+
+
+def is_lattice(points: Floats, sites: dict[Site, int]) -> bool:
+    """Are the points that grew together as regular as chance would not have them?"""
+    if len(sites) < (
+        GROWTH.fewest if len(sites) > GROWTH.few_by_chance * len(points) else GROWTH.by_chance
+    ):
+        return False
+    at = points[:, 0] + 1j * points[:, 1]
+    rough = list(roughness(at, sites, dict.fromkeys(sites, mean_steps(at, sites))).values())
+    return not rough or bool(np.quantile(rough, GROWTH.rough_quantile) < GROWTH.strange)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from ...base.errors import ImageError
 from ...base.messages import Message
 from ...base.products import solve_symmetric
 from .drawn import Style
-from .growth import SHAPES, is_lattice, largest
+from .match import SHAPES, is_lattice, largest
 from .windows import SEARCH, Marks, candidates, levels_of, read_between, windows_at
 
 

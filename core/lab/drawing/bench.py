@@ -1,18 +1,217 @@
-"""A bench from the side and from above, to scale, with the place of each part from one edge."""
+"""The bench drawn to scale: contours, rims and creases of its parts, measured from a datum."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, product
 from string import ascii_uppercase
+from typing import Any
 
 import numpy as np
 
 from ...base.arrays import Floats
 from ...base.messages import Message
-from ...rig.rig import WAVELENGTH, Rig, Viewer
-from .datum import Datum, Standing, find_datum, standing
-from .outlines import contour
+from ...base.vectors import cross_2d, dot, length_of, normalise
+from ...glass.meshes import Edges, edge_corners, find_edges, geometric_normals
+from ...rig.rig import WAVELENGTH, Mesh, Rig, Role, Viewer
 from .sheet import GLASS, MARGIN, PART, PICTURE, SIGHT, TEXT, THIN, Paper, Sheet, decimal, spread
+
+CREASE = np.cos(np.radians(30))  # of the angle between two facets: beyond, their edge is drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Rectangle:
+    """The smallest rectangle along the longest side of a flat part that holds it.
+
+    corners : (4, 3) m, world: lower left, lower right, upper right, upper left of its image where
+        it has one, else as seen from its front
+    normal : (3,) unit, to its front
+    """
+
+    corners: Floats
+    normal: Floats
+
+    @property
+    def centre(self) -> Floats:
+        """Its middle (3,), m."""
+        return self.corners.mean(axis=0)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Its width and height, m."""
+        width, height = length_of(np.diff(self.corners[:3], axis=0))
+        return float(width), float(height)
+
+
+def contour(mesh: Mesh, direction: Floats) -> Floats:
+    """Edges (e, 2, 3), m, that a drawing of a mesh shows.
+
+    They are the rim, creases of more than 30 degrees that are no smooth surface, and the contour
+    against a direction (3,), hidden or not, as glass is seen through.
+    """
+    edges = find_edges(mesh.triangles)
+    corners = mesh.corners
+    normals = geometric_normals(corners)
+
+    # where the surface turns away
+    is_facing = dot(normals, direction) > 0
+    turns = (is_facing[edges.first] != is_facing[edges.second]) ^ edges.is_same_way
+    is_smooth = np.zeros(len(corners), bool) if mesh.is_smooth is None else mesh.is_smooth
+    is_bent = dot(normals[edges.first], normals[edges.second]) < CREASE
+    is_crease = is_bent & ~(is_smooth[edges.first] & is_smooth[edges.second])
+    inner, _ = edge_corners(corners, edges)
+
+    return np.concatenate([inner[turns | is_crease], _rim(mesh, edges)])
+
+
+def _rim(mesh: Mesh, edges: Edges) -> Floats:
+    """Edges (e, 2, 3), m, with one triangle, or with more than two; `edges` are all others."""
+    is_paired = np.zeros((len(mesh.triangles), 3), bool)
+    is_paired[edges.first, edges.corner_first] = True
+    is_paired[edges.second, edges.corner_second] = True
+    triangle, corner = np.nonzero(~is_paired)
+    corners = mesh.corners
+    return np.stack([corners[triangle, corner], corners[triangle, (corner + 1) % 3]], axis=1)
+
+
+def rectangle(mesh: Mesh) -> Rectangle | None:
+    """The rectangle around a flat part; None where it is not flat, or has no rim."""
+    edges = _rim(mesh, find_edges(mesh.triangles))
+    if not (mesh.is_flat and len(edges)):
+        return None
+
+    # axes along its longest side
+    normal = normalise(geometric_normals(mesh.corners).sum(axis=0))
+    sides = edges[:, 1] - edges[:, 0]
+    across = normalise(sides[length_of(sides).argmax()])
+    axes = np.stack([across, np.cross(normal, across)])
+
+    # its box along them
+    points = edges.reshape(-1, 3)
+    places = np.einsum("ni,ki->nk", points - points[0], axes)
+    (left, low), (right, high) = places.min(axis=0), places.max(axis=0)
+    box = np.array([[left, low], [right, low], [right, high], [left, high]])
+    corners = points[0] + np.einsum("nk,ki->ni", box, axes)
+
+    return Rectangle(_from_lower_left(corners, mesh), normal)
+
+
+def _from_lower_left(corners: Floats, mesh: Mesh) -> Floats:
+    """Corners (4, 3) that begin at the lower left one: of the
+    image, by its UV map, else the lowest and leftmost one.
+    """
+    if mesh.uv is None:
+        return corners
+
+    points = mesh.corners.reshape(-1, 3)
+    nearest = [length_of(points - corner).argmin() for corner in corners]
+    uv = mesh.uv.reshape(-1, 2)[nearest]
+    if cross_2d(uv[1] - uv[0], uv[2] - uv[1]) < 0:  # the map is a mirror image
+        corners, uv = corners[::-1], uv[::-1]
+    return np.roll(corners, -int(uv.sum(axis=1).argmin()), axis=0)
+
+
+UPRIGHT = 1e-6  # of 1: a viewer that looks nearer to straight up or down has no way forward
+
+
+@dataclass(frozen=True, eq=False)
+class Datum:
+    """A place on the bench and the ways from there.
+
+    name : of the edge whose middle it is
+    place : (3,) m, world
+    axes : (3, 3) unit rows: forward, as the viewer looks, but level; to the viewer's right; up
+    """
+
+    name: str
+    place: Floats
+    axes: Floats
+
+    def of(self, points: Floats) -> Floats:
+        """Points (..., 3), m, as forward, right and up of the datum."""
+        return np.einsum("...i,ki->...k", points - self.place, self.axes)
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A part as it stands on the bench.
+
+    rectangle : of a flat part; None of others
+    box : (2, 3) m from the datum, of all its vertices
+    """
+
+    role: Role
+    part: Any
+    rectangle: Rectangle | None
+    box: Floats
+    centre: Floats
+    tilt: float | None
+    azimuth: float | None
+
+    @property
+    def size(self) -> tuple[float, ...]:
+        """Width and height of a flat part, m; of others length, width and height of the box."""
+        return tuple(np.ptp(self.box, axis=0)) if self.rectangle is None else self.rectangle.size
+
+
+def level_axes(viewer: Viewer) -> Floats:
+    """Forward, right and up (3, 3) of a viewer who stands level; up is +z of the world."""
+    up = np.array([0.0, 0.0, 1.0])
+    forward = viewer.axes[2] * (1, 1, 0)
+    if np.linalg.norm(forward) < UPRIGHT:  # it looks down: the top of its image is ahead
+        forward = viewer.axes[1] * (1, 1, 0)
+    forward = normalise(forward)
+    return np.stack([forward, np.cross(forward, up), up])
+
+
+def find_datum(rig: Rig, viewer: Viewer) -> Datum:
+    """The middle of the lowest edge of the first plate, or of the display of a rig without one.
+
+    Of edges that are as low as each other, the one nearest to the viewer.
+    """
+    axes = level_axes(viewer)
+    for part in (*rig.plates, rig.display):
+        found = rectangle(part.mesh)
+        if found is not None:
+            middles = (found.corners + np.roll(found.corners, -1, axis=0)) / 2
+            forward, _, up = np.round(middles @ axes.T, 9).T
+            lowest = np.lexsort([forward, up])[0]
+            return Datum(
+                Message("middle of the lowest edge of '{part}'", part=part.name),
+                middles[lowest],
+                axes,
+            )
+
+    bounds = rig.display.mesh.bounds
+    return Datum(
+        Message("middle of the box around '{part}'", part=rig.display.name),
+        bounds.mean(axis=0),
+        axes,
+    )
+
+
+def standing(rig: Rig, datum: Datum) -> list[Standing]:
+    """All parts that have a mesh, in the order of the table of roles."""
+    return [
+        _standing(role, part, datum)
+        for role, part in rig.parts()
+        if getattr(part, "mesh", None) is not None
+    ]
+
+
+def _standing(role: Role, part: Any, datum: Datum) -> Standing:
+    vertices = datum.of(part.mesh.corners.reshape(-1, 3))
+    box = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+    flat = rectangle(part.mesh)
+    if flat is None:
+        return Standing(role, part, None, box, box.mean(axis=0), None, None)
+
+    forward, right, up = flat.normal @ datum.axes.T
+    tilt = np.degrees(np.arccos(min(1.0, abs(up))))
+    # rounded, or straight back would be 180 or -180 by chance
+    right = np.round(right, 9) + 0.0
+    azimuth = np.degrees(np.arctan2(right, forward)) if np.hypot(forward, right) > UPRIGHT else None
+    return Standing(role, part, flat, box, datum.of(flat.centre), float(tilt), azimuth)
+
 
 # of the bench to paper: the first that fits is taken
 SCALES = (5, 2, 1, 1 / 2, 1 / 5, 1 / 10, 1 / 20, 1 / 50, 1 / 100, 1 / 200, 1 / 500, 1 / 1000)

@@ -9,7 +9,7 @@ from ...base.messages import Message
 from ...image.flat_picture import view_of_picture
 from ...rig.rig import Rig, Viewer
 from ..calibrate.drawn import Lattice
-from .datum import Standing, find_datum, standing
+from .bench import Standing, find_datum, standing
 from .sheet import MARGIN, PART, PICTURE, TEXT, THIN, Paper, Sheet, decimal
 
 MM = 1e3

@@ -1,22 +1,27 @@
-"""How far may a head move from where the picture was solved for?
+"""How far a head may move from where the picture was solved for; as a surface and as curves.
 
 A head that moves looks at the picture's middle. It sees a point of the picture where the display
 shows it for the solved viewers, through the glass, off by an angle from where it would see it
 straight. To first order that angle grows with the way of the head: the derivative, by a small
-first step, tells about how far it may go. How far it may is then settled by tracing at places of
-the head, nearer and nearer to where the limit is passed.
+first step, predicts about how far it may go. The limit is then found by tracing at places of the
+head, nearer and nearer to where it is passed.
 """
 
 from collections.abc import Generator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Floats
+from ...base.arrays import Floats, Ints
 from ...base.errors import RigError
+from ...base.numbers import number
 from ...base.steps import Pauses, at, within
-from ...bench.picture_room import plane_of
+from ...base.vectors import normalise
+from ...bench.part_sizes import plane_of
+from ...glass.quartics import grid
+from ...image.flat_picture import view_of_picture
 from ...light.compile_plan import planning
 from ...light.mesh_cache import Kept
 from ...light.plan import Plan
@@ -24,8 +29,10 @@ from ...map.searches import side_by_side
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ..atlas.heads import Offset, check_viewer, viewer_at
+from .diagram import Curve, linear, points_mm, sheet
 from .head_box import angles_of
 from .places_seen import Look, grid_on, places_of_shown, places_shown
+from .viewer_errors import arcmin_between
 
 LIMIT = 5.0  # arcmin
 LEAST = 0.98  # of the points
@@ -228,3 +235,200 @@ class Walk:
             else:
                 outer = middle
         return float(inner), False
+
+
+NAMES = ("left", "right", "up", "down", "nearer", "farther")  # of WAYS
+FILE = "eye_box.svg"
+BEYOND = 1.2  # times as far as the head may go
+AT_NONE = 0.05  # of the picture's distance: so far where it may go nowhere
+N_STEPS = 6  # of which one ends where the head may not go on
+NOTHING_SEEN = (None, None, None, None, 0.0)
+DISTANCE = "distance of the head from its own place (mm)"
+
+
+@dataclass(frozen=True)
+class WayCurve:
+    """The picture as seen along one way of a head, by its distance, m, from its own place.
+
+    way : one of NAMES
+    distance_m : to which the other lists belong
+    mean_arcmin, largest_arcmin : by which points are off; None where none is seen
+    mean_px, largest_px : the same, viewer px of an image in which the picture keeps its size
+    coverage : share of the points that is seen, 0..1
+    """
+
+    way: str
+    distance_m: tuple[float, ...]
+    mean_arcmin: tuple[float | None, ...]
+    largest_arcmin: tuple[float | None, ...]
+    mean_px: tuple[float | None, ...]
+    largest_px: tuple[float | None, ...]
+    coverage: tuple[float, ...]
+
+
+def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve, ...]]:
+    """A curve for each way of an eye box that a walk has found; yields progress 0..1.
+
+    An open way is followed as far as the picture is away.
+    """
+    distances, offsets = [], [np.zeros(3)]  # where all ways begin
+    for k, (axis, sign, most) in enumerate(WAYS):
+        reach = box.ends[k]
+        reach = min(reach, walk.distance) if box.is_open[k] else BEYOND * reach
+        reach = min(reach or AT_NONE * walk.distance, most * walk.distance)
+        distances.append(np.linspace(0.0, reach, N_STEPS + 1))
+        offsets += [distance * sign * np.eye(3)[axis] for distance in distances[-1][1:]]
+
+    own, *others = yield from at(0.0, _at(walk, offsets))
+    yield 1.0
+    found = []
+    for k, name in enumerate(NAMES):
+        columns = [own, *others[k * N_STEPS : (k + 1) * N_STEPS]]
+        found.append(WayCurve(name, tuple(distances[k].tolist()), *zip(*columns, strict=True)))
+    return tuple(found)
+
+
+def _at(walk: Walk, offsets: list[Floats]) -> Pauses[list[tuple[float | None, ...]]]:
+    """The numbers of a curve, in their order, at each of some places of the head."""
+    heads = walk.heads_at(offsets)
+    seen = yield from walk.seen_by(list(heads.values()))
+    of_head = dict(zip(heads, seen, strict=True))
+    return [
+        _numbers(walk, heads[k], of_head[k]) if k in heads else NOTHING_SEEN
+        for k in range(len(offsets))
+    ]
+
+
+def _numbers(walk: Walk, head: Viewer, seen: Floats) -> tuple[float | None, ...]:
+    """The same from a head that sees the points at (n, 2) px of its image."""
+    straight = view_of_picture(walk.plan.rig.picture_place, head, walk.uv)
+    is_seen = np.isfinite(seen).all(axis=1)
+    if not is_seen.any():
+        return NOTHING_SEEN
+    seen, straight = seen[is_seen], straight[is_seen]
+    told = []
+    for off in (arcmin_between(head, seen, straight), np.linalg.norm(seen - straight, axis=1)):
+        told += [float(off.mean()), float(off.max())]
+    return *told, float(walk.weights[is_seen].sum() / walk.weights.sum())
+
+
+def as_data(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> dict[str, Any]:
+    """An eye box and its curves, as they stand in a report: m, arcmin, px, shares."""
+    return {
+        "viewer": viewer,
+        "limit_arcmin": box.limit,
+        "least_share_of_seen": box.least,
+        "ends_m": dict(zip(NAMES, box.ends, strict=True)),
+        "is_open": dict(zip(NAMES, box.is_open, strict=True)),
+        "curves": [asdict(curve) for curve in curves],
+    }
+
+
+def as_svg(box: EyeBox, viewer: str, curves: tuple[WayCurve, ...]) -> str:
+    """Diagrams of all curves: a column for each axis, below each other angle, px and coverage."""
+    columns = []
+    for one, other in ((0, 1), (2, 3), (4, 5)):
+        pair = [curves[one], curves[other]]
+        title = f"The head of '{viewer}': {pair[0].way} and {pair[1].way}"
+        note = [
+            "; ".join(
+                f"{NAMES[k]} {number(1e3 * box.ends[k])} mm{' and more' if box.is_open[k] else ''}"
+                for k in (one, other)
+            )
+            + f" within {number(box.limit)} arcmin"
+        ]
+        rows = (
+            ("off by (arcmin)", ("largest_arcmin", "mean_arcmin")),
+            ("off by (px)", ("largest_px", "mean_px")),
+            ("share of points that is seen", ("coverage",)),
+        )
+        column = []
+        for label, fields in rows:
+            drawn = [
+                Curve(_name(curve.way, name), points_mm(curve.distance_m, getattr(curve, name)))
+                for curve in pair
+                for name in fields
+            ]
+            column.append(linear(title, DISTANCE, label, drawn, note, is_rising=True))
+        columns.append(column)
+    return sheet(columns)
+
+
+def _name(way: str, field: str) -> str:
+    word = field.split("_")[0]
+    return way if word == "coverage" else f"{way}, {word}"
+
+
+N_TRACED = 3  # parts of an octant's edges between places that are traced
+N_SMOOTH = 4  # parts of those that are drawn
+MOST = 2.0  # times the limit: more is not told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Places on the surface, and how they hang together.
+
+    Parameters
+    ----------
+    positions : (n, 3) m, world
+    triangles : (m, 3), anticlockwise from outside
+    off : (n,) arcmin, the largest angle by which a point of the picture is off from there, up to
+        `MOST` limits; as much where fewer points are seen than have to be
+    """
+
+    positions: Floats
+    triangles: Ints
+    off: Floats
+
+
+def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, Surface]:
+    """The surface of an eye box that a walk has found; yields progress 0..1.
+
+    An end where the head was not followed any further is drawn no farther away than the picture is.
+    """
+    ends = np.zeros((2, 3))
+    for (axis, sign, _), extent, is_open in zip(WAYS, box.ends, box.is_open, strict=True):
+        ends[int(sign > 0), axis] = min(extent, walk.distance) if is_open else extent
+
+    coarse, faces = octahedron()
+    offsets = _swelled(coarse, ends)
+    parts = yield from at(0.0, walk.parts(list(offsets)))
+    off = box.limit * np.minimum(parts, MOST)
+
+    # finer, so that it looks round
+    weights, parts = grid(N_SMOOTH)
+    steps = np.rint(N_SMOOTH * weights).astype(int) @ coarse[faces]
+    points, first, index = np.unique(
+        steps.reshape(-1, 3), axis=0, return_index=True, return_inverse=True
+    )
+    viewer = walk.plan.viewer
+    yield 1.0
+    return Surface(
+        positions=viewer.position + _swelled(points, ends) @ viewer.axes,
+        triangles=index.reshape(len(faces), -1)[:, parts].reshape(-1, 3),
+        off=(off[faces] @ weights.T).ravel()[first],
+    )
+
+
+def octahedron() -> tuple[Ints, Ints]:
+    """Points (n, 3) on an octahedron with corners N_TRACED from its middle to the right, up and
+    forward, and its triangles (m, 3), anticlockwise from outside.
+    """
+    weights, parts = grid(N_TRACED)
+    steps = np.rint(N_TRACED * weights).astype(int)
+    points, faces = [], []
+    for signs in np.stack(np.meshgrid(*3 * [[-1, 1]]), axis=-1).reshape(-1, 3):
+        # right, up, forward are left-handed
+        turned = parts if signs.prod() < 0 else parts[:, ::-1]
+        faces.append(turned + len(points) * len(steps))
+        points.append(signs * steps)
+    found, index = np.unique(np.concatenate(points), axis=0, return_inverse=True)
+    return found, index.ravel()[np.concatenate(faces)]
+
+
+def _swelled(points: Ints, ends: Floats) -> Floats:
+    """Offsets (n, 3), m, of points (n, 3) on an octahedron, moved out to the surface whose ends
+    (2, 3) are so far along each axis: those below 0 and those above.
+    """
+    directions = normalise(points.astype(float))
+    return directions * np.where(directions > 0, ends[1], ends[0])

@@ -18,7 +18,7 @@ from ...base.arrays import Floats
 from ...base.errors import RigError
 from ...base.numbers import number
 from ...base.steps import Pauses, at
-from ...bench.picture_room import plane_of
+from ...bench.part_sizes import plane_of
 from ...image.flat_picture import view_of_picture
 from ...light.plan import Plan
 from ...rig.rig import PicturePlace, Rig

@@ -32,7 +32,7 @@ from ...light.plan import Plan
 from ...map.points import Tracer, tracer, tracer_of
 from ...rig.rig import PicturePlace
 from ...rig.viewer import Viewer
-from ..warp.settling import derivative, inverse_of
+from ..warp.view_from_display import derivative, inverse_of
 
 MOST_ROUNDS = 24
 SETTLED_PX = 1e-9  # viewer px

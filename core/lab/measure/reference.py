@@ -1,9 +1,7 @@
-"""References for view maps and source images: traced landings, and a much finer solve.
+"""References of maps and images, the pictures they show, and the errors against them.
 
-The map is compared with rays traced exactly, in float64, at random points of the viewer's image.
-Images are compared with those of the finer solve, for a picture of fine detail in the place of the
-rig's own: where a picture is smooth, a wrong place has the right colour. The seen image of a source
-image is simulated through the finer solve's shares.
+Maps are compared with those of a finer solve. Images are compared with those of the finer solve,
+for a picture of fine detail in the place of the artist's, too.
 """
 
 from collections.abc import Generator, Sequence
@@ -17,21 +15,168 @@ from numpy.typing import NDArray
 from ...base.arrays import Bools, Floats
 from ...base.errors import RigError
 from ...base.steps import within
+from ...bench.placement import lattice
+from ...files.encoding import encode
+from ...image.picture import of_square, picture_from_view
 from ...image.seen_image import lattice_shift
 from ...light.compile_plan import make_plan
 from ...light.landings import main_landings
 from ...light.plan import Plan
 from ...light.trace import trace_all
 from ...map.view_map import MapError
-from ...rig.rig import Display, Rig
+from ...rig.rig import Display, PicturePlace, Rig
 from ...rig.settings import MOST_TOLERANCE, Settings
+from ...rig.viewer import Viewer
 from ...solve.channel import Channel
 from ...solve.session import Session
 from ...solve.solution import Solution
-from .charts import showing
-from .image_errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors, psnr, rms
+
+PERCENTILE = 99.9
+
+# between black and white, in the encoded image
+STEPS_OF_FORMAT = {"8 bit": 255, "10 bit": 1023, "16 bit": 65535}
+
+
+@dataclass(frozen=True)
+class MapErrors:
+    """How far off one viewer's map is: as the solve itself tells, and from traced landings.
+
+    Distances are those of the points that map and trace both take to the display.
+
+    estimate : percentile of the map's error as the solve itself estimates it, display px
+    facet_limited, unresolved : shares of the viewer's image that the solve itself says are so
+    rms, percentile : rms and PERCENTILE of the distance,
+        display px; None where there are no such points
+    overlap : of the points that the map or the trace takes to
+        the display, the share that both do (IoU)
+    """
+
+    estimate: float
+    facet_limited: float
+    unresolved: float
+    rms: float | None
+    percentile: float | None
+    overlap: float | None
+
+
+@dataclass(frozen=True)
+class SeenErrors:
+    """How far off one viewer's seen image is.
+
+    seen_psnr : dB, white is 1, over the viewer's pixels that show the picture and no more: what is
+        seen of this source image, against what is seen of the reference's; None when there is no
+        difference
+    lattice_shift, lattice_largest : mean and largest displacement of the dots of the
+        lattice as seen, against the ideal image, viewer px; None where no dot is seen
+    lattice_seen : dots that are seen; None where the lattice was not painted
+    """
+
+    seen_psnr: float | None
+    lattice_shift: float | None
+    lattice_largest: float | None
+    lattice_seen: int | None
+
+
+@dataclass(frozen=True)
+class ImageErrors:
+    """How far off a source image is, and each viewer's seen image.
+
+    source_rmse : linear values, over the display pixels that show
+        the picture and no more (Reference.is_shown)
+    holes : those of them that stay black, where the picture is
+        nowhere black; they count in source_rmse
+    """
+
+    source_rmse: float
+    holes: int
+    channels: tuple[SeenErrors, ...]
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square; 0 of none."""
+    return float(np.sqrt(np.mean(np.square(values, dtype=float)))) if values.size else 0.0
+
+
+def psnr(difference: Floats) -> float | None:
+    """Peak signal-to-noise ratio, dB, of an image that is off by this; None where it is not."""
+    off = rms(difference)
+    return float(-20 * np.log10(off)) if off > 0 else None
+
+
+def quantisation(source: NDArray[np.float32]) -> dict[str, float]:
+    """Rms changes by number formats in an image (..., 3), linear, sRGB-encoded to 0..1.
+
+    Clipping is not counted.
+    """
+    encoded = encode(source)
+    changed = {
+        name: np.rint(encoded * top) / top - encoded for name, top in STEPS_OF_FORMAT.items()
+    }
+    changed["half float"] = encode(np.asarray(source, np.float16)) - encoded
+    return {name: float(np.sqrt((change**2).mean())) for name, change in changed.items()}
+
 
 Image = NDArray[np.float32]  # (h, w, c) linear, row 0 at the top
+
+FINEST = 10.0  # px: the zone plate's shortest period, at the middle of its edges
+# px, of the zone plate
+LEAST_SIDE = 16
+MOST_SIDE = 4096
+PROBES = 256  # rays along each side of the viewer's image that look for the picture
+HALF_COVER = 0.5  # share of a place that the picture has to cover for its scale to be read there
+
+
+def zone_plate(pixels: int) -> Image:
+    """Rings that grow finer outward: detail in all directions, and
+    nowhere black, so that a black pixel is a hole.
+
+    Returns
+    -------
+    (pixels, pixels, 4) float32, linear 0.1..0.9, alpha 1; the
+    period is FINEST px at the middle of the edges
+    """
+    across = (np.arange(pixels) + 0.5) / pixels - 0.5
+    phase = 2 * np.pi * pixels / FINEST * (across[:, None] ** 2 + across**2)
+    rings = [0.5 + 0.4 * np.cos(phase + 2 * np.pi * channel / 3) for channel in range(3)]
+    return np.stack([*rings, np.ones_like(phase)], axis=2).astype(np.float32)
+
+
+def picture_extent(place: PicturePlace, viewer: Viewer) -> float:
+    """Side of a picture as a viewer sees it straight, the root
+    of its area, in viewer px; 0 where it is unseen.
+    """
+    place = replace(place, width=1, height=1)
+    x, y = ((np.arange(PROBES) + 0.5) / PROBES * size for size in (viewer.width, viewer.height))
+    points = picture_from_view(
+        place, viewer, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), of_square(1e-3)
+    )
+    seen = points.footprint[points.cover > HALF_COVER]
+    return 1e-3 / float(np.median(seen)) if len(seen) else 0.0
+
+
+def showing(rig: Rig, image: Image) -> Rig:
+    """The same rig with another image (h, w, 4) where its picture is."""
+    return replace(rig, pictures=(rig.picture_place.showing(image),))
+
+
+def pictures(rig: Rig, image: Image | None = None) -> tuple[Rig, Rig, str]:
+    """The rig with a picture of fine detail and with the
+    lattice of dots, and the name of the first.
+
+    One pixel of the zone plate is one of the viewer's: shares are no larger,
+    so that all methods read the same picture.
+    """
+    extent = max(picture_extent(rig.picture_place, viewer) for viewer in rig.viewers)
+    side = int(np.clip(np.ceil(extent), LEAST_SIDE, MOST_SIDE))
+    about = "the picture that was given" if image is not None else (
+        f"a zone plate of {side} x {side} px in the picture's place, period down to {FINEST:g}"
+        f" viewer px"
+    )  # fmt: skip
+    image = zone_plate(side) if image is None else image
+    dots = lattice(side)
+
+    return showing(rig, image), showing(rig, np.dstack([dots, np.ones_like(dots[..., 0])])), about
+
 
 N_CHECKED = 1 << 16  # points of the viewer's image at which the map is compared with the trace
 HALF = 0.5  # a display pixel counts as covered from this share of its area on

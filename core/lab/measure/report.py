@@ -15,8 +15,8 @@ from ...light.plate import PlatePath, light_by_angle
 from ...rig.rig import MirrorArray
 from ...solve.cost import cost
 from .diagram import Curve, linear, log_log
-from .image_errors import PERCENTILE, ImageErrors, MapErrors, SeenErrors
-from .rungs import Rung, WorkPrecision
+from .reference import PERCENTILE, ImageErrors, MapErrors, SeenErrors
+from .work_precision import Rung, WorkPrecision
 
 NAMES = ("report.csv", "report.json", "report.svg")
 PLATE_NAMES = ("plate.csv", "plate.svg")  # beside them where a plate has mirrors

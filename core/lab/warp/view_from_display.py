@@ -25,12 +25,205 @@ from ...image.ghosts import NO_PATH, paths_of, strongest_paths
 from ...light.plan import Plan
 from ...map.outlines import ragged
 from ...map.pieces import Piece
-from ...map.points import is_in_image, trace_points, tracer
+from ...map.points import Tracer, is_in_image, trace_points, tracer
 from ...map.share_batches import ShareBatches
 from ...map.view_map import ViewMap
 from ...solve.channel import shares_of
-from .grid import Grid
-from .settling import derivative, inverse_of, settle
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Points in rows and columns, row by row from the upper left.
+
+    first, step : (x, y) display px, of the first point, and from one to the next
+    columns, rows : how many there are
+    """
+
+    first: tuple[float, float]
+    step: tuple[float, float]
+    columns: int
+    rows: int
+
+    def __len__(self) -> int:
+        return self.columns * self.rows
+
+    def at(self, number: Ints) -> Floats:
+        """Points (n, 2), display px, by their numbers (n,)."""
+        place = np.stack([number % self.columns, number // self.columns], axis=1)
+        return np.array(self.first) + place * np.array(self.step)
+
+    def bands(self, n_points: int) -> Iterator[range]:
+        """The rows in runs of about `n_points` points each."""
+        n_rows = max(1, n_points // self.columns)
+        for row in range(0, self.rows, n_rows):
+            yield range(row, min(row + n_rows, self.rows))
+
+    def steps_to(self, xy: Floats) -> Floats:
+        """Columns and rows (..., 2), with their fractions, of display px (..., 2)."""
+        return (xy - np.array(self.first)) / np.array(self.step)
+
+    def pixels(self, display_size: tuple[int, int]) -> Ints:
+        """The display pixel (n,) of each point, row * width + column; on an edge that after it."""
+        width = display_size[0]
+        x, y = (
+            np.clip(first + step * np.arange(n), 0, size - 1).astype(np.int64)
+            for first, step, n, size in zip(
+                self.first, self.step, (self.columns, self.rows), display_size, strict=True
+            )
+        )
+        return (y[:, None] * width + x).ravel()
+
+
+def middles(display_size: tuple[int, int], times: int = 1) -> Grid:
+    """The middles of a display's pixels, each cut into `times` a side."""
+    width, height = display_size
+    return Grid((0.5 / times,) * 2, (1 / times,) * 2, width * times, height * times)
+
+
+def nodes(display_size: tuple[int, int], step: float) -> Grid:
+    """The corners of a mesh over a whole display, about `step` px apart."""
+    columns, rows = (max(1, round(n / step)) for n in display_size)
+    width, height = display_size
+    return Grid((0.0, 0.0), (width / columns, height / rows), columns + 1, rows + 1)
+
+
+@dataclass(frozen=True)
+class Settling:
+    """When a place is good enough; seen on the ball, where the median takes two rays.
+
+    settled : share of the tolerance between the landing and the point; the step that is left then
+        makes it a square of that
+    most_rays : for one place
+    nearby : viewer px, over which the derivative is taken where no piece tells it
+    """
+
+    settled: float = 0.01
+    most_rays: int = 10
+    nearby: float = 1e-3
+
+
+SETTLING = Settling()
+
+
+@dataclass(eq=False)
+class Places:
+    """Places of the viewer's image, each with the point of the display that it is to show.
+
+    view : (n, 2) viewer px, the best so far
+    off : (n,) display px between its landing and the point; inf where it is on no branch
+    """
+
+    view: Floats
+    off: Floats
+
+
+def settle(
+    plan: Plan,
+    points: Floats,
+    view: Floats,
+    view_by_display: Floats,
+    branch: NDArray[np.uint64],
+) -> Pauses[Places]:
+    """Bring places to the points that they are to show; yields the number of rays now and then.
+
+    Parameters
+    ----------
+    points : (n, 2) display px
+    view : (n, 2) viewer px to begin with
+    view_by_display : (n, 2, 2) about the inverse of the map's derivative there
+    branch : (n,) that light has to take
+    """
+    n = len(points)
+    settled_px = SETTLING.settled * plan.settings.tolerance
+    found = Places(view.copy(), np.full(n, np.inf))
+    inverse = view_by_display.copy()
+    step = np.zeros((n, 2))
+    miss = np.zeros((n, 2))
+    left = np.arange(n)
+
+    for _ in range(SETTLING.most_rays):
+        if not len(left):
+            break
+
+        tried = found.view[left] + step[left]
+        traced = yield from trace_points(plan, tried)
+        new_miss = traced.xy - points[left]
+        off = np.where(traced.branch == branch[left], np.hypot(*new_miss.T), np.inf)
+        is_nearer = off < found.off[left]
+
+        # how the step turned out corrects the derivative
+        some = left[is_nearer]
+        is_second = np.isfinite(found.off[some])
+        known = some[is_second]
+        inverse[known] = _corrected(
+            inverse[known], step[known], new_miss[is_nearer][is_second] - miss[known]
+        )
+        found.view[some] = tried[is_nearer]
+        found.off[some] = off[is_nearer]
+        miss[some] = new_miss[is_nearer]
+        step[some] = -_times(inverse[some], miss[some])
+
+        # a first ray beside its branch has nowhere to go
+        others = left[~is_nearer]
+        step[others] *= 0.5
+        left = left[np.isfinite(found.off[left]) & (found.off[left] > settled_px)]
+
+    last = np.flatnonzero(found.off <= settled_px)
+    found.view[last] += step[last]
+    return found
+
+
+def derivative(
+    trace: Tracer, view: Floats, display: Floats, branch: NDArray[np.uint64]
+) -> Pauses[Floats]:
+    """Display px per viewer px (n, 2, 2), columns x and y of the viewer, by rays beside places.
+
+    0 where the rays beside them take other branches.
+
+    trace : traces places, by their rows in the tables
+    view, display, branch : (n, 2) viewer px, (n, 2) display px and (n,) of the places
+    """
+    found = np.zeros((len(view), 2, 2))
+    for side in (1, -1):
+        # both axes together
+        lacks, axis = np.nonzero(~found.any(axis=1))
+        if not len(lacks):
+            break
+        beside = view[lacks]
+        beside[np.arange(len(lacks)), axis] += side * SETTLING.nearby
+        traced = yield from trace(lacks, beside)
+        known = traced.branch == branch[lacks]
+        some = lacks[known]
+        by_side = (traced.xy[known] - display[some]) / SETTLING.nearby
+        found[some, :, axis[known]] = side * by_side
+    return found
+
+
+def inverse_of(matrices: Floats) -> Floats:
+    """Inverses of matrices (n, 2, 2); 0 where there is none."""
+    (a, b), (c, d) = np.moveaxis(matrices, 0, 2)
+    det = a * d - b * c
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        found = np.array([[d, -b], [-c, a]]) / det
+    return np.where(np.isfinite(found), found, 0.0).transpose(2, 0, 1)
+
+
+def _corrected(inverse: Floats, step: Floats, change: Floats) -> Floats:
+    """Inverses (n, 2, 2) of derivatives, by which a change (n, 2) would have told the step (n, 2)
+    that it came of.
+    """
+    told = _times(inverse, change)
+    back = np.einsum("ni,nij->nj", step, inverse)
+    along = np.einsum("ni,ni->n", step, told)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        more = (step - told)[:, :, None] * back[:, None, :] / along[:, None, None]
+    return inverse + np.where(np.isfinite(more), more, 0.0)
+
+
+def _times(matrices: Floats, vectors: Floats) -> Floats:
+    """Products (n, 2) of matrices (n, 2, 2) and vectors (n, 2)."""
+    return np.einsum("nij,nj->ni", matrices, vectors)
+
 
 SLACK = 1e-9  # of a triangle, so that no point on an edge falls between two
 ROWS_AT_ONCE = 1 << 18  # of triangles that are looked at together

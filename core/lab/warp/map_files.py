@@ -1,0 +1,483 @@
+"""Files of warp maps: the wanted ones, the maps of a channel, and their formats."""
+
+import json
+import re
+from collections.abc import Generator, Iterable, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.errors import MALFORMED, ImageError, RigError
+from ...base.free_memory import check_free
+from ...base.messages import Message
+from ...base.steps import at, within
+from ...files import disk, image_io, png
+from ...rig.rig import PicturePlace, Rig
+from ...solve.channel import Channel
+from .stmap import (
+    STMap,
+    WarpMesh,
+    mesh_error,
+    mesh_grid,
+    mesh_of,
+    of_places,
+    quads_of,
+    view_stmap,
+    warp_map,
+    write_data,
+    write_obj,
+)
+from .view_from_display import paths_shown, view_from_display
+
+# the files of each format
+FORMATS = {
+    "EXR": ("warp.exr", "view.exr"),
+    "FFMPEG": ("x.pgm", "y.pgm"),
+    "OBJ": ("warp.obj",),
+    "DATA": ("warp.data",),
+    "NPZ": ("warp.npz",),
+    "PNG": ("warp.png",),
+}
+TIMES = (1, 2, 4)
+MOST_OVERSCAN = 100.0
+# m, red, green and blue: dominant wavelengths of the primaries of ITU-R BT.709, as of sRGB
+PRIMARIES = (611e-9, 549e-9, 464e-9)
+BYTES = 600  # of a point of a map, at the peak: measured where each is seen ten times
+NOTHING = 65535  # in a .pgm; beyond every image, so that ffmpeg fills it
+
+
+def wavelengths_for(rig: Rig, wavelength: float) -> tuple[float, ...]:
+    """The wavelengths, m, that a rig needs maps for: where its glass disperses, those of a
+    display's colours, else the one that it is solved for.
+    """
+    disperses = any(len({glass.ior.at(one) for one in PRIMARIES}) > 1 for glass in rig.glasses)
+    return PRIMARIES if disperses else (wavelength,)
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Which files are wanted.
+
+    formats : keys of FORMATS
+    overscan : per cent by which the picture's image is larger than the picture at each side
+    times : size of the maps for ffmpeg, in display pixels
+    mesh_step : display px, about, between the nodes of meshes; the display's size at most
+    """
+
+    formats: tuple[str, ...] = ("EXR",)
+    overscan: float = 0.0
+    times: int = 2
+    mesh_step: float = 8.0
+
+    def check(self) -> None:
+        """Raise RigError when nothing is wanted, or something that cannot be."""
+        if not self.formats:
+            raise RigError("No format is chosen for the maps: choose one or more.")
+        if not 0 <= self.overscan <= MOST_OVERSCAN:
+            raise RigError(
+                "Overscan is {overscan:g} %: set it from 0 to {most:g}.",
+                overscan=self.overscan,
+                most=MOST_OVERSCAN,
+            )
+        if self.times not in TIMES:
+            raise RigError(
+                "The maps for ffmpeg cannot be {times} times as large as the display: set 1, 2"
+                " or 4.",
+                times=self.times,
+            )
+        if not 1 <= self.mesh_step < np.inf:
+            raise RigError(
+                "The mesh step is {step:g} display pixels: set 1 or more.", step=self.mesh_step
+            )
+
+    def check_for(self, place: PicturePlace) -> None:
+        """Raise RigError when a format has no room for the pixels of a picture."""
+        if "FFMPEG" in self.formats and self.times * max(place.width, place.height) > NOTHING:
+            raise RigError(
+                "The picture '{picture}' has {width} x {height} pixels, and the maps for ffmpeg,"
+                " {times} x, have room for {most}: set a smaller ffmpeg Size, or other formats.",
+                picture=place.name,
+                width=place.width,
+                height=place.height,
+                times=self.times,
+                most=NOTHING // self.times,
+            )
+
+
+def memory_needed(display_size: tuple[int, int], options: MapOptions) -> float:
+    """Bytes that the maps of a viewer take at their peak, about."""
+    width, height = display_size
+    larger = options.times**2 if "FFMPEG" in options.formats and options.times > 1 else 0
+    return BYTES * width * height * (1 + larger)
+
+
+def check_memory(rig: Rig, options: MapOptions) -> None:
+    """Raise RigError when the maps of a viewer would take more memory than is free."""
+    display = rig.display
+    remedy = Message(
+        "lower the resolution of the display '{display}' ({width} x {height})",
+        display=display.name,
+        width=display.width,
+        height=display.height,
+    )
+    if "FFMPEG" in options.formats and options.times > 1:
+        remedy = Message("set a smaller ffmpeg Size, or other formats")
+    needed = memory_needed((display.width, display.height), options)
+    check_free(needed, Message("Exporting maps"), remedy)
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelMaps:
+    """The maps of a channel; None for those that no file is wanted of.
+
+    warp : from the display's pixels; larger : from parts of these, `times` a side
+    view : from the viewer's pixels
+    """
+
+    warp: STMap
+    view: STMap | None
+    larger: STMap | None
+    times: int
+    mesh: WarpMesh | None
+
+
+def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, ChannelMaps]:
+    """The maps of a channel for the formats that are wanted; yields progress 0..1."""
+    forms = set(options.formats)
+    width, height = channel.view_map.display_size
+    n_view = channel.viewer.width * channel.viewer.height
+    grid = mesh_grid((width, height), options.mesh_step)
+
+    # about as many rays as each part has points
+    parts = {
+        "warp": width * height,
+        "view": n_view if "EXR" in forms else 0,
+        "larger": width * height * options.times**2 if "FFMPEG" in forms else 0,
+        "mesh": len(grid) if forms & {"OBJ", "DATA"} else 0,
+    }
+    ends = dict(zip(parts, np.cumsum(list(parts.values())) / sum(parts.values()), strict=True))
+
+    strongest = yield from at(0.0, paths_shown(channel.plan, channel.view_map))
+    steps = warp_map(channel, 1, options.overscan, strongest)
+    warp = yield from within(steps, 0.0, ends["warp"])
+    view = larger = mesh = None
+    if parts["view"]:
+        view = yield from within(view_stmap(channel, warp), ends["warp"], ends["view"])
+    if parts["larger"]:
+        larger = warp
+        if options.times > 1:
+            steps = warp_map(channel, options.times, options.overscan, strongest)
+            larger = yield from within(steps, ends["view"], ends["larger"])
+    if parts["mesh"]:
+        steps = view_from_display(channel.plan, channel.view_map, grid, strongest)
+        places = yield from within(steps, ends["larger"], ends["mesh"])
+        pixels = grid.pixels((width, height))
+        coverage = channel.coverage.of_display.ravel()[pixels].reshape(grid.rows, grid.columns)
+        place = channel.plan.rig.place_of(channel.viewer)
+        stmap = of_places(place, channel.viewer, grid, places, coverage, options.overscan)
+        mesh = mesh_of((width, height), options.mesh_step, stmap, places)
+
+    return ChannelMaps(warp, view, larger, options.times, mesh)
+
+
+def description(
+    channel: Channel, maps: ChannelMaps, names: dict[str, tuple[str, ...]]
+) -> dict[str, Any]:
+    """Of a channel's maps, as plain data for a file beside them."""
+    warp = maps.warp
+    coverage = channel.coverage.of_display
+    found = {
+        "viewer": {
+            "name": channel.viewer.name,
+            "size": [channel.viewer.width, channel.viewer.height],
+        },
+        "wavelength_nm": 1e9 * channel.wavelength,
+        "index": {
+            glass.name: glass.ior.at(channel.wavelength) for glass in channel.plan.rig.glasses
+        },
+        "files": {form: list(of_form) for form, of_form in names.items()},
+        "tolerance_px": channel.view_map.tolerance,
+        "coverage": float(coverage.mean()),
+        "picture_on_display": float(warp.coverage.mean()),
+        "folds": {
+            "of_display": float((warp.multiplicity > 1).mean()),
+            "most": int(warp.multiplicity.max()),
+        },
+    }
+    if "FFMPEG" in names:
+        found["ffmpeg"] = {
+            "times": maps.times,
+            "command": ffmpeg_command(names["FFMPEG"], warp.size, warp.to_size, maps.times),
+        }
+    if maps.mesh is not None:
+        found["mesh"] = {
+            "nodes": [n // maps.mesh.finer + 1 for n in maps.mesh.path.shape[::-1]],
+            "faces": len(quads_of(maps.mesh)),
+            "off_px": mesh_error(maps.mesh),
+        }
+    return found
+
+
+COLOURS = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv"
+FAR = -64.0  # px: so far beside the picture no filter of OpenCV reads any of it
+
+
+def pixels_of(stmap: STMap) -> Floats:
+    """Places (h, w, 2) as pixels of the other image, x right and y down, whole numbers at their
+    middles; NaN where nothing is shown.
+    """
+    width, height = stmap.to_size
+    xy = stmap.st * [width, -height] + [-0.5, height - 0.5]
+    return np.where(stmap.is_there[..., None], xy, np.nan)
+
+
+def write_pgm(folder: Path, names: tuple[str, str], stmap: STMap, times: int) -> None:
+    """Write the maps of ffmpeg's remap filter: which column, and which row, of the picture made
+    `times` as large each pixel shows.
+
+    stmap : with each display pixel cut into `times` a side
+    """
+    size = np.array(stmap.to_size) * times
+    with np.errstate(invalid="ignore"):
+        pixel = np.floor((pixels_of(stmap) + 0.5) * times)
+        pixel = np.where(np.isfinite(pixel), np.clip(pixel, 0, size - 1), NOTHING)
+
+    width, height = stmap.size
+    for axis, name in enumerate(names):
+        header = f"P5\n{width} {height}\n{NOTHING}\n".encode()
+        disk.write_bytes(folder / name, header + pixel[..., axis].astype(">u2").tobytes())
+
+
+def ffmpeg_command(
+    names: tuple[str, str], display_size: tuple[int, int], picture_size: tuple[int, int], times: int
+) -> str:
+    """The command that warps a picture, or a film, by the maps.
+
+    The picture is made larger first and the image smaller at last: the filter between them reads
+    the nearest pixel. The end is a pixel format that players take, told as Rec.709, which they
+    would guess; 4:2:0 wants even sizes.
+    """
+    width, height = display_size
+    larger = "x".join(str(n * times) for n in picture_size)
+    last = "yuv420p" if width % 2 == height % 2 == 0 else "yuv444p"
+    steps = [
+        f"[0:v]scale={larger}:flags=bicubic,format=gbrp[p]",
+        "[p][1:v][2:v]remap=fill=black[w]",
+        f"[w]scale={width}x{height}:flags=area:out_color_matrix=bt709:out_range=tv,"
+        f"format={last}[v]",
+    ]
+    x, y = names
+    return (
+        f'ffmpeg -i PICTURE -i {x} -i {y} -filter_complex "{";".join(steps)}" -map "[v]"'
+        f' -map "0:a?" {COLOURS} OUT.mp4'
+    )
+
+
+def write_npz(path: Path, stmap: STMap) -> None:
+    """Write the maps of OpenCV's remap: map_x, map_y (h, w) float32 px, whole numbers at the
+    middles of pixels; coverage (h, w) float32, and the sizes.
+    """
+    xy = np.nan_to_num(pixels_of(stmap), nan=FAR).astype(np.float32)
+    file = BytesIO()
+    np.savez_compressed(
+        file,
+        map_x=xy[..., 0],
+        map_y=xy[..., 1],
+        coverage=stmap.coverage.astype(np.float32),
+        picture_size=np.array(stmap.to_size),
+    )
+    disk.write_bytes(path, file.getvalue())
+
+
+# outside of every image, so that programs show nothing there
+NOWHERE = -1.0
+# Blender takes a file with dots in the names of channels for one of render layers, without a size
+CHANNELS = (
+    "R",
+    "G",
+    "B",
+    "A",
+    "multiplicity",
+    *(f"jacobian_{of}" for of in ("xx", "xy", "yx", "yy")),
+)
+TOP = 65535  # the largest number of 16 bits
+
+
+def write_exr(path: Path, stmap: STMap, about: str) -> None:
+    """Write a map as 32-bit OpenEXR: R = s, G = t, B = coverage, A = 1, and more channels.
+
+    Raises
+    ------
+    ImageError : it cannot be written, or there is no OpenImageIO
+    """
+    oiio = image_io.openimageio()
+    width, height = stmap.size
+    pixels = np.empty((height, width, len(CHANNELS)), np.float32)
+    pixels[..., :2] = np.where(np.isfinite(stmap.st), stmap.st, NOWHERE)
+    pixels[..., 2] = stmap.coverage
+    pixels[..., 3] = 1.0
+    pixels[..., 4] = stmap.multiplicity
+    pixels[..., 5:] = stmap.jacobian.reshape(height, width, 4)
+
+    spec = oiio.ImageSpec(width, height, len(CHANNELS), "float")
+    spec.channelnames = CHANNELS
+    spec.alpha_channel = CHANNELS.index("A")
+    spec.attribute("compression", "zip")
+    spec.attribute("oiio:ColorSpace", "data")
+    spec.attribute("Software", "Kiriko")
+    spec.attribute("ImageDescription", about)
+    image_io.put(path, spec, pixels)
+
+
+def write_png(path: Path, stmap: STMap, about: str) -> None:
+    """Write a map as 16-bit PNG: R = s, G = t, B = coverage, each times 65535; 0 where there
+    is nothing.
+    """
+    there = stmap.is_there[..., None]
+    values = np.concatenate([stmap.st, stmap.coverage[..., None]], axis=2)
+    numbers = np.rint(np.clip(np.where(there, values, 0.0), 0, 1) * TOP).astype(np.uint16)
+    if not image_io.has_openimageio():
+        png.write(path, numbers)
+        return
+
+    oiio = image_io.openimageio()
+    spec = oiio.ImageSpec(*stmap.size, 3, "uint16")
+    spec.attribute("oiio:ColorSpace", "data")
+    spec.attribute("Software", "Kiriko")
+    spec.attribute("ImageDescription", about)
+    image_io.put(path, spec, numbers)
+
+
+SIDECAR = "maps.json"
+CONVENTION = (
+    "s and t are 0 to 1 from the picture's left and lower edge; the middle of pixel i of W is at"
+    " (i + 0.5) / W.",
+    "warp: for each display pixel, at its middle, the place in the picture that it shows, on the"
+    " path that most of the pixel is seen by. Where its middle is not seen, but another part is,"
+    " the place is the middle of the largest such part, and multiplicity is 0.",
+    "view: for each viewer pixel, at its middle, the place on the display that it sees.",
+    "EXR: R = s, G = t, B = coverage of the pixel, A = 1; B = 0 where nothing is shown: s and t are"
+    " -1 there, or beyond 0 to 1 where a place beside the picture is seen. multiplicity: at how"
+    " many places of the viewer's image the display's place is seen."
+    " jacobian_xx, _xy, _yx, _yy: pixels of the other image per pixel, x right and y down; the"
+    " second letter is the axis of this image.",
+    "x.pgm, y.pgm: column and row of the picture made so many times as large; 65535 is nothing.",
+    "OBJ and .data: x from -aspect to aspect, y from -1 to 1 upwards over the display, with s and"
+    " t. In .data the fifth number is the coverage, -1 where no cell is drawn.",
+    "NPZ: map_x and map_y in pixels of the picture, row 0 at the top, whole numbers at the middles"
+    " of pixels; -64 is nothing.",
+    "PNG: R = s, G = t, B = coverage, each times 65535; B = 0 is nothing.",
+)
+
+
+def names_of(suffix: str, options: MapOptions) -> dict[str, tuple[str, ...]]:
+    """The files of each format that is wanted, for a channel."""
+    return {
+        form: tuple(f"{Path(name).stem}{suffix}{Path(name).suffix}" for name in names)
+        for form, names in FORMATS.items()
+        if form in options.formats
+    }
+
+
+def suffixes(seen_by: Sequence[tuple[str, float]]) -> list[str]:
+    """What is added to the names of files for each channel, by its viewer's name and wavelength,
+    m; nothing where there is one channel alone.
+    """
+    has_viewers, has_wavelengths = (len(set(them)) > 1 for them in zip(*seen_by, strict=True))
+    found: list[str] = []
+    taken: set[str] = set()  # disks may not tell capitals from small letters
+
+    for viewer, wavelength in seen_by:
+        base = "_" + re.sub(r"[^\w-]+", "_", viewer) if has_viewers else ""
+        base += f"_{1e9 * wavelength:.0f}nm" if has_wavelengths else ""
+        suffix, n = base, 1
+        while suffix.casefold() in taken:
+            n += 1
+            suffix = f"{base}_{n}"
+        taken.add(suffix.casefold())
+        found.append(suffix)
+
+    return found
+
+
+def earlier_files(folder: Path) -> set[str]:
+    """The files of maps that a folder's maps.json tells of; none where it is no such file.
+
+    Only names that a map can have: nothing else is ever taken for one.
+    """
+    try:
+        told = json.loads((folder / SIDECAR).read_text(encoding="utf-8"))
+        names = [
+            (form, name)
+            for one in told["maps"]
+            for form, of_form in one["files"].items()
+            for name in of_form
+        ]
+        return {name for form, name in names if _is_of(form, name)}
+    except (OSError, *MALFORMED):
+        return set()
+
+
+def _is_of(form: str, name: str) -> bool:
+    """Can a file of this name hold a map of a format?"""
+    return any(
+        re.fullmatch(rf"{Path(plain).stem}(_[\w-]+)?{re.escape(Path(plain).suffix)}", name)
+        for plain in FORMATS.get(form, ())
+    )
+
+
+def remove_earlier(folder: Path, earlier: set[str], names: Iterable[str]) -> None:
+    """Remove files of earlier maps, but those of these names, which have been written anew.
+
+    Raises
+    ------
+    ImageError : one cannot be removed
+    """
+    kept = {name.casefold() for name in names}  # disks may not tell capitals from small letters
+    for name in sorted(earlier):
+        path = folder / name
+        if name.casefold() in kept or not path.is_file():
+            continue
+        try:
+            path.unlink()
+        except OSError as reason:
+            raise ImageError(
+                "The file '{path}' of earlier maps cannot be removed ({why}): remove it yourself.",
+                path=path,
+                why=reason.strerror,
+            ) from None
+
+
+def write_maps(
+    folder: Path,
+    names: dict[str, tuple[str, ...]],
+    maps: ChannelMaps,
+    about: str,
+) -> None:
+    """Write the files of a channel, by their names, to a new folder.
+
+    about : a line on them, kept in the files that have room for it
+
+    Raises
+    ------
+    ImageError : one cannot be written
+    """
+    for form, of_form in names.items():
+        paths = [folder / name for name in of_form]
+        if form == "EXR":
+            for path, stmap in zip(paths, (maps.warp, maps.view), strict=True):
+                write_exr(path, stmap, about)
+        elif form == "PNG":
+            write_png(paths[0], maps.warp, about)
+        elif form == "NPZ":
+            write_npz(paths[0], maps.warp)
+        elif form == "FFMPEG":
+            write_pgm(folder, of_form, maps.larger, maps.times)
+        elif form == "OBJ":
+            write_obj(paths[0], maps.mesh, about)
+        else:
+            write_data(paths[0], maps.mesh)
