@@ -148,6 +148,14 @@ class Rig:
             for part in self.of(role):
                 yield role, part
 
+    def for_each_display(self) -> tuple["Rig", ...]:
+        """A rig for each display, which is solved for its source image: the others stop light."""
+        stops = [Blocker(display.name, display.mesh) for display in self.displays]
+        return tuple(
+            replace(self, displays=(one,), blockers=(*self.blockers, *stops[:k], *stops[k + 1 :]))
+            for k, one in enumerate(self.displays)
+        )
+
     @cached_property
     def light_keys(self) -> tuple[str, ...]:
         """A key of all that light from each viewer meets, whatever the others are, however much

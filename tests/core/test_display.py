@@ -3,6 +3,7 @@ box of panels, a plane with part of the image.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -227,3 +228,38 @@ def test_what_a_plan_keeps_is_of_the_same_display_and_plate():
         assert fingerprint(found.triangles) == fingerprint(new.triangles)
     assert make_plan(a_rig, Settings(), kept).display.plane is found.display.plane
     assert fingerprint(found.display) == fingerprint(first.display)
+
+
+def test_two_displays_have_each_their_own_landings_and_source_image():
+    """Halves of a display, side by side, show what the whole one does: each ray lands on one."""
+    whole = rig(box([0.3, 0.02, 0.3]), pixels=48, display_pixels=64)
+    mesh, display = whole.display.mesh, whole.display
+    corners = mesh.corners.reshape(-1, 3)
+    origin, right, up = (
+        corners[mesh.uv.reshape(-1, 2).tolist().index(at)] for at in ([0, 0], [1, 0], [0, 1])
+    )
+    places = [origin + k / 2 * (right - origin) for k in range(3)]
+    halves = tuple(
+        replace(
+            display,
+            name=f"half {k}",
+            width=32,
+            mesh=Mesh(np.stack([a, b, b + up - origin, a + up - origin]), QUAD, uv=QUAD_UV),
+        )
+        for k, (a, b) in enumerate(pairwise(places))
+    )
+    both = replace(whole, displays=halves)
+    rigs = both.for_each_display()
+
+    o, d = whole.viewer.rays(np.random.default_rng(0).uniform(0, 48, (500, 2)))
+    expected = trace_all(make_plan(whole, Settings()), o, d)
+    found = [trace_all(make_plan(one, Settings()), o, d) for one in rigs]
+    is_right = expected.xy[:, 0] > 32
+    for k, landings in enumerate(found):
+        mine = expected.has_arrived & (is_right == k)
+        np.testing.assert_array_equal(landings.has_arrived, mine)
+        np.testing.assert_allclose(landings.xy[mine], expected.xy[mine] - [32 * k, 0], atol=1e-9)
+    assert all(landings.has_arrived.any() for landings in found)
+
+    source = np.concatenate([solve(one).source for one in rigs], axis=1)
+    assert np.abs(source - solve(whole).source)[:, [*range(30), *range(34, 64)]].max() < 0.02
