@@ -490,13 +490,8 @@ def test_the_final_picture_comes_before_its_numbers(
     np.testing.assert_array_equal(shown(), final)
 
 
-@pytest.mark.parametrize("end", ["stopped", "measuring fails"])
 def test_a_picture_may_stay_without_numbers(
-    live: ModuleType,
-    written: list[str],
-    drawn: Callable[..., Layout],
-    monkeypatch: pytest.MonkeyPatch,
-    end: str,
+    live: ModuleType, written: list[str], drawn: Callable[..., Layout]
 ) -> None:
     """Where nothing is at work any more: panel and export say so, it is saved with the file, and a
     solve has its numbers.
@@ -505,31 +500,13 @@ def test_a_picture_may_stay_without_numbers(
     result = bpy.context.scene.kiriko.result
     turn(rig["GLASS"])
     written.clear()
-    if end == "stopped":
-        until(written, live)
-        live.stop()
-    else:
-        errors, known = (
-            importlib.import_module(f"{EXTENSION}.core.{name}")
-            for name in ("base.errors", "solve.solve_cache")
-        )
-
-        def fail(*_: object) -> Iterator[float]:
-            yield 0.5
-            raise errors.RigError("Too many cats.")
-
-        with monkeypatch.context() as patch:
-            patch.setattr(known, "measuring", fail)
-            settle(live)
-        assert live.status() == ("Too many cats.", True)
-        live.stop()
-
+    until(written, live)
+    live.stop()
     assert written == FINAL[:1]
     final = shown()
     words = "The source image has no numbers yet"
     panel = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
     assert panel == f"{words}: solve, or let Live finish."
-    assert "Ready: press Solve." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.export(filepath="/nowhere.png")
     assert result.source.packed_file is not None
@@ -667,56 +644,49 @@ def test_undo_is_followed(live: ModuleType) -> None:
     assert not np.array_equal(shown(), before)
 
 
-@pytest.mark.parametrize("n_turns", [0, 1, 3, MANY])
-def test_other_scene_stops_it(live: ModuleType, n_turns: int) -> None:
-    """A switch to another scene, at any moment, ends it.
-
-    Nothing of it is left, and the panel says why.
-    """
-    rig = follow(live)
-    turn(rig["GLASS"])
-    for _ in range(n_turns):
-        live.tick()
-    other = bpy.data.scenes.new("other")
-    show_scene(other)
-    assert live.tick() is None
-    assert not live.is_on()
-    assert traces(live) == []
-    name = bpy.data.scenes[0].name if bpy.data.scenes[0] != other else bpy.data.scenes[1].name
-    assert live.status()[0] == f"Live stopped: no window shows the scene '{name}' any more."
-    assert live.tick() is None
-    assert other.kiriko.result.source is None
+def show_another_scene(path: str) -> None:
+    show_scene(bpy.data.scenes.new("other"))
 
 
-@pytest.mark.usefixtures("no_remedies")
-def test_revert_stops_it_and_the_panel_names_no_other_file(
-    live: ModuleType, tmp_path: Path
-) -> None:
-    """The file is the same one; one by another path is another, also after it was saved as such."""
-    path = str(tmp_path / "rig.blend")
-    follow(live)
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.revert_mainfile()
-    assert not live.is_on()
-    assert live.status()[0] == "Live stopped: the file was loaded again."
-    bpy.ops.kiriko.live()
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
-    bpy.ops.wm.open_mainfile(filepath=path)
-    assert live.status()[0] == "Live stopped: another file was loaded."
-
-
-@pytest.mark.parametrize("n_turns", [0, 1, 3])
-def test_file_load_stops_it(live: ModuleType, n_turns: int) -> None:
-    """Another file ends it, in the middle of an update, too; nothing of it is left."""
-    rig = follow(live)
-    turn(rig["GLASS"])
-    for _ in range(n_turns):
-        live.tick()
+def load_another_file(path: str) -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+def load_the_file_again(path: str) -> None:
+    bpy.ops.wm.revert_mainfile()
+
+
+def load_a_copy_of_the_file(path: str) -> None:
+    """Which is another file, by its path."""
+    bpy.ops.wm.save_as_mainfile(filepath=f"{path}.blend")
+    bpy.ops.wm.open_mainfile(filepath=path)
+
+
+STOPS = {
+    show_another_scene: "no window shows the scene 'Scene' any more.",
+    load_another_file: "another file was loaded.",
+    load_the_file_again: "the file was loaded again.",
+    load_a_copy_of_the_file: "another file was loaded.",
+}
+
+
+@pytest.mark.parametrize("happen", STOPS)
+@pytest.mark.parametrize("n_turns", [0, 3, MANY])
+def test_another_scene_or_file_stops_it(
+    live: ModuleType, tmp_path: Path, happen: Callable[[str], None], n_turns: int
+) -> None:
+    """At any moment: nothing of it is left, and the panel says why until the next file."""
+    path = str(tmp_path / "rig.blend")
+    rig = follow(live)
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    turn(rig["GLASS"])
+    for _ in range(n_turns):
+        live.tick()
+    happen(path)
+    assert live.tick() is None
     assert not live.is_on()
     assert traces(live) == []
-    assert "another file" in live.status()[0]
-    assert live.tick() is None
+    assert live.status()[0] == f"Live stopped: {STOPS[happen]}"
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert live.status() == ("", False)
 
