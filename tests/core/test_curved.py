@@ -26,6 +26,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
+from known import lathes
 from known.closed_forms import unit
 from known.reference_rigs import (
     cube_rig,
@@ -113,39 +114,12 @@ def cylinder(segments=32, rings=4, radius=0.02, height=0.04):
     )
 
 
-def lens(segments=32, rings=6, radius=0.02, curvature=0.03):
+def lens():
     """Two spherical faces around y that meet in a sharp rim, with the spheres' own normals."""
-    height = np.sqrt(curvature**2 - radius**2)
-    polar = np.arcsin(radius / curvature) * np.arange(1, rings + 1) / rings
-    angle = 2 * np.pi * np.arange(segments) / segments
-    t, a = (x.ravel() for x in np.meshgrid(polar, angle, indexing="ij"))
-    front = (
-        np.stack(
-            [np.sin(t) * np.cos(a), np.cos(t) - height / curvature, np.sin(t) * np.sin(a)], axis=1
-        )
-        * curvature
-    )
-    front[-segments:, 1] = 0
-    n = len(front) - segments
-    vertices = np.concatenate(
-        [front, front[:n] * [1, -1, 1], [[0, curvature - height, 0], [0, height - curvature, 0]]]
-    )
-    rim = n + np.arange(segments)
-
-    triangles = []
-    normals = []
-    for start, apex, centre in (
-        (0, len(vertices) - 2, -height),
-        (n + segments, len(vertices) - 1, height),
-    ):
-        index = np.concatenate([start + np.arange(n).reshape(rings - 1, segments), rim[None]])
-        index = np.concatenate([index, index[:, :1]], axis=1)
-        tip = np.stack([np.full(segments, apex), index[0, :-1], index[0, 1:]], axis=1)
-        triangles.append(outward(vertices, np.concatenate([split_quads(index), tip])))
-        normals.append(unit(vertices[triangles[-1]] - [0, centre, 0]))
-
-    triangles = np.concatenate(triangles)
-    return Mesh(vertices, triangles, np.concatenate(normals), np.ones(len(triangles), bool))
+    mesh = lathes.lens(32, 6)
+    places, given = (a.reshape(-1, 3) for a in (mesh.corners, mesh.corner_normals))
+    own = lathes.lens_normals(places, given).reshape(mesh.corners.shape)
+    return replace(mesh, corner_normals=own, has_mean_normals=False, polygon=None)
 
 
 def hollow(outer=None, inner=None):
@@ -158,30 +132,6 @@ def hollow(outer=None, inner=None):
         np.concatenate([outer.corner_normals, -inner.corner_normals[:, ::-1]]),
         np.concatenate([outer.is_smooth, inner.is_smooth]),
     )
-
-
-def rounded_box(half, radius, cuts):
-    """A box whose edges are rounded by 2 cuts faces each,
-    shaded smooth all over with means for normals.
-    """
-    line = np.tan(np.linspace(0, np.pi / 4, cuts + 1)) * radius + half - radius
-    line = np.concatenate([-line[::-1], line])
-    index = np.arange(len(line) ** 2).reshape(len(line), -1)
-    a, b = (x.ravel() for x in np.meshgrid(line, line, indexing="ij"))
-    sides = [
-        np.roll(np.stack([a, b, np.full_like(a, s)], axis=1), k, axis=1)
-        for k in range(3)
-        for s in (-half, half)
-    ]
-    on_cube = np.concatenate(sides)
-    core = np.clip(on_cube, radius - half, half - radius)
-    _, kept, of = np.unique(
-        np.round(on_cube / half * 1e6).astype(int), axis=0, return_index=True, return_inverse=True
-    )
-    vertices = (core + radius * unit(on_cube - core))[kept]
-    triangles = np.concatenate([split_quads(index) + k * len(a) for k in range(6)])
-
-    return all_smooth(vertices, outward(vertices, of.ravel()[triangles]))
 
 
 def bevelled_cube(half, bevel):
@@ -933,17 +883,12 @@ def smooth_frustum(n, top):
 
 
 BEVELS = {f"bevel {b}": partial(bevelled_cube, 0.5, b) for b in (0.02, 0.1)}
-ROUNDED = {
-    f"rounded {r} x {2 * n}": partial(rounded_box, 0.5, r, n)
-    for r in (0.02, 0.1)
-    for n in (1, 2, 3)
-}
 FRUSTA = {
     f"frustum {n}, {top}": partial(smooth_frustum, n, top)
     for n in (8, 12, 32)
     for top in (0.5, 0.2)
 }
-FLAT_SIDED = {**BEVELS, **ROUNDED, **FRUSTA}
+FLAT_SIDED = {**BEVELS, **FRUSTA}
 
 
 @normals_kinds
