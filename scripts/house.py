@@ -1,12 +1,14 @@
-"""How is the house kept? `dev.py house [--checkout FOLDER]`; needs only Python.
+"""Figures of the house: `dev.py house [--checkout FOLDER]`; needs only Python.
 
 Rooms are the folders of core, with operators and panels above them. An arrow goes from a room to
 another that one of its files imports from; an arrow up goes to a room that stands higher in the
-order of `ROOMS`. A floor is the longest way down from a room.
+order of `ROOMS`. The closure of one solve is `core/solve/session.py` and all that it imports, at
+any depth. A circle is a set of files that import each other. A lone file of core has one importer.
+Options are fields with a default in records of options; constants are numbers.
 
 For each folder: files, their median and largest number of lines; functions, without signature and
 docstring; tokens a line of code; blank lines in bodies; and how often "what" stands in 1000 words
-of comments and docstrings. Last, constants that several files of core define.
+of comments and docstrings.
 """
 
 from __future__ import annotations
@@ -17,11 +19,14 @@ import io
 import re
 import statistics
 import tokenize
-from collections import defaultdict
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+PRODUCT = "core", "operators", "panels", "languages"
 FOLDERS = "core", "operators", "panels", "scripts", "tests"
 # from the bottom to the top; tests/core/test_without_blender.py holds that order within core
 ROOMS = (
@@ -50,15 +55,142 @@ ROOMS = (
 MOST_FILE_LINES = 600
 MOST_BODY_LINES = 60
 MOST_COLUMNS = 100
-SILENT = {
-    tokenize.COMMENT,
-    tokenize.NL,
-    tokenize.NEWLINE,
-    tokenize.INDENT,
-    tokenize.DEDENT,
-    tokenize.ENDMARKER,
-}
+SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+SILENT |= {tokenize.ENDMARKER}
 FUNCTIONS = ast.FunctionDef, ast.AsyncFunctionDef
+EXTENSION = re.compile(r"(role|law|interaction)_|__init__")  # may have a single importer
+RECORD = re.compile(r"Knobs|Rule|Options|Search|Growth|Pace|Stages|Guess|Limits$")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--checkout", type=Path, default=ROOT, metavar="FOLDER", help="another one")
+    root = parser.parse_args().checkout.resolve()
+    print_imports(root)
+    print_names(root)
+    for folder in FOLDERS:
+        print_folder(folder, measured(root, folder))
+
+
+# Imports
+
+
+@cache
+def trees(root: Path, folder: str) -> dict[Path, ast.Module]:
+    """The files of a folder, parsed."""
+    paths = sorted((root / folder).rglob("*.py"))
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+
+
+@cache
+def imports(root: Path) -> dict[Path, set[Path]]:
+    """The files of the product that each of them imports, at any depth of it."""
+    files = {path: tree for folder in PRODUCT for path, tree in trees(root, folder).items()}
+    found = {path: set() for path in files}
+    for path, tree in files.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+                for name in node.names:
+                    places = base / f"{name.name}.py", base / name.name / "__init__.py"
+                    own = base.with_suffix(".py"), base / "__init__.py"
+                    hit = next((place for place in (*places, *own) if place in files), path)
+                    found[path].add(hit)
+        found[path].discard(path)
+    return found
+
+
+def closure(graph: dict[Path, set[Path]], starts: Iterable[Path]) -> set[Path]:
+    """All files that some files need, without these where nothing leads back to them."""
+    found: set[Path] = set()
+    todo = set(starts)
+    while todo:
+        todo = {other for one in todo for other in graph[one]} - found
+        found |= todo
+    return found
+
+
+def room_of(root: Path, path: Path) -> str:
+    """The room of a file; a room's glue to the kernel is in that room."""
+    return path.parent.relative_to(root).as_posix().replace("light/native", "light")
+
+
+def arrows(root: Path) -> set[tuple[str, str]]:
+    """Pairs of rooms, the first of which imports from the second."""
+    graph = imports(root)
+    pairs = {(room_of(root, a), room_of(root, b)) for a in graph for b in graph[a]}
+    return {(a, b) for a, b in pairs if a != b and a != "languages" and b != "languages"}
+
+
+def print_imports(root: Path) -> None:
+    """Print the closure of one solve, circles, lone files and arrows."""
+    graph = imports(root)
+    core = [path for path in graph if path.is_relative_to(root / "core")]
+    lines = {path: path.read_text(encoding="utf-8").count("\n") for path in graph}
+    session = root / "core" / "solve" / "session.py"
+    solve = closure(graph, [session]) | {session}
+    reached = {path: closure(graph, [path]) for path in graph}
+    circles = {frozenset(b for b in reached[a] if a in reached[b]) for a in graph}
+    importers = Counter(other for path in graph for other in graph[path])
+    lone = [p for p in core if importers[p] == 1 and not EXTENSION.match(p.name)]
+    print(f"one solve: {len(solve)} files, {sum(lines[path] for path in solve)} lines")
+    print(f"core: {len(core)} files, {sum(lines[path] for path in core)} lines")
+    print(f"product: {len(graph)} files, {sum(lines.values())} lines")
+    print(f"circles: {len(circles - {frozenset()})}; files of core with one importer: {len(lone)}")
+
+    found = arrows(root)
+    place = {name: number for number, name in enumerate(ROOMS)}
+    up = sorted(f"{a} -> {b}" for a, b in found if place.get(b, -1) > place.get(a, len(ROOMS)))
+    print(f"rooms: {len({name for pair in found for name in pair})}, arrows {len(found)}", end="")
+    print(f", of them up {len(up)}", *up, sep="\n    ")
+
+
+def print_names(root: Path) -> None:
+    """Print options, constants, and names that occur twice."""
+    core = trees(root, "core")
+    every = {path: tree for folder in PRODUCT for path, tree in trees(root, folder).items()}
+    classes = [
+        node for tree in every.values() for node in tree.body if isinstance(node, ast.ClassDef)
+    ]
+    options = sum(
+        isinstance(line, ast.AnnAssign) and line.value is not None
+        for tree in core.values()
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and RECORD.search(node.name)
+        for line in node.body
+    )
+    constants = [name for tree in core.values() for name in numbers(tree)]
+    for what, names in (
+        ("files", [path.stem for path in every if path.stem != "__init__"]),
+        ("classes", [node.name for node in classes]),
+        ("constants", constants),
+    ):
+        several = sorted(name for name, count in Counter(names).items() if count > 1)
+        print(f"names that several {what} have: {len(several)}", *several)
+    print(f"options: {options}, constants: {len(constants)}")
+
+
+def numbers(tree: ast.Module) -> list[str]:
+    """The names of a file's constants that are numbers."""
+    return [
+        target.id
+        for node in tree.body
+        if isinstance(node, ast.Assign) and is_number(node.value)
+        for target in node.targets
+        if isinstance(target, ast.Name) and target.id.isupper()
+    ]
+
+
+def is_number(value: ast.expr) -> bool:
+    """Is this a number, or an expression of some?"""
+    return isinstance(value, (ast.BinOp, ast.UnaryOp)) or (
+        isinstance(value, ast.Constant) and type(value.value) in (int, float)
+    )
+
+
+# Files and functions
 
 
 @dataclass
@@ -74,84 +206,16 @@ class Measured:
     prose: list[str] = field(default_factory=list)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--checkout", type=Path, default=ROOT, metavar="FOLDER", help="another one")
-    root = parser.parse_args().checkout
-    print_rooms(root)
-    for folder in FOLDERS:
-        print_folder(folder, measured(root, folder))
-    print_constants(root / "core")
-
-
-# Rooms
-
-
-def room_of(root: Path, path: Path) -> str:
-    """The room of a file or a folder, which need not be written with its suffix; a room's glue to
-    the kernel is in that room.
-    """
-    folder = path if path.is_dir() else path.parent
-    return folder.relative_to(root).as_posix().replace("light/native", "light")
-
-
-def arrows(root: Path) -> set[tuple[str, str]]:
-    """Pairs of rooms, the first of which imports from the second."""
-    found = set()
-    for top in ("core", "operators", "panels"):
-        for path in sorted((root / top).rglob("*.py")):
-            room = room_of(root, path)
-            found |= {(room, other) for other in asked(root, path)}
-    return {(room, other) for room, other in found if room != other}
-
-
-def asked(root: Path, path: Path) -> set[str]:
-    """Rooms that a file imports from, by relative imports."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
-            for alias in node.names:
-                target = base / alias.name
-                found.add(room_of(root, target if target.is_dir() else base))
-    return {room for room in found if room.startswith(("core", "operators", "panels"))}
-
-
-def print_rooms(root: Path) -> None:
-    """Print how many rooms, floors and arrows there are, and which arrows go up."""
-    found = arrows(root)
-    names = {name for pair in found for name in pair}
-    below = {name: {other for room, other in found if room == name} for name in names}
-
-    def floor(name: str, above: tuple[str, ...] = ()) -> int:
-        """The longest way down, which passes no room twice."""
-        ways = [floor(other, (*above, name)) for other in below[name] if other not in above]
-        return 1 + max(ways, default=-1)
-
-    place = {name: number for number, name in enumerate(ROOMS)}
-    up = sorted(f"{a} -> {b}" for a, b in found if place.get(b, -1) > place.get(a, len(ROOMS)))
-    n_floors = 1 + max(floor(name) for name in names)
-    print(f"rooms {len(names)}, floors {n_floors}, arrows {len(found)}, of them up {len(up)}")
-    for arrow in up:
-        print(f"    {arrow}")
-
-
-# Files and functions
-
-
 def measured(root: Path, folder: str) -> Measured:
     """The numbers of all files of a folder."""
     found = Measured()
-    for path in sorted((root / folder).rglob("*.py")):
+    for path, tree in trees(root, folder).items():
         source = path.read_text(encoding="utf-8")
         lines = source.splitlines()
         name = path.relative_to(root).as_posix()
-
         found.file_lines[name] = len(lines)
         add_tokens(found, source, lines)
-        add_bodies(found, name, ast.parse(source), lines)
+        add_bodies(found, name, tree, lines)
     return found
 
 
@@ -184,14 +248,14 @@ def print_folder(folder: str, found: Measured) -> None:
     """Print the numbers of a folder, if it has files."""
     if not found.file_lines:
         return
-
     words = re.findall(r"[a-z']+", " ".join(found.prose).lower())
     body_lines = list(found.body_lines.values())
     long_files = sum(lines > MOST_FILE_LINES for lines in found.file_lines.values())
     long_bodies = sum(lines > MOST_BODY_LINES for lines in body_lines)
     median = statistics.median(found.file_lines.values())
     print(
-        f"{folder:<10} files {len(found.file_lines)}, median {median:.0f},"
+        f"{folder:<10} files {len(found.file_lines)}, lines {sum(found.file_lines.values())},"
+        f" median {median:.0f},"
         f" over {MOST_FILE_LINES} {long_files}, largest {max(found.file_lines.values())};"
         f" functions over {MOST_BODY_LINES} {long_bodies}, largest {max(body_lines)}\n"
         f"{'':<10} tokens a line {found.n_tokens / found.n_code_lines:.1f},"
@@ -199,22 +263,6 @@ def print_folder(folder: str, found: Measured) -> None:
         f" blank lines in bodies {found.n_blank_lines / sum(body_lines):.1%},"
         f" 'what' {1000 * words.count('what') / len(words):.1f} in 1000 words"
     )
-
-
-def print_constants(core: Path) -> None:
-    """Print the constants that several files define."""
-    where = defaultdict(set)
-    for path in core.rglob("*.py"):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            for target in node.targets if isinstance(node, ast.Assign) else []:
-                names = target.elts if isinstance(target, ast.Tuple) else [target]
-                for name in names:
-                    if isinstance(name, ast.Name) and name.id.isupper():
-                        where[name.id].add(path.relative_to(core).as_posix())
-    several = {name: sorted(files) for name, files in sorted(where.items()) if len(files) > 1}
-    print(f"constants that several files of core define: {len(several)}")
-    for name, files in several.items():
-        print(f"    {name}: {', '.join(files)}")
 
 
 if __name__ == "__main__":
