@@ -16,8 +16,8 @@ import bpy  # makes the other modules known
 import bmesh  # isort: skip
 from mathutils import Matrix
 
-from bench.brought_glass import BOTTLE, add, wine_glass
-from fuzz.shapes import linked, mesh_of, turned
+from bench.brought_glass import BOTTLE, wine_glass
+from fuzz.shapes import add, linked, mesh_of, turned
 from kiriko.core.blender import shaders
 from known.registered import registered
 

@@ -15,7 +15,18 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from fuzz.shapes import behind, fitting, linked, mesh_of, shaken, smooth, turned
+from fuzz.shapes import (
+    add,
+    clouds,
+    cut_stone,
+    fitting,
+    linked,
+    mesh_of,
+    prism,
+    shaken,
+    smooth,
+    turned,
+)
 from kiriko.core.blender.read_mesh import in_world, read_local
 from kiriko.core.rig.index import ConstantIndex
 from kiriko.core.rig.rig import Glass, Mesh
@@ -52,33 +63,20 @@ WINE = [
 VASE = [(0.012, 0.0), (0.018, 0.012), (0.013, 0.028), (0.010, 0.040), (0.014, 0.050)]
 
 
-def add(thing: bpy.types.Object, kind: str, **options: object) -> None:
-    """A modifier with options."""
-    modifier = thing.modifiers.new(kind.title(), kind)
-    for name, value in options.items():
-        setattr(modifier, name, value)
-
-
 def wine_glass(levels: int = 2) -> bpy.types.Object:
     """Screw 32, Solidify 2 mm, Subdivision."""
-    thing = turned(WINE_GLASS, 32)
-    add(thing, "SOLIDIFY", thickness=0.002)
-    add(thing, "SUBSURF", levels=levels, quality=6)
-    return thing
+    thing = add(turned(WINE_GLASS, 32), "SOLIDIFY", thickness=0.002)
+    return add(thing, "SUBSURF", levels=levels, quality=6)
 
 
 def wine() -> bpy.types.Object:
     """The wine in a wine glass: a body of its own, with walls in the middle of the glass's."""
-    thing = turned(WINE, 32)
-    add(thing, "SUBSURF", levels=2, quality=6)
-    return thing
+    return add(turned(WINE, 32), "SUBSURF", levels=2, quality=6)
 
 
 def vase() -> bpy.types.Object:
     """Screw 32 and Solidify, without subdivision: 40 degrees and more from face to face."""
-    thing = turned(VASE, 32)
-    add(thing, "SOLIDIFY", thickness=0.002)
-    return thing
+    return add(turned(VASE, 32), "SOLIDIFY", thickness=0.002)
 
 
 def fine_vase() -> bpy.types.Object:
@@ -88,18 +86,14 @@ def fine_vase() -> bpy.types.Object:
     at = np.concatenate([[0], np.cumsum(chords)]) / chords.sum()
     along = np.linspace(0, 1, 65)
     curves = [np.polynomial.Polynomial.fit(at, x, len(at) - 1)(along) for x in profile.T]
-    thing = turned(list(zip(*curves, strict=True)), 512)
-    add(thing, "SOLIDIFY", thickness=0.002)
-    return thing
+    return add(turned(list(zip(*curves, strict=True)), 512), "SOLIDIFY", thickness=0.002)
 
 
 def suzanne(levels: int = 1) -> bpy.types.Object:
     """The monkey's head, subdivided once."""
     bpy.ops.mesh.primitive_monkey_add()
-    thing = bpy.context.object
-    smooth(thing.data)
-    add(thing, "SUBSURF", levels=levels)
-    return thing
+    smooth(bpy.context.object.data)
+    return add(bpy.context.object, "SUBSURF", levels=levels)
 
 
 def ball(subdivisions: int = 6) -> bpy.types.Object:
@@ -109,19 +103,14 @@ def ball(subdivisions: int = 6) -> bpy.types.Object:
 
 def displaced(subdivisions: int = 5) -> bpy.types.Object:
     """A ball with clouds on it."""
-    thing = ball(subdivisions)
-    texture = bpy.data.textures.new("Clouds", "CLOUDS")
-    texture.noise_scale = 0.5
-    add(thing, "DISPLACE", texture=texture, strength=0.1)
-    return thing
+    return clouds(ball(subdivisions), 0.5, 0.1)
 
 
 def scan(n_triangles: int = 5000) -> bpy.types.Object:
     """A noisy ball thinned out to so many triangles, as a scanner sees it."""
     mesh = mesh_of("icosphere", subdivisions=6 if n_triangles < 10_000 else 8, radius=0.5)
     thing = linked(smooth(shaken(mesh, 2e-4, np.random.default_rng(1))), "Scan")
-    add(thing, "DECIMATE", ratio=n_triangles / len(mesh.polygons))
-    return thing
+    return add(thing, "DECIMATE", ratio=n_triangles / len(mesh.polygons))
 
 
 def text(**sizes: float) -> bpy.types.Object:
@@ -137,8 +126,7 @@ def text(**sizes: float) -> bpy.types.Object:
 def remeshed_text() -> bpy.types.Object:
     """A text rebuilt of voxels, shaded smooth."""
     thing = text(extrude=0.15)
-    add(thing, "REMESH", mode="VOXEL", voxel_size=0.03, use_smooth_shade=True)
-    return thing
+    return add(thing, "REMESH", mode="VOXEL", voxel_size=0.03, use_smooth_shade=True)
 
 
 def ellipsoid(subdivisions: int = 5) -> bpy.types.Object:
@@ -150,9 +138,7 @@ def ellipsoid(subdivisions: int = 5) -> bpy.types.Object:
 
 def bottle(levels: int = 2) -> bpy.types.Object:
     """A hollow body that is turned: its profile is that of the wall."""
-    thing = turned(BOTTLE, 64)
-    add(thing, "SUBSURF", levels=levels, quality=6)
-    return thing
+    return add(turned(BOTTLE, 64), "SUBSURF", levels=levels, quality=6)
 
 
 def cube() -> bpy.types.Object:
@@ -170,29 +156,21 @@ def gem() -> bpy.types.Object:
         for k in range(n)
     ]
     turn, elevation, distances = np.array(facets).T
-    a = 2 * np.pi * turn
-    e = np.radians(elevation)
-    normals = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
-    mesh = behind(normals, distances)
-    mesh.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
-    return linked(mesh, "Gem")
+    thing = cut_stone(2 * np.pi * turn, np.radians(elevation), distances)
+    thing.data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return thing
 
 
 def cut_cylinder() -> bpy.types.Object:
     """A cylinder of 24 sides with flat facets and bevelled rims."""
-    thing = linked(
-        mesh_of("cone", cap_ends=True, segments=24, radius1=0.5, radius2=0.5, depth=1.0), "Cylinder"
-    )
-    add(thing, "BEVEL", width=0.06, limit_method="ANGLE")
-    return thing
+    thing = linked(prism(24, radius1=0.5, radius2=0.5), "Cylinder")
+    return add(thing, "BEVEL", width=0.06, limit_method="ANGLE")
 
 
 def bauble() -> bpy.types.Object:
     """A thin-walled ball with a neck, open at its top: inside and outside are one surface."""
     arc = [(math.sin(a) * 0.5, -math.cos(a) * 0.5) for a in np.linspace(0, math.pi - 0.2, 24)]
-    thing = turned([*arc, (0.1, 0.6)], 48)
-    add(thing, "SOLIDIFY", thickness=0.02)
-    return thing
+    return add(turned([*arc, (0.1, 0.6)], 48), "SOLIDIFY", thickness=0.02)
 
 
 def nine_balls(subdivisions: int = 4) -> bpy.types.Object:
@@ -207,21 +185,14 @@ def dissolved() -> bpy.types.Object:
     """A ball with clouds on it, rebuilt of voxels, its flat parts dissolved: facets of any shape in
     smooth shading, as a sculpture is thinned out for the game.
     """
-    thing = linked(smooth(mesh_of("icosphere", subdivisions=5, radius=0.5)), "Dissolved")
-    texture = bpy.data.textures.new("Clouds", "CLOUDS")
-    texture.noise_scale = 0.3
-    add(thing, "DISPLACE", texture=texture, strength=0.25)
+    thing = clouds(ball(5), 0.3, 0.25)
     add(thing, "REMESH", mode="VOXEL", voxel_size=0.02, use_smooth_shade=True)
-    add(thing, "DECIMATE", decimate_type="DISSOLVE", angle_limit=0.2)
-    return thing
+    return add(thing, "DECIMATE", decimate_type="DISSOLVE", angle_limit=0.2)
 
 
 def struts() -> bpy.types.Object:
     """The edges of a ball as rods: light goes through four of them and more."""
-    thing = linked(smooth(mesh_of("icosphere", subdivisions=2, radius=0.5)), "Struts")
-    add(thing, "WIREFRAME", thickness=0.1)
-    add(thing, "SUBSURF", levels=2)
-    return thing
+    return add(add(ball(2), "WIREFRAME", thickness=0.1), "SUBSURF", levels=2)
 
 
 BEVEL = {"extrude": 0.12, "bevel_depth": 0.03, "bevel_resolution": 3}

@@ -12,28 +12,23 @@ middle, so that they are never nearer than a hundredth. *drawn*: the part of the
 paints which the reader paints, too. *image*: RMSE against Kiriko's own source image of the lattice,
 linear values.
 
-Then movies, as farm_movies.py has them decoded by ffmpeg; jobs, as farm_jobs.py runs them by
-openjd-cli and by two processes; and the atlas of a ball, as atlas.py measures it at a hundred
-heads.
-
-Exits with 1 where a number is larger than its mark, or a proof fails.
+Then movies, as farm_movies.py has them decoded by ffmpeg, and jobs, as farm_jobs.py runs them by
+openjd-cli and by two processes.
 """
 
 import argparse
 import json
 import re
 import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from bench import atlas, farm_jobs, farm_movies
 from environments import as_module, clean_environment, python_path
 from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
@@ -54,6 +49,9 @@ from known.known_maps import asked_for, maps_by, straight, turned
 from known.reference_rigs import ball_rig, lattice_image
 from known.warp_readers import data, drawn, obj, ramp, sampled
 
+from . import farm_jobs, farm_movies
+from .runner import Bench, Row, option, proof, run
+
 Image = NDArray[np.floating]
 PIXELS = 256  # of display, viewer and picture
 # px of the picture: what the readers' own arithmetic allows
@@ -63,44 +61,6 @@ OF_WHITE = {"png": 1 / 65535, "16 bit": 1.5e-3, "as printed": 1 / 64}
 BALL_MARK = 0.1  # median
 NEAREST = 0.5  # the error of a reader of the nearest pixel
 DRAWN = 0.9  # of the pixels; a regular grid leaves out cells at borders
-
-
-@dataclass(frozen=True)
-class Row:
-    """A reader's numbers; None where it was not asked."""
-
-    name: str
-    identity: float
-    turn: float
-    ball: tuple[float, float]
-    drawn: float
-    image: float
-    mark: float
-    ball_mark: float
-
-    @property
-    def is_kept(self) -> bool:
-        """Is no number larger than its mark?"""
-        return (
-            max(self.identity, self.turn) <= self.mark
-            and self.ball[0] <= self.ball_mark
-            and self.drawn > DRAWN
-        )
-
-    def text(self) -> str:
-        """A line of the table."""
-        median, most = self.ball
-        return (
-            f"| {self.name} | {self.identity:.1e} | {self.turn:.1e} | {median:.3f}, {most:.2f}"
-            f" | {100 * self.drawn:.1f} % | {self.image:.4f} |"
-            f" {'kept' if self.is_kept else 'MISSED'} |"
-        )
-
-
-HEADING = (
-    "| file: reader | identity, px | quarter turn, px | ball, px: median, 99 % | drawn"
-    " | image | mark |\n|---|---|---|---|---|---|---|"
-)
 
 
 def read_by_all(
@@ -116,7 +76,7 @@ def read_by_all(
     about["maps"][0]["ffmpeg"] = {"command": command, "times": maps.times}
     (folder / "maps.json").write_text(json.dumps(about))
     np.save(folder / "picture.npy", picture.astype(np.float32))
-    run = [readers, *as_module("bench.map_readers"), folder]
+    run = [readers, *as_module("bench.readers"), folder]
     subprocess.run(run, env=clean_environment(PYTHONPATH=python_path()), check=True)
 
     if maps.times == TIMES[0]:  # the others differ for ffmpeg alone
@@ -163,7 +123,7 @@ def mark_of(name: str, pixels: int) -> tuple[float, float]:
     return max(mark, EXACT), max(BALL_MARK, nearest + mark)
 
 
-def rows(readers: Path, pixels: int) -> Iterator[Row]:
+def maps(readers: Path, pixels: int) -> Iterator[Row]:
     """The table's rows."""
     places = ramp(pixels, pixels)
     lattice = lattice_image(pixels)
@@ -194,52 +154,31 @@ def rows(readers: Path, pixels: int) -> Iterator[Row]:
             mark, ball_mark = mark_of(name, pixels)
             of_ball, part = off_ball(found[2][name], own, sure)
             image = (found[3][name] - painted.source)[sure]
-            yield Row(
-                name=name,
-                identity=off_known(found[0][name], asked_for(straight, size, size)),
-                turn=off_known(found[1][name], asked_for(turned, size, size)),
-                ball=of_ball,
-                drawn=part,
-                image=float(np.sqrt(np.nanmean(image**2))),
-                mark=mark,
-                ball_mark=ball_mark,
+            identity = off_known(found[0][name], asked_for(straight, size, size))
+            turn = off_known(found[1][name], asked_for(turned, size, size))
+            yield proof(
+                name,
+                f"identity {identity:.1e}, turn {turn:.1e}, ball {of_ball[0]:.3f},"
+                f" {of_ball[1]:.2f}, drawn {part:.1%}, image {np.sqrt(np.nanmean(image**2)):.4f}",
+                max(identity, turn) <= mark and of_ball[0] <= ball_mark and part > DRAWN,
             )
 
 
 WAYS = straight, turned
-PARTS = "maps", "movies", "jobs", "atlas"
+CASES = {
+    "maps": lambda readers, _: maps(readers, PIXELS),
+    "movies": farm_movies.rows,
+    "jobs": farm_jobs.proofs,
+}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--readers", type=Path, required=True, help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--pixels", type=int, default=PIXELS, help=f"of display, viewer and picture ({PIXELS})"
-    )
-    parser.add_argument(
-        "--only", nargs="+", choices=PARTS, default=PARTS, help="only these parts of the proofs"
-    )
-    arguments = parser.parse_args()
-    are_kept = True
-    for part in arguments.only:
-        # Blender talks while it works: a table is printed when it is whole
-        if part == "maps":
-            heading, found = HEADING, list(rows(arguments.readers, arguments.pixels))
-        elif part == "movies":
-            with tempfile.TemporaryDirectory() as folder:
-                found = list(farm_movies.rows(arguments.readers, Path(folder)))
-            heading = farm_movies.HEADING
-        elif part == "jobs":
-            with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-                found = list(farm_jobs.proofs(arguments.readers, Path(folder)))
-            heading = farm_jobs.HEADING
-        else:
-            heading = atlas.HEADING
-            found = [atlas.row("ball", atlas.PIXELS // 2, atlas.HEADS, atlas.TOLERANCE)]
-        print(heading, *(row.text() for row in found), "", sep="\n", flush=True)
-        are_kept &= all(row.is_kept for row in found)
-    sys.exit(not are_kept)
+def measure(_: str, prove: Callable, arguments: argparse.Namespace) -> Iterator[Row]:
+    """The proofs of a part, in an empty folder."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        yield from prove(arguments.readers, Path(folder))
 
 
 if __name__ == "__main__":
-    main()
+    columns = {"what": "", "kept": "s", "found": ""}
+    readers = option("--readers", type=Path, required=True, help=argparse.SUPPRESS)
+    run(__doc__, "bench.farm", Bench(CASES, columns, measure), readers)

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -23,6 +22,8 @@ from environments import ROOT
 from kiriko.core.lab.farm.join import LOG
 from known.registered import registered
 
+from .runner import Row, proof
+
 FRAMES = "1-12"
 N_FRAMES = 12
 CHUNK = 5
@@ -31,22 +32,9 @@ HEADS = "--right", "-30", "30", "--up", "0", "20", "--tolerance", "0.1"
 SHARES = 3
 PATIENCE = 900.0  # s, for a job
 AS_BLENDER = ROOT / "tests" / "known" / "as_blender.py"
-HEADING = "| job | found | kept |\n|---|---|---|"
 
 
-@dataclass(frozen=True)
-class Proof:
-    """A line of the table."""
-
-    name: str
-    found: str
-    is_kept: bool
-
-    def text(self) -> str:
-        return f"| {self.name} | {self.found} | {'yes' if self.is_kept else 'NO'} |"
-
-
-def proofs(interpreter: Path, folder: Path) -> Iterator[Proof]:
+def proofs(interpreter: Path, folder: Path) -> Iterator[Row]:
     """All proofs of jobs; `interpreter` has openjd-cli, `folder` is empty."""
     zips = sorted((ROOT / "dist").glob("kiriko-*-linux_x64.zip"))
     if not zips:
@@ -62,19 +50,19 @@ def proofs(interpreter: Path, folder: Path) -> Iterator[Proof]:
 
     single, one = _timed(lambda: _worker(program, bundle, blend, place / "single"))
     files = contents(place / "single")
-    yield Proof(
+    yield proof(
         "one process",
         f"{len(files)} images; {_costs(one, place / 'single', 1)}",
         single.returncode == 0 and len(files) == N_FRAMES,
     )
 
     check = subprocess.run([openjd, "check", bundle / "template.json"], capture_output=True)
-    yield Proof("openjd check", f"exit code {check.returncode}", check.returncode == 0)
+    yield proof("openjd check", f"exit code {check.returncode}", check.returncode == 0)
 
     run = _openjd(openjd, bundle, program)
     out = bundle / "source"
     is_same = contents(out) == files
-    yield Proof(
+    yield proof(
         f"{N_FRAMES} frames in chunks of {CHUNK} by openjd run",
         f"exit code {run.returncode}, images {'' if is_same else 'not '}equal to the bit",
         run.returncode == 0 and is_same,
@@ -88,7 +76,7 @@ def proofs(interpreter: Path, folder: Path) -> Iterator[Proof]:
     yield from _atlas(openjd, bundle, program, blend)
 
 
-def _atlas(openjd: Path, bundle: Path, program: Path, blend: Path) -> Iterator[Proof]:
+def _atlas(openjd: Path, bundle: Path, program: Path, blend: Path) -> Iterator[Row]:
     """An atlas whose places are tasks is the one that a single run makes."""
     single = bundle.with_name("one atlas")
     words = _kiriko(program, bundle, blend, "atlas", *HEADS, "--out", single)
@@ -97,7 +85,7 @@ def _atlas(openjd: Path, bundle: Path, program: Path, blend: Path) -> Iterator[P
 
     run = _openjd(openjd, bundle, program)
     is_same = contents(bundle / "source", "*.npz") == files
-    yield Proof(
+    yield proof(
         f"an atlas of {len(files)} places in {SHARES} tasks by openjd run",
         f"exit code {run.returncode}, maps {'' if is_same else 'not '}equal to the bit",
         run.returncode == 0 and is_same,
@@ -112,7 +100,7 @@ def contents(folder: Path, pattern: str = "*.png") -> dict[str, bytes]:
 
 def _killed(
     openjd: Path, bundle: Path, program: Path, files: dict[str, bytes], pattern: str = "*.png"
-) -> Proof:
+) -> Row:
     """A job whose processes are killed within a task leaves whole files, and is run again."""
     out = bundle / "source"
     shutil.rmtree(out, ignore_errors=True)
@@ -135,7 +123,7 @@ def _killed(
     are_whole = all(files.get(name) == data for name, data in left.items())
     again = _openjd(openjd, bundle, program)
     is_same = contents(out, pattern) == files
-    return Proof(
+    return proof(
         "killed within a task, and run again",
         f"{len(left)} of {len(files)} files were left, {'all' if are_whole else 'not all'} whole;"
         f" then exit code {again.returncode}, files {'' if is_same else 'not '}equal to the bit",
@@ -158,14 +146,14 @@ def _tree(top: int) -> list[int]:
     return found
 
 
-def _missing(openjd: Path, bundle: Path, program: Path) -> Proof:
+def _missing(openjd: Path, bundle: Path, program: Path) -> Row:
     """A bundle whose .blend is gone fails with its sentence."""
     (blend,) = bundle.glob("*.blend")
     aside = blend.rename(blend.with_suffix(".aside"))
     run = _openjd(openjd, bundle, program)
     aside.rename(blend)
     told = "No .blend file was loaded" in run.stdout + run.stderr
-    return Proof(
+    return proof(
         "the .blend is missing",
         f"exit code {run.returncode}, its sentence is {'' if told else 'not '}told",
         run.returncode != 0 and told,
@@ -174,7 +162,7 @@ def _missing(openjd: Path, bundle: Path, program: Path) -> Proof:
 
 def _side_by_side(
     program: Path, bundle: Path, blend: Path, out: Path, files: dict[str, bytes]
-) -> Proof:
+) -> Row:
     """Two processes share the frames of one folder."""
 
     def both() -> list[int]:
@@ -184,7 +172,7 @@ def _side_by_side(
 
     codes, seconds = _timed(both)
     is_same = contents(out) == files
-    return Proof(
+    return proof(
         "two processes, one folder",
         f"images {'' if is_same else 'not '}equal to the bit; {_costs(seconds, out, 2)}",
         codes == [0, 0] and is_same,

@@ -139,6 +139,11 @@ def written(value: Any, form: str) -> str:
     return value if isinstance(value, str) else f"{value:{form}}"
 
 
+def proof(what: str, found: str, is_kept: bool) -> Row:
+    """A row that is right or wrong."""
+    return {"what": what, "found": found, "kept": "yes" if is_kept else MISSED}
+
+
 def means(rows: list[Row]) -> Row:
     """The mean of each number."""
     numbers = [head for head, value in rows[0].items() if isinstance(value, (int, float))]

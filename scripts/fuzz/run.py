@@ -22,10 +22,10 @@ import sys
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from time import perf_counter, process_time
+from time import process_time
 from typing import Any
 
 import bpy
@@ -456,80 +456,66 @@ def add_rig_around(dice: Dice) -> str:
         elif not dice.chance(0.05):
             bpy.data.objects.remove(thing)
 
+    sizes = "distance", "picture_size", "field", "viewer_distance"
     text = call(
         bpy.ops.kiriko.add_rig,
         viewer_resolution=dice.pixels(),
         display_resolution=(dice.pixels(), dice.pixels()),
-        distance=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
         tilt=dice.rng.uniform(0.1, 1.4),
         azimuth=dice.rng.uniform(-10, 10),
-        picture_size=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
-        field=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
-        viewer_distance=dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))),
         kind=dice.pick(("IN_GLASS", "BEHIND_GLASS")),
         look_down=dice.rng.uniform(0, np.pi / 2),
+        **{name: dice.pick((0.0, 0.0, dice.log(1e-6, 1e6))) for name in sizes},
     )
+    text = text or call(bpy.ops.kiriko.solve)
+    if not text:
+        check_result(scene)
+    return text
 
-    return text or call(bpy.ops.kiriko.solve) or ""
+
+def simulate(dice: Dice) -> str:
+    """Simulate the seen image."""
+    text = call(bpy.ops.kiriko.simulate, samples=int(dice.rng.integers(2, 5)))
+    if not text:
+        seen = pixels_from_image(bpy.context.scene.kiriko.result.seen)
+        need(np.isfinite(seen).all() and (seen >= 0).all(), "the simulated image is none")
+    return text
 
 
-def also(dice: Dice, outcome: Outcome) -> None:
-    """Further operators, on the result or in its place."""
+def export(dice: Dice) -> str:
+    """Export the source image."""
+    forms = "PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT"
+    bpy.context.scene.kiriko.export_format = dice.pick(forms)
+    with tempfile.TemporaryDirectory() as folder:
+        text = call(bpy.ops.kiriko.export, filepath=str(Path(folder) / "source"))
+        written = [path.stat().st_size for path in Path(folder).iterdir()]
+        need(text or (len(written) == 1 and written[0] > 0), f"wrote files of {written} bytes")
+    return text
+
+
+def solve_again(dice: Dice) -> str:
+    """Move a part, and solve again."""
     scene = bpy.context.scene
-    outcome.also = {}
-    if outcome.verdict == "solved":
-        if dice.chance(0.2):
-            outcome.also["simulate"] = call(
-                bpy.ops.kiriko.simulate, samples=int(dice.rng.integers(2, 5))
-            )
-            if not outcome.also["simulate"]:
-                seen = pixels_from_image(scene.kiriko.result.seen)
-                need(np.isfinite(seen).all() and (seen >= 0).all(), "the simulated image is none")
-        if dice.chance(0.15):
-            with tempfile.TemporaryDirectory() as folder:
-                scene.kiriko.export_format = dice.pick(
-                    ("PNG8", "PNG16", "TIFF16", "EXR_HALF", "EXR_FLOAT")
-                )
-                outcome.also["export"] = call(
-                    bpy.ops.kiriko.export, filepath=str(Path(folder) / "source")
-                )
-                written = [path.stat().st_size for path in Path(folder).iterdir()]
-                need(
-                    outcome.also["export"] or (len(written) == 1 and written[0] > 0),
-                    f"wrote files of {written} bytes",
-                )
-        if dice.chance(0.2):
-            thing = dice.pick([o for o in scene.objects if o.kiriko.role != "NONE"])
-            thing.location = (np.array(thing.location) * dice.rng.uniform(0.98, 1.02)).tolist()
-            outcome.also["solve again"] = call(bpy.ops.kiriko.solve)
-            if not outcome.also["solve again"]:
-                check_result(scene)
-
-    n_faces = sum(len(o.data.polygons) for o in scene.objects if o.type == "MESH")
-    if dice.chance(0.04) and n_faces < FEW_FACES:
-        scene.kiriko.max_events = min(scene.kiriko.max_events, FEW_EVENTS)
-        outcome.also["visible range"] = call(bpy.ops.kiriko.visible_range)
-
-    if dice.chance(0.05):
-        outcome.also["add rig"] = add_rig_around(dice)
-        if not outcome.also["add rig"]:
-            check_result(scene)
-
-    also_of_viewers(dice, outcome, n_faces)
+    thing = dice.pick([o for o in scene.objects if o.kiriko.role != "NONE"])
+    thing.location = (np.array(thing.location) * dice.rng.uniform(0.98, 1.02)).tolist()
+    text = call(bpy.ops.kiriko.solve)
+    if not text:
+        check_result(scene)
+    return text
 
 
-def also_of_viewers(dice: Dice, outcome: Outcome, n_faces: int) -> None:
-    """Operators on what viewers see, and shall see."""
-    scene = bpy.context.scene
-    if dice.chance(0.04) and n_faces < FEW_FACES:
-        scene.kiriko.max_events = min(scene.kiriko.max_events, FEW_EVENTS)
-        limit, share = dice.log(1e-2, 1e3), dice.rng.uniform(0.01, 1.0)
-        outcome.also["eye box"] = call(bpy.ops.kiriko.eye_box, limit=limit, share=share)
-    if dice.chance(0.05):
-        outcome.also["render pictures"] = render_pictures()
+def visible_range(dice: Dice) -> str:
+    """Show the visible range."""
+    return call(bpy.ops.kiriko.visible_range)
 
 
-def render_pictures() -> str:
+def eye_box(dice: Dice) -> str:
+    """Show the eye box."""
+    limit, share = dice.log(1e-2, 1e3), dice.rng.uniform(0.01, 1.0)
+    return call(bpy.ops.kiriko.eye_box, limit=limit, share=share)
+
+
+def render_pictures(dice: Dice) -> str:
     """Render another scene, of a world alone, for each viewer."""
     other = bpy.data.scenes.new("Other")
     other.render.engine, other.cycles.samples = "CYCLES", 1
@@ -541,6 +527,26 @@ def render_pictures() -> str:
         images = [one.image for one in ours.viewers if one.is_on] or [ours.picture_image]
         need(all(image and image.has_data for image in images), "a viewer has no picture")
     return text
+
+
+# how often, and after a solve alone
+ON_RESULT = {simulate: 0.2, export: 0.15, solve_again: 0.2}
+ANYWAY = {visible_range: 0.04, add_rig_around: 0.05, eye_box: 0.04, render_pictures: 0.05}
+OF_FEW_FACES = visible_range, eye_box
+
+
+def also(dice: Dice, outcome: Outcome, often: dict[Callable[[Dice], str], float]) -> None:
+    """Further operators, on the result or in its place."""
+    scene = bpy.context.scene
+    for further, part in often.items():
+        if not dice.chance(part):
+            continue
+        if further in OF_FEW_FACES:
+            meshes = [o.data for o in scene.objects if o.type == "MESH"]
+            if sum(len(mesh.polygons) for mesh in meshes) >= FEW_FACES:
+                continue
+            scene.kiriko.max_events = min(scene.kiriko.max_events, FEW_EVENTS)
+        outcome.also[further.__name__] = further(dice)
 
 
 def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
@@ -559,7 +565,6 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
         scene = bpy.context.scene
         try:
             outcome.text = call(bpy.ops.kiriko.solve)
-            outcome.verdict = "refused" if outcome.text else "solved"
             if not outcome.text:
                 source = check_result(scene)
                 reading = blender_scene.read(bpy.context, scene)
@@ -567,9 +572,10 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
                     check_solution(scene, reading, source)
                 if is_judged and is_comparable(reading, dice):
                     outcome.judged = judge(scene, reading)
-            also(dice, outcome)
+                also(dice, outcome, ON_RESULT)
+            also(dice, outcome, ANYWAY)
+            outcome.verdict = "refused" if outcome.text else "solved"
         except WrongError as error:
-            outcome.verdict = "failed"
             outcome.text = str(error)
 
     outcome.warnings = [
@@ -579,19 +585,20 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
     return outcome
 
 
-def work_off(seed: int, rigs: list[int], n_judged: int, seconds: float, log: Path) -> None:
+def work_off(options: argparse.Namespace) -> None:
     """Try rigs, and write the outcome of each to the log.
 
     Ends the process when one takes too long.
     """
     registered()
-    for k in rigs:
-        with log.open("a") as lines:
+    n_judged = options.judge
+    for k in options.only:
+        with options.log.open("a") as lines:
             lines.write(json.dumps({"began": k}) + "\n")
-        with ended_after(seconds):
-            outcome = try_rig(seed, k, n_judged > 0)
+        with ended_after(options.seconds):
+            outcome = try_rig(options.seed, k, n_judged > 0)
         n_judged -= outcome.judged is not None
-        with log.open("a") as lines:
+        with options.log.open("a") as lines:
             lines.write(json.dumps(asdict(outcome)) + "\n")
 
 
@@ -611,62 +618,46 @@ def ended_after(seconds: float) -> Iterator[None]:
     faulthandler.cancel_dump_traceback_later()
 
 
-def how_ended(code: int | None, seconds: float) -> str:
-    """In words how a process has ended that left a rig undone, by its code."""
-    if hasattr(signal, "SIGPROF") and code == -signal.SIGPROF:
-        return f"Timeout, after {seconds:g} s of the processor"
-    return f"ended with code {code}"
-
-
 def in_processes(
-    seed: int, rigs: list[int], n_judged: int, seconds: float, variables: dict[str, str]
+    options: argparse.Namespace, rigs: list[int], variables: dict[str, str]
 ) -> list[Outcome]:
     """Outcomes of rigs, each tried in a process, with these environment variables, that may end
     with it.
     """
     found: list[Outcome] = []
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "log"
-        while len(found) < len(rigs):
-            some = rigs[len(found) : len(found) + AT_ONCE]
-            log.write_text("")
-            left = n_judged - sum(outcome.judged is not None for outcome in found)
-            command = [
-                sys.executable,
-                *as_module("fuzz.run"),
-                "--seed",
-                str(seed),
-                "--judge",
-                str(left),
-                "--seconds",
-                str(seconds),
-            ]
-            with (
-                (Path(folder) / "errors").open("w+") as errors,
-                contextlib.suppress(subprocess.TimeoutExpired),
-            ):
-                code: int | None = None
-                run = subprocess.run(
-                    [*command, "--log", log, "--only", *map(str, some)],
+    while len(found) < len(rigs):
+        some = rigs[len(found) : len(found) + AT_ONCE]
+        left = options.judge - sum(outcome.judged is not None for outcome in found)
+        with tempfile.TemporaryDirectory() as folder:
+            log, errors = Path(folder) / "log", Path(folder) / "errors"
+            log.touch()
+            numbers = {"seed": options.seed, "judge": left, "seconds": options.seconds, "log": log}
+            words = [str(word) for name, value in numbers.items() for word in (f"--{name}", value)]
+            code: int | None = None
+            with errors.open("w") as file, contextlib.suppress(subprocess.TimeoutExpired):
+                code = subprocess.run(
+                    [sys.executable, *as_module("fuzz.run"), *words, "--only", *map(str, some)],
                     stdout=subprocess.DEVNULL,
-                    stderr=errors,
-                    timeout=len(some) * (IDLE * seconds + 10) + 60,
+                    stderr=file,
+                    timeout=len(some) * (IDLE * options.seconds + 10) + 60,
                     env={**os.environ, **variables},
-                )
-                code = run.returncode
-            said = (Path(folder) / "errors").read_text(errors="replace")
+                ).returncode
+            said = errors.read_text(errors="replace")
             lines = [json.loads(line) for line in log.read_text().splitlines()]
-            new = [Outcome(**line) for line in lines if "began" not in line]
-            if len(new) < len(some):
-                if not lines:
-                    raise SystemExit(f"Blender did not start:\n{said}")
-                text = f"{how_ended(code, seconds)}:\n{last_of(said)}"
-                new.append(Outcome(lines[-1]["began"], "failed", text))
-            for outcome in new:
-                if outcome.verdict == "failed":
-                    tell(seed, outcome)
-            found += new
-            print(f"{len(found)} of {len(rigs)}", flush=True)
+        new = [Outcome(**line) for line in lines if "began" not in line]
+        if len(new) < len(some):
+            if not lines:
+                raise SystemExit(f"Blender did not start:\n{said}")
+            is_late = hasattr(signal, "SIGPROF") and code == -signal.SIGPROF
+            how = f"Timeout, after {options.seconds:g} s" if is_late else f"ended with code {code}"
+            new.append(Outcome(lines[-1]["began"], "failed", f"{how}:\n{last_of(said)}"))
+        for outcome in new:
+            if outcome.verdict == "failed":
+                wild = ", ".join(outcome.told) or "-"
+                print(f"\nFAILED: python3 scripts/dev.py fuzz --seed {options.seed}", end=" ")
+                print(f"--only {outcome.k}\n  wild: {wild}\n  {outcome.text}\n", flush=True)
+        found += new
+        print(f"{len(found)} of {len(rigs)}", flush=True)
 
     return found
 
@@ -677,67 +668,35 @@ def last_of(said: str) -> str:
     return said[report.start() :][:MOST_SAID] if report else said[-MOST_SAID:]
 
 
-def tell(seed: int, outcome: Outcome) -> None:
-    """Print a failure, and how to see it again."""
-    print(f"\nFAILED: python3 scripts/dev.py fuzz --seed {seed} --only {outcome.k}")
-    print(f"  wild: {', '.join(outcome.told) or '-'}\n  {outcome.text}\n", flush=True)
-
-
 def kind_of(text: str) -> str:
     """A sentence without its names and numbers."""
-    return NUMBER.sub("#", QUOTED.sub("'..'", text))
+    return NUMBER.sub("#", QUOTED.sub("'..'", text)) or "done"
 
 
-def print_summary(found: list[Outcome], seconds: float) -> None:
-    """The outcomes of all rigs."""
-    counts = Counter(outcome.verdict for outcome in found)
-    print(
-        f"\n{len(found)} rigs in {seconds:.0f} s:"
-        f" " + ", ".join(f"{n} {word}" for word, n in counts.most_common())
-    )
-    slowest = sorted(found, key=lambda outcome: -outcome.seconds)[:5]
-    mean = sum(outcome.seconds for outcome in found) / max(len(found), 1)
-    print(
-        f"seconds of the processor: {mean:.2f} on average, most for "
-        + ", ".join(f"{o.k} ({o.seconds:.1f} s)" for o in slowest)
-    )
-    kinds = Counter(kind_of(outcome.text) for outcome in found if outcome.verdict == "refused")
-    for text, n in kinds.most_common():
-        print(f"{n:6d}  {text}")
-
-    for name in sorted({name for outcome in found for name in outcome.also}):
-        said = Counter(
-            kind_of(outcome.also[name]) or "done" for outcome in found if name in outcome.also
-        )
-        print(f"\n{name}:")
-        for text, n in said.most_common(12):
+def print_summary(found: list[Outcome]) -> None:
+    """How often rigs ended in which way."""
+    words = {"solve": [kind_of(o.text) for o in found if o.verdict != "failed"]}
+    for name in dict.fromkeys(name for outcome in found for name in outcome.also):
+        words[name] = [kind_of(o.also[name]) for o in found if name in o.also]
+    words["numpy warned of, in rigs"] = [text for o in found for text in set(o.warnings)]
+    for name, texts in words.items():
+        if texts:
+            print(f"\n{name}:")
+        for text, n in Counter(texts).most_common(20):
             print(f"{n:6d}  {text}")
 
-    warned = Counter(text for outcome in found for text in set(outcome.warnings))
-    if warned:
-        print("\nnumpy warned of, in rigs:")
-        for text, n in warned.most_common(20):
-            first = next(outcome.k for outcome in found if text in outcome.warnings)
-            print(f"{n:6d}  {text} (rig {first})")
-
+    slowest = sorted(found, key=lambda outcome: -outcome.seconds)[:5]
+    print("\nmost seconds:", ", ".join(f"{o.k} ({o.seconds:.1f} s)" for o in slowest))
+    counts = Counter(outcome.verdict for outcome in found)
+    print(f"{len(found)} rigs:", ", ".join(f"{n} {word}" for word, n in counts.most_common()))
     judged = [outcome for outcome in found if outcome.judged]
-    if judged:
+    for key in ("median", "most", "only_theirs", "both") if judged else ():
+        values = [outcome.judged[key] for outcome in judged]
+        worst = judged[int(np.nanargmax(values))].k
         print(
-            f"\nCycles agrees on {len(judged)} rigs: median and 95 % of the landings'"
-            f" differences in display px;"
+            f"Cycles, {len(judged)} rigs: {key} {np.nanmedian(values):.2g} in the median,", end=""
         )
-        print(
-            "shares of Cycles' arrivals that core has not, of core's that Cycles has (total"
-            " reflection it has not):"
-        )
-        for key in ("median", "most", "only_theirs", "both"):
-            values = [o.judged[key] for o in judged]
-            print(f"  {key:<12} median {np.nanmedian(values):.2g}, worst {np.nanmax(values):.2g}")
-        for o in sorted(judged, key=lambda o: -o.judged["most"])[:8]:
-            print(
-                f"  rig {o.k:5d}: "
-                + ", ".join(f"{key} {value:.3g}" for key, value in o.judged.items())
-            )
+        print(f" at most {np.nanmax(values):.2g} (rig {worst})")
 
 
 def main() -> None:
@@ -746,17 +705,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of all rigs (0)")
     parser.add_argument("--only", type=int, nargs="+", metavar="K", help="these rigs of the seed")
     parser.add_argument(
-        "--judge",
-        type=int,
-        default=0,
-        metavar="N",
-        help="compare the first N that allow it with Cycles",
+        "--judge", type=int, default=0, metavar="N", help="compare the first N with Cycles"
     )
     parser.add_argument(
-        "--seconds",
-        type=float,
-        help=f"of the processor, for one rig; more is a hang ({SECONDS:g}, or {BY_NUMPY} times as"
-        " many without the kernel)",
+        "--seconds", type=float, help="of the processor, for one rig; more is a hang"
     )
     parser.add_argument("--log", type=Path, help=argparse.SUPPRESS)
     parser.add_argument(
@@ -765,19 +717,17 @@ def main() -> None:
         help="with a kernel that stops at a wrong access or an undefined step; on Linux, with gcc",
     )
     options = parser.parse_args()
-    rigs = options.only or list(range(options.rigs))
     if options.log is not None:
-        work_off(options.seed, rigs, options.judge, options.seconds, options.log)
+        work_off(options)
         return
 
     variables = sanitised() if options.sanitised else {}
     if variables is None:
         raise SystemExit(NOT_HERE)
-
-    seconds = options.seconds or SECONDS * (BY_NUMPY if loading.library() is None else 1)
-    started = perf_counter()
-    found = in_processes(options.seed, rigs, options.judge, seconds, variables)
-    print_summary(found, perf_counter() - started)
+    by_numpy = BY_NUMPY if loading.library() is None else 1
+    options.seconds = options.seconds or SECONDS * by_numpy
+    found = in_processes(options, options.only or list(range(options.rigs)), variables)
+    print_summary(found)
     sys.exit(any(outcome.verdict == "failed" for outcome in found))
 
 

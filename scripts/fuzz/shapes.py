@@ -1,5 +1,4 @@
-"""Glass as artists bring it, for scripts/fuzz/run.py and the
-tests: texts, curves, splines, metaballs, modifiers.
+"""Random glass as artists bring it: texts, curves, splines, metaballs, bodies of modifiers.
 
 Each is an object about one unit across around the origin, not yet in its place.
 """
@@ -42,73 +41,26 @@ def fitting(thing: bpy.types.Object) -> Matrix:
     return Matrix.Scale(1 / size, 4) @ Matrix.Translation((-(low + high) / 2).tolist())
 
 
+def add(thing: bpy.types.Object, kind: str, **options: object) -> bpy.types.Object:
+    """Give an object a modifier with options."""
+    modifier = thing.modifiers.new(kind.title(), kind)
+    for name, value in options.items():
+        setattr(modifier, name, value)
+    return thing
+
+
+def clouds(thing: bpy.types.Object, scale: float, strength: float) -> bpy.types.Object:
+    """Give an object a Displace modifier."""
+    texture = bpy.data.textures.new("Clouds", "CLOUDS")
+    texture.noise_scale = scale
+    return add(thing, "DISPLACE", texture=texture, strength=strength)
+
+
 def linked(data: bpy.types.ID, name: str) -> bpy.types.Object:
     """A new object in the scene."""
     thing = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(thing)
     return thing
-
-
-def text(random: Random, bevel: float = 0.0) -> bpy.types.Object:
-    """An extruded text, upright; its caps and sides share no vertices."""
-    data = bpy.data.curves.new("Text", "FONT")
-    data.body = "".join(random.choice(list("AKORTX8&"), 2)) if random.random() < 0.5 else "Ki"
-    data.extrude = random.uniform(0.05, 0.3)
-    data.bevel_depth = bevel
-    data.bevel_resolution = 2
-    data.resolution_u = int(random.integers(2, 8))
-    data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
-    return linked(data, "Text")
-
-
-def bevelled_text(random: Random) -> bpy.types.Object:
-    """A text with rounded edges."""
-    return text(random, bevel=random.uniform(0.01, 0.04))
-
-
-def rod(random: Random) -> bpy.types.Object:
-    """A curve with a bevel and filled caps, which are three shells that touch."""
-    data = bpy.data.curves.new("Rod", "CURVE")
-    data.dimensions, data.use_fill_caps = "3D", True
-    data.bevel_depth = random.uniform(0.1, 0.4)
-    data.bevel_resolution = int(random.integers(1, 8))
-    data.resolution_u = int(random.integers(2, 12))
-    spline = data.splines.new("BEZIER")
-    spline.bezier_points.add(int(random.integers(1, 3)))
-    for k, point in enumerate(spline.bezier_points):
-        point.co = (k, *random.normal(0, 0.2, 2))
-        point.handle_left_type = point.handle_right_type = "AUTO"
-    return linked(data, "Rod")
-
-
-def spline_sphere(random: Random) -> bpy.types.Object:
-    """A NURBS sphere or torus: its seam and poles have vertices of their own."""
-    add = bpy.ops.surface
-    bpy.context.view_layer.update()
-    made = random.choice(
-        [add.primitive_nurbs_surface_sphere_add, add.primitive_nurbs_surface_torus_add]
-    )
-    made(radius=0.5)
-    thing = bpy.context.object
-    for spline in thing.data.splines:
-        spline.resolution_u = spline.resolution_v = int(random.integers(2, 7))
-    return thing
-
-
-def metaballs(random: Random) -> bpy.types.Object:
-    """Two or three metaballs that melt into each other.
-
-    A name of their own: Blender melts all whose names differ by a number alone, as finely as the
-    first asks for, in its units. A thousandth as large, it would fill the others with cubes.
-    """
-    name = f"Metaballs {len(bpy.data.metaballs)}"
-    data = bpy.data.metaballs.new(name)
-    data.resolution = random.uniform(0.15, 0.4)
-    for k in range(int(random.integers(2, 4))):
-        element = data.elements.new()
-        element.co = (0.9 * k, *random.normal(0, 0.2, 2))
-        element.radius = random.uniform(0.8, 1.3)
-    return linked(data, name)
 
 
 def mesh_of(make: str, **sizes: object) -> bpy.types.Mesh:
@@ -172,104 +124,131 @@ def turned(profile: list[tuple[float, float]], steps: int) -> bpy.types.Object:
         [(x, 0.0, z) for x, z in profile], [(k, k + 1) for k in range(len(profile) - 1)], []
     )
     thing = linked(mesh, "Turned")
-    screw = thing.modifiers.new("Screw", "SCREW")
-    screw.steps = screw.render_steps = steps
     # on the axis only: by default a stem of less than a centimetre becomes a line
-    screw.use_merge_vertices, screw.merge_threshold = True, 1e-6
-    screw.use_smooth_shade = True
-    screw.use_normal_calculate = True
+    merged = {"use_merge_vertices": True, "merge_threshold": 1e-6}
+    smooth_ones = {"use_smooth_shade": True, "use_normal_calculate": True}
+    return add(thing, "SCREW", steps=steps, render_steps=steps, **merged, **smooth_ones)
+
+
+def prism(sides: int, **sizes: float) -> bpy.types.Mesh:
+    """A cylinder or cone of flat sides, one unit high."""
+    return mesh_of("cone", cap_ends=True, segments=sides, depth=1.0, **sizes)
+
+
+# Random ones
+
+
+def text(random: Random, bevel: float = 0.0) -> bpy.types.Object:
+    """An extruded text, upright; its caps and sides share no vertices."""
+    data = bpy.data.curves.new("Text", "FONT")
+    data.body = "".join(random.choice(list("AKORTX8&"), 2)) if random.random() < 0.5 else "Ki"
+    data.extrude = random.uniform(0.05, 0.3)
+    data.bevel_depth, data.bevel_resolution = bevel, 2
+    data.resolution_u = int(random.integers(2, 8))
+    data.transform(Matrix.Rotation(math.pi / 2, 4, "X"))
+    return linked(data, "Text")
+
+
+def rod(random: Random) -> bpy.types.Object:
+    """A curve with a bevel and filled caps, which are three shells that touch."""
+    data = bpy.data.curves.new("Rod", "CURVE")
+    data.dimensions, data.use_fill_caps = "3D", True
+    data.bevel_depth = random.uniform(0.1, 0.4)
+    data.bevel_resolution = int(random.integers(1, 8))
+    data.resolution_u = int(random.integers(2, 12))
+    spline = data.splines.new("BEZIER")
+    spline.bezier_points.add(int(random.integers(1, 3)))
+    for k, point in enumerate(spline.bezier_points):
+        point.co = (k, *random.normal(0, 0.2, 2))
+        point.handle_left_type = point.handle_right_type = "AUTO"
+    return linked(data, "Rod")
+
+
+def spline_sphere(random: Random) -> bpy.types.Object:
+    """A NURBS sphere or torus: its seam and poles have vertices of their own."""
+    bpy.context.view_layer.update()
+    kind = random.choice(["sphere", "torus"])
+    getattr(bpy.ops.surface, f"primitive_nurbs_surface_{kind}_add")(radius=0.5)
+    thing = bpy.context.object
+    for spline in thing.data.splines:
+        spline.resolution_u = spline.resolution_v = int(random.integers(2, 7))
     return thing
+
+
+def metaballs(random: Random) -> bpy.types.Object:
+    """Two or three metaballs that melt into each other.
+
+    A name of their own: Blender melts all whose names differ by a number alone, as finely as the
+    first asks for, in its units. A thousandth as large, it would fill the others with cubes.
+    """
+    name = f"Metaballs {len(bpy.data.metaballs)}"
+    data = bpy.data.metaballs.new(name)
+    data.resolution = random.uniform(0.15, 0.4)
+    for k in range(int(random.integers(2, 4))):
+        element = data.elements.new()
+        element.co = (0.9 * k, *random.normal(0, 0.2, 2))
+        element.radius = random.uniform(0.8, 1.3)
+    return linked(data, name)
 
 
 def remeshed(random: Random) -> bpy.types.Object:
     """A body rebuilt of voxels, smooth: no vertex lies where it was meant to be."""
-    mesh = random.choice(
-        [mesh_of("cube", size=1.0), mesh_of("icosphere", subdivisions=3, radius=0.5)]
-    )
-    thing = linked(mesh, "Remeshed")
-    modifier = thing.modifiers.new("Remesh", "REMESH")
-    modifier.mode = "VOXEL"
-    modifier.voxel_size = random.uniform(0.08, 0.2)
-    modifier.use_smooth_shade = bool(random.random() < 0.7)
-    return thing
+    cube, ball = mesh_of("cube", size=1.0), mesh_of("icosphere", subdivisions=3, radius=0.5)
+    thing = linked(random.choice([cube, ball]), "Remeshed")
+    size, is_smooth = random.uniform(0.08, 0.2), bool(random.random() < 0.7)
+    return add(thing, "REMESH", mode="VOXEL", voxel_size=size, use_smooth_shade=is_smooth)
 
 
 def scan(random: Random) -> bpy.types.Object:
     """A noisy, irregular ball, smooth, as a scanner sees it, thinned out by a Decimate modifier."""
     mesh = mesh_of("icosphere", subdivisions=4, radius=0.5)
     thing = linked(smooth(shaken(mesh, 10 ** random.uniform(-5, -2), random)), "Scan")
-    modifier = thing.modifiers.new("Decimate", "DECIMATE")
-    modifier.ratio = random.uniform(0.1, 0.9)
-    return thing
+    return add(thing, "DECIMATE", ratio=random.uniform(0.1, 0.9))
 
 
 def unwelded(random: Random) -> bpy.types.Object:
-    """A body whose faces share no vertices, as many files have it.
-
-    Half of them with a Weld modifier.
-    """
-    kind = random.choice(["cube", "icosphere", "cone"])
-    sizes = {
-        "cube": {"size": 1.0},
-        "icosphere": {"subdivisions": 2, "radius": 0.5},
-        "cone": {"cap_ends": True, "segments": 24, "radius1": 0.5, "radius2": 0.3, "depth": 1.0},
+    """A body whose faces share no vertices, as many files have it; half with a Weld modifier."""
+    meshes = {
+        "cube": lambda: mesh_of("cube", size=1.0),
+        "icosphere": lambda: mesh_of("icosphere", subdivisions=2, radius=0.5),
+        "cone": lambda: prism(24, radius1=0.5, radius2=0.3),
     }
-    mesh = mesh_of(kind, **sizes[kind])
+    mesh = meshes[random.choice([*meshes])]()
     shape = bmesh.new()
     shape.from_mesh(mesh)
     bmesh.ops.split_edges(shape, edges=shape.edges[:])
     shape.to_mesh(mesh)
     shape.free()
     thing = linked(mesh, "Unwelded")
-    if random.random() < 0.5:
-        thing.modifiers.new("Weld", "WELD").merge_threshold = 1e-4
-
-    return thing
+    return add(thing, "WELD", merge_threshold=1e-4) if random.random() < 0.5 else thing
 
 
 def array(random: Random) -> bpy.types.Object:
     """Bodies side by side by an Array modifier: apart, touching, or one in the other."""
-    thing = linked(mesh_of("cube", size=1.0), "Array")
-    modifier = thing.modifiers.new("Array", "ARRAY")
-    modifier.count = int(random.integers(2, 4))
-    modifier.relative_offset_displace = (random.choice([1.0, 1.2, 0.7]), 0.0, 0.0)
-    return thing
+    thing, count = linked(mesh_of("cube", size=1.0), "Array"), int(random.integers(2, 4))
+    offset = random.choice([1.0, 1.2, 0.7]), 0.0, 0.0
+    return add(thing, "ARRAY", count=count, relative_offset_displace=offset)
 
 
 def engraved(random: Random) -> bpy.types.Object:
     """A cube with a groove or a pit cut into it by a Boolean modifier."""
     thing = linked(mesh_of("cube", size=1.0), "Engraved")
-    cutter = linked(
-        mesh_of("cone", cap_ends=True, segments=7, radius1=0.2, radius2=0.05, depth=0.6), "Cutter"
-    )
+    cutter = linked(prism(7, radius1=0.2, radius2=0.05), "Cutter")
+    cutter.scale.z = 0.6
     cutter.location = (*random.uniform(-0.2, 0.2, 2), 0.5)
     cutter.hide_render, cutter.display_type = True, "WIRE"
     cutter.parent = thing
-    modifier = thing.modifiers.new("Boolean", "BOOLEAN")
-    modifier.operation = "DIFFERENCE"
-    modifier.object = cutter
-    modifier.solver = "EXACT"
-    return thing
+    return add(thing, "BOOLEAN", operation="DIFFERENCE", object=cutter, solver="EXACT")
 
 
 def wine_glass(random: Random) -> bpy.types.Object:
     """A profile turned by Screw, given a wall by Solidify and rounded by Subdivision."""
-    profile = [
-        (0.0, 0.0),
-        (0.3, 0.0),
-        (0.05, 0.05),
-        (0.04, 0.4),
-        (0.25, 0.6),
-        (0.32, 0.8),
-        (0.28, 1.0),
-    ]
-    profile = [(x * random.uniform(0.9, 1.1), z) for x, z in profile]
-    thing = turned(profile, int(random.integers(6, 12)))
-    thing.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.02
-    subdivision = thing.modifiers.new("Subdivision", "SUBSURF")
-    subdivision.levels = subdivision.render_levels = 1
-
-    return thing
+    radii = np.array([0.0, 0.3, 0.05, 0.04, 0.25, 0.32, 0.28])
+    radii *= random.uniform(0.9, 1.1, len(radii))
+    heights = 0.0, 0.0, 0.05, 0.4, 0.6, 0.8, 1.0
+    thing = turned([*zip(radii, heights, strict=True)], int(random.integers(6, 12)))
+    add(thing, "SOLIDIFY", thickness=0.02)
+    return add(thing, "SUBSURF", levels=1, render_levels=1)
 
 
 def bottle(random: Random) -> bpy.types.Object:
@@ -278,18 +257,14 @@ def bottle(random: Random) -> bpy.types.Object:
     wall = random.uniform(0.01, 0.05)
     inside = [(x - wall, max(z, wall)) for x, z in reversed(outside)]
     thing = turned([(0.0, 0.0), *outside, *inside, (0.0, wall)], int(random.integers(6, 24)))
-    if random.random() < 0.5:
-        subdivision = thing.modifiers.new("Subdivision", "SUBSURF")
-        subdivision.levels = subdivision.render_levels = 1
-    return thing
+    return add(thing, "SUBSURF", levels=1, render_levels=1) if random.random() < 0.5 else thing
 
 
 def vase(random: Random) -> bpy.types.Object:
     """A coarse profile, turned and given a wall by Solidify: large angles from face to face."""
     profile = [(random.uniform(0.15, 0.45), z) for z in np.linspace(0.0, 1.0, 5)]
     thing = turned(profile, int(random.integers(6, 32)))
-    thing.modifiers.new("Solidify", "SOLIDIFY").thickness = random.uniform(0.02, 0.08)
-    return thing
+    return add(thing, "SOLIDIFY", thickness=random.uniform(0.02, 0.08))
 
 
 def bauble(random: Random) -> bpy.types.Object:
@@ -298,8 +273,7 @@ def bauble(random: Random) -> bpy.types.Object:
     arc = [(math.sin(a) * 0.5, -math.cos(a) * 0.5) for a in np.linspace(0, math.pi - open_at, 12)]
     neck = [(arc[-1][0], 0.6)] if random.random() < 0.5 else []
     thing = turned([*arc, *neck], int(random.integers(8, 24)))
-    thing.modifiers.new("Solidify", "SOLIDIFY").thickness = random.uniform(0.005, 0.05)
-    return thing
+    return add(thing, "SOLIDIFY", thickness=random.uniform(0.005, 0.05))
 
 
 def gem(random: Random) -> bpy.types.Object:
@@ -309,7 +283,11 @@ def gem(random: Random) -> bpy.types.Object:
         n = int(random.integers(3, 12))
         each = elevation * random.uniform(0.8, 1.2), random.uniform(0.35, 0.5)
         facets += [(2 * math.pi * k / n, *each) for k in range(n)]
-    turn, elevation, distances = np.array(facets).T
+    return cut_stone(*np.array(facets).T)
+
+
+def cut_stone(turn: np.ndarray, elevation: np.ndarray, distances: np.ndarray) -> bpy.types.Object:
+    """The body behind facets, by their angles and their distances from the middle (n,)."""
     across = np.cos(elevation)
     normals = [np.cos(turn) * across, np.sin(turn) * across, np.sin(elevation)]
     return linked(behind(np.stack(normals, axis=1), distances), "Gem")
@@ -317,28 +295,21 @@ def gem(random: Random) -> bpy.types.Object:
 
 def cut_cylinder(random: Random) -> bpy.types.Object:
     """A cylinder of flat facets whose edges a Bevel modifier rounds or breaks."""
-    sides = int(random.integers(3, 24))
-    mesh = mesh_of("cone", cap_ends=True, segments=sides, radius1=0.5, radius2=0.5, depth=1.0)
-    thing = linked(mesh, "Cut")
-    bevel = thing.modifiers.new("Bevel", "BEVEL")
-    bevel.limit_method = random.choice(["ANGLE", "NONE"])
-    bevel.width, bevel.segments = random.uniform(0.005, 0.1), int(random.integers(1, 4))
-    return thing
+    thing = linked(prism(int(random.integers(3, 24)), radius1=0.5, radius2=0.5), "Cut")
+    limit = random.choice(["ANGLE", "NONE"])
+    width, segments = random.uniform(0.005, 0.1), int(random.integers(1, 4))
+    return add(thing, "BEVEL", limit_method=limit, width=width, segments=segments)
 
 
 def displaced(random: Random) -> bpy.types.Object:
     """A smooth ball with clouds on it, by a Displace modifier."""
     thing = linked(smooth(mesh_of("icosphere", subdivisions=3, radius=0.5)), "Displaced")
-    texture = bpy.data.textures.new("Clouds", "CLOUDS")
-    texture.noise_scale = random.uniform(0.2, 0.8)
-    modifier = thing.modifiers.new("Displace", "DISPLACE")
-    modifier.texture, modifier.strength = texture, random.uniform(0.02, 0.3)
-    return thing
+    return clouds(thing, random.uniform(0.2, 0.8), random.uniform(0.02, 0.3))
 
 
 BROUGHT: dict[str, Callable[[Random], bpy.types.Object]] = {
     "text": text,
-    "bevelled text": bevelled_text,
+    "bevelled text": lambda random: text(random, bevel=random.uniform(0.01, 0.04)),
     "rod": rod,
     "splines": spline_sphere,
     "metaballs": metaballs,

@@ -46,11 +46,9 @@ def main() -> None:
 def show_cube(out: Path) -> None:
     """Measure the lattice in the cube in each condition."""
     from .figures_7_and_8 import figures_7_and_8, lattice_table, points_csv
-    from .plot import figure_8
 
     conditions = figures_7_and_8(out)
     disk.write_text(out / "lattice.csv", points_csv(conditions))
-    disk.write_text(out / "figure_8.svg", figure_8(conditions))
     print(f"\n{markdown(lattice_table(conditions))}", flush=True)
 
 

@@ -1,10 +1,10 @@
-"""Programs that read warp maps, where there is no Blender: OpenCV and ffmpeg.
+"""Programs that read Kiriko's files, where there is no Blender: OpenCV and ffmpeg.
 
-`python -m bench.map_readers FOLDER`, run by `dev.py farm`: warps picture.npy (h, w, 3) by the
-files of a folder, and writes an image for each reader beside them, row 0 at the top.
+`python -m bench.readers FOLDER`, run by `dev.py farm`: warps picture.npy (h, w, 3) by the maps of a
+folder, and writes an image for each reader beside them, row 0 at the top; where there is no
+picture, decodes each movie, and writes its frames (n, h, w, 3), rate and codec beside it.
 """
 
-import argparse
 import json
 import shlex
 import subprocess
@@ -16,6 +16,11 @@ import imageio_ffmpeg
 import numpy as np
 
 BITS = 65535
+# exact, or the way back from 4:2:0 would be as far off as the way there; and by the matrix that the
+# files name (of 10 and 12 bits, ffmpeg 7 takes another)
+EXACT = ["-sws_flags", "accurate_rnd+full_chroma_int+bicubic"]
+BY_NAME = [*EXACT, "-vf", "scale=in_color_matrix=bt709"]
+MOVIES = {".mp4", ".mov", ".mkv"}
 FRAMES = 3  # of the film that goes through the command as it is printed
 
 
@@ -51,16 +56,7 @@ def by_ffmpeg(folder: Path, picture: np.ndarray, times: int) -> None:
     source = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r 25 -i film.rgb"
     ffmpeg("-y", *source.split(), "-c:v", "ffv1", "film.mkv", folder=folder)
     run(folder, command, "film.mkv", "-c:v libx264 -qp 0 OUT.mp4")
-    # exact, or the way back from 4:2:0 would be as far off as the way there
-    out = [
-        "-sws_flags",
-        "accurate_rnd+full_chroma_int+bicubic",
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "film_out.rgb",
-    ]
+    out = [*EXACT, *["-f", "rawvideo", "-pix_fmt", "rgb24", "film_out.rgb"]]
     ffmpeg("-y", "-i", "OUT.mp4", *out, folder=folder)
     frames = np.frombuffer((folder / "film_out.rgb").read_bytes(), np.uint8)
     frames = frames.reshape(-1, rows, columns, 3)
@@ -84,10 +80,22 @@ def ffmpeg(*words: str, folder: Path) -> None:
         sys.exit(f"{shlex.join(command)}\n{done.stderr}")
 
 
+def decode(path: Path) -> None:
+    """Decode a movie, each of its frames once."""
+    frames = imageio_ffmpeg.read_frames(path, output_params=[*BY_NAME, "-fps_mode", "passthrough"])
+    about = next(frames)
+    width, height = about["size"]
+    found = [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in frames]
+    rate, codec = about["fps"], about["codec"]
+    np.savez(path.with_suffix(".npz"), frames=np.stack(found), rate=rate, codec=codec)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, help="the one that Export Maps wrote to")
-    folder = parser.parse_args().folder
+    folder = Path(sys.argv[1])
+    if not (folder / "picture.npy").exists():
+        for movie in sorted(path for path in folder.iterdir() if path.suffix in MOVIES):
+            decode(movie)
+        return
     picture = np.load(folder / "picture.npy")
     by_opencv(folder, picture)
     about = json.loads((folder / "maps.json").read_text())
