@@ -17,6 +17,7 @@ from ..core.base.errors import KirikoError, one_line
 from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message
 from ..core.blender.conflict import write_conflict
+from ..core.blender.nested_glass import reasons
 from ..core.blender.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result import (
     leave_coarse,
@@ -29,7 +30,6 @@ from ..core.blender.result import (
 from ..core.blender.result_images import images_of
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
-from ..core.blender.shown_otherwise import reasons
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from ..core.solve.first_picture import coarser, enlarged, has_coarse
@@ -212,7 +212,7 @@ class Live:
                 self._read(context)
             elif step.phrase == GLASS:
                 self._compared = self._reading
-                self.otherwise = reasons(self._reading)
+                self.otherwise = reasons(self._reading.rig.glasses, self._reading.materials)
                 redraw()
             else:
                 self._pending = next(self._work, None)

@@ -6,7 +6,7 @@ import bpy
 
 from ..core.base.messages import Message, as_sentence
 from ..core.blender.bodies import NO_PART, bodiless, no_part
-from ..core.blender.checklist_parts import SINGLE, too_many
+from ..core.blender.checklist import SINGLE, too_many
 from ..core.blender.inspect_parts import why_no_own_image, why_no_picture
 from ..core.blender.inspect_scene import CHECKED
 from ..core.blender.parts import LeftOut, hidden_words

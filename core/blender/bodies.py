@@ -129,34 +129,6 @@ def shows_instances_alone(shown: bpy.types.Object) -> bool:
     return has_nodes and shown.type == "MESH" and not len(shown.data.polygons)
 
 
-def makes_faces(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Does an object show faces by instances that it makes, as nodes do?"""
-    return any(
-        one.is_instance
-        and one.parent is not None
-        and one.parent.original == thing
-        and one.object.type == "MESH"
-        and len(one.object.data.polygons) > 0
-        for one in depsgraph.object_instances
-    )
-
-
-def has_open_ends(thing: bpy.types.Object) -> bool:
-    """Is an object a bevelled curve, a tube, with ends that Blender could cap, and does not?
-
-    Half of a tube, as by Fill Mode, and a bevel along an open curve stay open with caps, too.
-    """
-    curve = thing.data
-    if thing.type != "CURVE" or curve.use_fill_caps or curve.dimensions != "3D":
-        return False
-    if curve.bevel_mode == "OBJECT":
-        outline = curve.bevel_object
-        is_tube = outline is not None and all(one.use_cyclic_u for one in outline.data.splines)
-    else:
-        is_tube = curve.bevel_depth > 0 and curve.fill_mode == "FULL"
-    return is_tube and not all(spline.use_cyclic_u for spline in curve.splines)
-
-
 def members_of(thing: bpy.types.Object) -> Iterator[bpy.types.Object]:
     """The objects that an instance of a collection shows, once each, those of instances within it,
     too; none of other objects.

@@ -4,206 +4,29 @@ A look at the scene goes in, a list of entries comes out: this file neither read
 draws. An entry is a record, so that any operator may be a remedy.
 """
 
-import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from math import floor, log10
 
-from ..base.messages import Message, as_message, joined
+from ..base.messages import Message, as_message, as_sentence, joined
 from ..base.numbers import millimetres
 from ..base.words import percent
 from ..bench.measured_remedies import MOVE_TO_GLASS, SMOOTH_GLASS
 from ..bench.picture_light import MOST
 from ..light.landings import REASON_WORDS, Reason
+from ..rig.rig import ROLES
 from ..solve.legibility import READABLE, illegible
-from .bodies import on_no_place
-from .checklist_parts import (
-    choose_image,
-    naming,
-    on_hidden,
-    on_in_glass,
-    on_lost,
-    on_missing,
-    on_tiles,
-    on_too_many,
-    on_viewers,
-    select_part,
-    shown,
-)
-from .to_do import ADVICE, PROBLEM, SOLVE, Button, Counts, Entry, Look, Thing
+from .findings import APPEARANCE, SHAPE, findings_of, naming
+from .to_do import ADVICE, PROBLEM, SOLVE, Button, Entry, Look, Named, Thing
 
-
-def on_mesh(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
-    """Faults of its mesh; those that modifiers make are not in the mesh that can be edited."""
-    name = thing.named.name
-    n_open, n_flat, is_inside_out, n_cut, n_facets, *_ = faults
-    if n_flat and thing.is_mesh:  # nobody can take those at the poles of a surface away
-        text = Message(
-            "'{name}' has {n} triangle{s} without area.",
-            name=name,
-            n=n_flat,
-            s="s" if n_flat > 1 else "",
-        )
-        label = "Remove" if own.n_flat else "Weld"
-        button = Button("kiriko.merge_flat", label, naming(thing.named), "AUTOMERGE_ON")
-        yield Entry(text, ADVICE, (button, *_select(thing, "FLAT", own.n_flat)))
-
-    yield from _on_surplus(thing, faults, own)
-
-    if faults.is_one_sided and thing.role == "GLASS":
-        text = Message(
-            "'{name}' has no inside: its surface has one side only, as a Klein bottle's.", name=name
-        )
-        yield Entry(text, PROBLEM, (select_part(thing.named), thicken(thing)))
-
-    if n_open and thing.role == "GLASS":
-        n = own.n_open or n_open  # as many as are selected
-        text = Message(
-            "'{name}' is not closed: {n} edge{s}.", name=name, n=n, s="s" if n > 1 else ""
-        )
-        select = _select(thing, "OPEN", own.n_open) or (select_part(thing.named),)
-        mends = [thicken(thing)]  # as a bowl of one surface wants
-        if own.n_open or thing.has_ends:
-            label = Message("Cap Ends") if thing.has_ends else Message("Fill Holes")
-            fill = Button("kiriko.fill_holes", label, naming(thing.named), "SNAP_FACE")
-            mends.insert(1 if own.is_vessel else 0, fill)
-        yield Entry(text, PROBLEM, (*select, *mends))
-
-    if n_cut:
-        yield _on_cuts(thing, faults, own)
-
-    if n_facets and not thing.has_facets:
-        yield _on_facets(thing, faults, own)
-    elif faults.n_turned and thing.role == "GLASS":
-        yield _on_turned(thing, faults, own)
-    elif is_inside_out and thing.role == "GLASS":
-        yield _on_inward(thing, n_open)
-
-
-def _on_facets(thing: Thing, faults: Counts, own: Counts) -> Entry:
-    """A curve drawn by flat faces. If some are turned round, or their vertices are not merged, it
-    is a file that lists triangle by triangle, and no look that is wanted.
-    """
-    text = Message(
-        "'{name}' looks curved, but its {n} faces are flat.",
-        name=thing.named.name,
-        n=faults.n_facets,
-    )
-    if faults.n_turned and thing.role == "GLASS":
-        text = joined([text, _on_turned(thing, faults, own).text])
-    is_brought = own.n_turned or own.n_loose
-    label = Message("Shade Smooth")
-    if is_brought:
-        label = Message("Merge, Recalculate Normals and Shade Smooth")
-    button = Button("kiriko.shade_smooth", label, naming(thing.named), "SPHERECURVE")
-    return Entry(text, PROBLEM if is_brought else ADVICE, (button,))
-
-
-def _on_turned(thing: Thing, faults: Counts, own: Counts) -> Entry:
-    """Faces that look the other way than those beside them: the normals between them are wrong,
-    which costs nothing where they are flat.
-    """
-    n = own.n_turned or faults.n_turned
-    values = {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
-    mend = turn_out(thing) if own.n_turned else select_part(thing.named)
-    if faults.is_turned_smooth:
-        text = Message(
-            "'{name}' has {n} face{s} turned round beside others: light there is bent wrongly.",
-            **values,
-        )
-        return Entry(text, PROBLEM, (mend,))
-    text = Message(
-        "'{name}' has {n} face{s} turned round beside others: Kiriko knows it, Cycles does not.",
-        **values,
-    )
-    return Entry(text, ADVICE, (mend,))
-
-
-def turn_out(thing: Thing) -> Button:
-    """The button that has all faces look out of the glass."""
-    return Button("kiriko.turn_out", Message("Turn Out"), naming(thing.named), "NORMALS_FACE")
-
-
-def _on_inward(thing: Thing, n_open: int) -> Entry:
-    """Faces that look into the glass. Of a closed one it is known where it is."""
-    name = thing.named.name
-    button = turn_out(thing)
-    if n_open:
-        text = Message("The faces of '{name}' look into the glass.", name=name)
-        return Entry(text, PROBLEM, (button,))
-    text = Message(
-        "The faces of '{name}' look into the glass: Kiriko knows it, Cycles does not.", name=name
-    )
-    return Entry(text, ADVICE, (button,))
-
-
-def _on_surplus(thing: Thing, faults: Counts, own: Counts) -> Iterator[Entry]:
-    """Faces that lie on others, as after Shift D in edit mode, and those inside the body."""
-    if faults.n_double:
-        n = own.n_double or faults.n_double
-        text = Message(
-            "'{name}' has {n} face{s} twice, one on the other.",
-            name=thing.named.name,
-            n=n,
-            s="s" if n > 1 else "",
-        )
-        remove = Button("kiriko.remove_doubles", "Remove", naming(thing.named), "AUTOMERGE_ON")
-        yield Entry(text, PROBLEM, (*_select(thing, "DOUBLE", own.n_double), remove))
-
-    if faults.n_inner:
-        n = own.n_inner or faults.n_inner
-        text = Message(
-            "'{name}' has {n} face{s} inside, which Kiriko leaves out and Cycles does not.",
-            name=thing.named.name,
-            n=n,
-            s="s" if n > 1 else "",
-        )
-        remove = Button("kiriko.remove_inner", Message("Remove"), naming(thing.named), "X")
-        mends = (*_select(thing, "INNER", own.n_inner), remove) if own.n_inner else ()
-        yield Entry(text, ADVICE, mends or (select_part(thing.named),))
-
-
-def _on_cuts(thing: Thing, faults: Counts, own: Counts) -> Entry:
-    """Faces that cut each other, and the remedy where those are curved."""
-    n = own.n_cut or faults.n_cut
-    values = {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
-    mends = _select(thing, "CUT", own.n_cut) or (select_part(thing.named),)
-    if faults.n_open:
-        text = Message("'{name}' cuts itself at {n} face{s}, where light may be lost.", **values)
-        return Entry(text, PROBLEM, mends)
-
-    told = Message(
-        "'{name}' cuts itself at {n} face{s}: Kiriko counts it as one body, Cycles does not.",
-        **values,
-    )
-    if not faults.is_cut_curved or thing.has_facets:
-        return Entry(told, ADVICE, mends)
-    curved = Message("It is curved, and may lose some light there: set its Surface to As Drawn.")
-    return Entry(joined([told, curved]), ADVICE, (*mends, *_as_drawn(thing)))
-
-
-def _select(thing: Thing, kind: str, n: int) -> tuple[Button, ...]:
-    if not n:
-        return ()
-    properties = naming(thing.named, kind=kind)
-    return (Button("kiriko.select_faults", Message("Select"), properties, "RESTRICT_SELECT_OFF"),)
-
-
-def _as_drawn(thing: Thing) -> tuple[Button, ...]:
-    """The button that has its facets followed; linked objects are set in their own file."""
-    if thing.named.library:
-        return ()
-    # a name in quotation marks, as Python and so Blender's operator reads it
-    path = f"blend_data.objects[{json.dumps(thing.named.name)}].kiriko.surface"
-    values = (("data_path", path), ("value", "FACETS"))
-    return (Button("wm.context_set_enum", Message("As Drawn"), values, "MESH_ICOSPHERE"),)
-
-
-def thicken(thing: Thing) -> Button:
-    """The button that gives an object a thickness."""
-    return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
-
-
+SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
+MADE = {
+    "DISPLAY": Message("Make a Display"),
+    "PICTURE": Message("Make a Picture"),
+    "VIEWER": Message("Make a Viewer"),
+    "PLATE": Message("Make a Plate"),
+}
+MOST_OFFERED = 2  # objects that may be the glass
 LARGEST = 0.5  # m: glass that is wider was hardly meant to be
 MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
 WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
@@ -250,14 +73,12 @@ def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
     length_text : a length, m, in words
     """
     found = [
-        *on_lost(look),
-        *on_missing(look),
-        *on_viewers(look),
-        *on_too_many(look),
-        *on_hidden(look),
-        *on_in_glass(look),
-        *on_tiles(look),
-        *(entry for thing in shown(look) for entry in _on_thing(thing)),
+        *_on_lost(look),
+        *_on_missing(look),
+        *_on_too_many(look),
+        *_on_hidden(look),
+        *_on_in_glass(look),
+        *(entry for thing in _shown(look) for entry in findings_of(thing, APPEARANCE + SHAPE)),
         *_on_display(look, length_text),
         *_on_result(look, length_text),
         *_on_size(look, length_text),
@@ -269,72 +90,130 @@ def findings(look: Look) -> Iterator[Entry]:
     """Of them those on the shape of the glass, and on glass left out, which a result has as notes
     where nobody sees the checklist.
     """
-    yield from on_in_glass(look)
-    for thing in shown(look):
-        yield from _on_shape(thing)
+    yield from _on_in_glass(look)
+    for thing in _shown(look):
+        yield from findings_of(thing, SHAPE)
 
 
-def _on_thing(thing: Thing) -> Iterator[Entry]:
-    """The trouble with one part that is shown."""
-    name = thing.named.name
-    mend = _make_glass(thing) if thing.has_place else select_part(thing.named)
-    if thing.thin_walls:
-        yield from (Entry(text, PROBLEM, (mend,)) for text in thing.thin_walls[:1])
-    elif thing.is_opaque and not thing.has_place:
-        text = Message(
-            "'{name}' is no glass: give it a material that refracts, in the file that it is linked"
-            " from.",
-            name=name,
+def _shown(look: Look) -> list[Thing]:
+    """The parts that are shown."""
+    return [thing for thing in look.things if not thing.hidden_by]
+
+
+def _on_missing(look: Look) -> Iterator[Entry]:
+    """What is not there is made, all by Add Rig as long as there is no rig; a hidden part is
+    shown.
+    """
+    if look.has_rig and look.missing and not look.things:
+        button = Button("kiriko.remove_rig", Message("Remove Rig"), (), "TRASH")
+        yield Entry(Message("All parts of the rig are gone."), PROBLEM, (button,))
+        return
+
+    roles = {thing.role for thing in look.things}
+    is_new = not (look.has_rig or roles & set(SINGLE))  # too little is there to make one part
+    is_offered = False
+    for role, phrase in look.missing:
+        hidden = next((t for t in look.things if t.role == role and t.hidden_by), None)
+        buttons: tuple[Button, ...] = ()
+        if hidden is not None:
+            buttons = (_show(hidden),)
+        elif role == "VIEWER" and look.cameras:
+            # any other camera may look elsewhere, as that of Blender's own scene does
+            made = (_make(role),) if "GLASS" in roles and not look.has_own_camera else ()
+            buttons = (*made, _use_camera(look.cameras[0]))
+        elif is_new and not is_offered:
+            buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
+            is_offered = True  # once is enough
+        elif role == "GLASS":
+            buttons = tuple(_use_as_glass(named) for named in look.solids[:MOST_OFFERED])
+        elif role == "PLATE" and not is_new:
+            without = Button("kiriko.go_without_plate", Message("Go Without"), (), "CHECKMARK")
+            buttons = (_make(role), without)
+        elif role in MADE and "GLASS" in roles and not is_new:
+            buttons = (_make(role),)
+        yield Entry(as_sentence(phrase), PROBLEM, buttons)
+
+
+def _make(role: str) -> Button:
+    return Button("kiriko.make_part", MADE[role], (("role", role),), "ADD")
+
+
+def _use_as_glass(named: Named) -> Button:
+    label = Message("Use '{name}'", name=named.name)
+    return Button("kiriko.use_part", label, naming(named), "MATSPHERE")
+
+
+def _use_camera(name: str) -> Button:
+    label = Message("Use '{camera}'", camera=name)
+    values = (("data_path", "scene.kiriko.viewer"), ("value", name))
+    return Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA")
+
+
+def _show(thing: Thing) -> Button:
+    return Button("kiriko.show_part", Message("Show"), naming(thing.named), "HIDE_OFF")
+
+
+def _on_too_many(look: Look) -> Iterator[Entry]:
+    """Parts of which a rig has one; all of its parts may have been duplicated. Objects that can be
+    no part.
+    """
+    if look.is_doubled:
+        text = Message("The rig's parts were duplicated, and lie in the same rig.")
+        label = Message("Make the Copies a Rig")
+        yield Entry(text, PROBLEM, (Button("kiriko.part_copies", label, (), "DUPLICATE"),))
+    for role in SINGLE:
+        things = [thing for thing in _shown(look) if thing.role == role]
+        if len(things) < 2:
+            continue
+        buttons = tuple(_leave_out(thing.named) for thing in things)
+        yield Entry(too_many(role, len(things)), PROBLEM, buttons)
+    for why, named in look.no_parts:
+        yield Entry(why, PROBLEM, (_leave_out(named),))
+
+
+def too_many(role: str, n: int) -> Message:
+    """A sentence on parts of which a rig has one."""
+    return Message(
+        "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
+        n=n,
+        role=SINGLE[role],
+    )
+
+
+def _leave_out(named: Named) -> Button:
+    label = Message("Leave Out '{name}'", name=named.name)
+    return Button("kiriko.leave_out", label, naming(named), "X")
+
+
+def _on_hidden(look: Look) -> Iterator[Entry]:
+    """Hidden parts that the rig can do without; those it needs are missing."""
+    missing = {role for role, _ in look.missing}
+    for thing in look.things:
+        if thing.hidden_by and thing.role not in missing:
+            text = Message(
+                "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
+            )
+            yield Entry(text, ADVICE, (_show(thing),))
+
+
+def _on_in_glass(look: Look) -> Iterator[Entry]:
+    """Objects within the glass that bend the light, too, as wine does, and are no part of the rig:
+    the source image would be that of the glass without them. Advice, for some are left out on
+    purpose, and only boxes are looked at.
+    """
+    for named in look.in_glass[:MOST_OFFERED]:
+        name = named.name
+        text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
+        yield Entry(text, ADVICE, (_use_as_glass(named),))
+
+
+def _on_lost(look: Look) -> Iterator[Entry]:
+    """Data that is missing from its library."""
+    for text, library in look.lost:
+        values = (("library", library),)
+        yield Entry(
+            text, PROBLEM, (Button("wm.lib_relocate", Message("Relocate"), values, "FILE_FOLDER"),)
         )
-        yield Entry(text, PROBLEM, (mend,))
-    elif thing.is_opaque:
-        text = Message("'{name}' is no glass: its material does not refract.", name=name)
-        yield Entry(text, PROBLEM, (mend,))
-
-    if thing.shows_opaque:
-        text = Message(
-            "'{name}' is no glass: give the objects of its collection a material that refracts.",
-            name=name,
-        )
-        yield Entry(text, PROBLEM, (select_part(thing.named),))
-
-    if thing.n_indices > 1:
-        text = Message(
-            "'{name}' has {n} indices of refraction, and counts as of one: make a closed object"
-            " of each.",
-            name=name,
-            n=thing.n_indices,
-        )
-        yield Entry(text, PROBLEM, (select_part(thing.named),))
-
-    if thing.is_pictureless:
-        yield Entry(thing.is_pictureless, PROBLEM, (choose_image(),))
-
-    yield from _on_shape(thing)
-
-
-def _make_glass(thing: Thing) -> Button:
-    """The button that gives an object a material that refracts."""
-    return Button("kiriko.make_glass", Message("Make It Glass"), naming(thing.named), "MATSPHERE")
-
-
-def _on_shape(thing: Thing) -> Iterator[Entry]:
-    """The trouble with the size of a part, its thickness and its mesh."""
-    name = thing.named.name
-    if thing.has_no_scale or thing.has_no_place:
-        text = Message("'{name}' is scaled to nothing.", name=name)
-        label = Message("Reset") if thing.has_no_place else Message("Reset Scale")
-        button = Button("kiriko.reset_scale", label, naming(thing.named), "LOOP_BACK")
-        yield Entry(on_no_place(name) if thing.has_no_place else text, PROBLEM, (button,))
-    elif thing.is_empty:
-        text = Message("'{name}' has no faces: give it some, or set its role to None.", name=name)
-        yield Entry(text, PROBLEM, (select_part(thing.named),))
-    elif thing.is_flat and thing.role == "GLASS":
-        text = Message("'{name}' is flat, and glass has to have a thickness.", name=name)
-        yield Entry(text, PROBLEM, (thicken(thing),))
-    elif thing.faults is not None and not thing.is_flat:
-        for entry in on_mesh(thing, thing.faults, thing.own_faults or Counts()):
-            yield replace(entry, can_wait=entry.icon == ADVICE)
 
 
 def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
@@ -353,7 +232,7 @@ def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entr
 
 def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """A display that Add Rig has made as large as the outermost light asks for."""
-    for thing in shown(look):
+    for thing in _shown(look):
         if thing.role == "DISPLAY" and thing.width > look.for_most > 0:
             text = Message(
                 "'{name}' measures {length}: {share} of its light needs less.",
@@ -459,7 +338,7 @@ def meant_factors(width: float) -> list[float]:
 
 def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Glass that was drawn in Blender's units, with no size in mind."""
-    glass = [thing for thing in shown(look) if thing.role == "GLASS"]
+    glass = [thing for thing in _shown(look) if thing.role == "GLASS"]
     widest = max(glass, key=lambda thing: thing.width, default=None)
     if widest is None or widest.width <= LARGEST:
         return

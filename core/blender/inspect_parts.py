@@ -1,6 +1,4 @@
-"""What a look at a scene finds of an object beside its mesh: its box, the picture that it shows,
-and whether a viewer stands in it, where none can be.
-"""
+"""What is found of an object apart from its mesh: its box, its materials, the picture it shows."""
 
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -8,25 +6,18 @@ import bpy
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.errors import ImageError, RigError
+from ..base.errors import ImageError
 from ..base.messages import Message
-from ..glass.solids import solids_from_mesh
-from ..light.checks import check_viewer_outside
-from ..rig.parts import Glass
-from ..rig.viewer import Viewer
 from .bodies import members_of
-from .cuts import SEARCH
 from .lost_data import find_lost, on_lost, placeholders_of
 from .material import Bends, bends_light, refracts
 from .moving import number_at
 from .picture import check_at
 from .plane import check_shown, image_of, own_materials
-from .read_mesh import in_world, mesh_of, read_local, used_slots
+from .read_mesh import used_slots
 from .shapes import used_materials
 from .to_do import Named
-from .units import length_of_unit
-from .viewer import own_images, read_viewer, seats_of
-from .visibility import is_placed
+from .viewer import seats_of
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
 
@@ -146,16 +137,6 @@ def why_no_own_image(scene: bpy.types.Scene) -> str:
     return ""
 
 
-def tiled_images(scene: bpy.types.Scene, pictures: Mapping[bpy.types.Object, str]) -> Iterator[str]:
-    """Names of images of several tiles that are the picture, each of which is read by its first."""
-    images = [image_of(thing) for thing, by in pictures.items() if not by]
-    if scene.kiriko.picture_source == "IMAGE":
-        images = [scene.kiriko.picture_image, *own_images(scene)]
-    for image in dict.fromkeys(images):
-        if image is not None and image.source == "TILED" and len(image.tiles) > 1:
-            yield image.name
-
-
 def lost_parts(
     scene: bpy.types.Scene, found: Mapping[str, Mapping[bpy.types.Object, str]]
 ) -> Iterator[tuple[str, str]]:
@@ -167,56 +148,3 @@ def lost_parts(
     shown = [x for seat in seats_of(scene) for x in (seat.camera, seat.image)]
     things = [*parts, scene.kiriko.picture_image, *shown, *placeholders_of(scene)]
     yield from on_lost(lost, things)
-
-
-def viewers_refused(
-    scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], known: Mapping[int, object]
-) -> Iterator[tuple[str, Named]]:
-    """Why viewers cannot be viewers, as a solve says it, and their names: each is inside a glass,
-    or cut by it, or no camera that is followed.
-
-    known : objects whose mesh was looked at, by session uid; of others none is made here
-    """
-    graph = _graph(scene) if known else None
-    cameras = dict.fromkeys(seat.camera for seat in seats_of(scene))
-    for camera in cameras if graph is not None else ():
-        if camera is None or not is_placed(camera, graph):
-            continue  # another entry
-        try:
-            viewer = read_viewer(camera, graph, scene.render, length_of_unit(scene))
-        except RigError as error:
-            yield error.message, named(camera)
-            continue
-        for thing, by in glasses.items():
-            if not by and thing.session_uid in known and (why := _why_not(scene, viewer, thing)):
-                yield why, named(camera)
-
-
-def _why_not(scene: bpy.types.Scene, viewer: Viewer, thing: bpy.types.Object) -> str:
-    """Why a viewer cannot be where it is beside a glass; '' where it can.
-
-    Its box tells it mostly, and a mesh that is too large for a short look is not asked.
-    """
-    metres = length_of_unit(scene)
-    low, high = (metres * corner for corner in box_of(scene, thing))
-    at, ahead = viewer.position, viewer.axes[2]
-    is_near = ((low <= at) & (at <= high)).all()
-    if viewer.projection == "orthographic":  # its whole image is to be outside
-        is_near = abs(ahead @ ((low + high) / 2 - at)) <= np.linalg.norm(high - low) / 2
-    if not is_near:
-        return ""
-
-    shown = evaluated(scene, thing)
-    with mesh_of(shown) as drawn:
-        local = read_local(drawn)
-    is_sound = bool(np.isfinite(local.vertices).all())
-    if not is_sound or len(local.triangles) > SEARCH.most_triangles:
-        return ""
-    to_metres = np.diag([metres, metres, metres, 1.0]) @ np.array(shown.matrix_world, float)
-    mesh, _ = in_world(local, to_metres, "facets")
-    try:
-        for solid in solids_from_mesh(mesh) if len(mesh.triangles) else ():
-            check_viewer_outside(viewer, Glass(thing.name, mesh), solid)
-    except RigError as error:
-        return error.message
-    return ""

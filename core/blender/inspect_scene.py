@@ -12,41 +12,31 @@ from .bodies import (
     NO_PART,
     bodiless,
     has_no_place,
-    has_open_ends,
-    makes_faces,
     no_part,
     shows_instances_alone,
     tools_of,
 )
 from .copies import is_doubled
-from .cuts import cut_polygons
-from .doubles import doubled_polygons
-from .facets import n_facets
-from .faults import faults_of
+from .faults import counts_of
 from .given_glass import has_place
 from .inspect_parts import (
     BOXLESS,
     box_of,
-    each_material,
     evaluated,
     is_flat,
     lost_parts,
     named,
     refracts_as_shown,
-    tiled_images,
-    viewers_refused,
     why_no_picture,
 )
-from .material import Bends, bends_light, on_thin_walls, read_refraction, refracts
+from .material import Bends, bends_light, refracts
 from .objects import OBJECT_MARK
-from .read_mesh import column, mesh_of, used_slots
-from .result_images import images_of, lacks_numbers
+from .read_mesh import column, mesh_of
+from .result_images import lacks_numbers
 from .rigs import active_rig, marked_key
-from .shapes import used_materials
 from .stored_records import Numbers
 from .to_do import Counts, Look, Named, Thing
 from .units import length_of_unit
-from .viewer import camera_at
 from .visibility import Shown, is_visible
 
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
@@ -54,15 +44,13 @@ Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 
 class LookedMesh(NamedTuple):
-    """A mesh that was looked at: its faults as it is read and before modifiers, sides (3,) of its
-    box in the object's own space, slots in use; is_empty: it makes no face, nor do its instances.
+    """A mesh that was looked at: its faults as it is read and before modifiers, and the sides (3,)
+    of its box in the object's own space.
     """
 
     as_read: Counts
     own: Counts
     sides: tuple[float, ...] = ()
-    slots: tuple[int, ...] = ()
-    is_empty: bool = False
 
 
 def look_at(
@@ -97,10 +85,8 @@ def look_at(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
-        refused=tuple(viewers_refused(scene, found.get("GLASS", {}), meshes)),
         no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
         lost=tuple(lost_parts(scene, found)),
-        tiled=tuple(tiled_images(scene, found.get("PICTURE", {}))),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
@@ -118,23 +104,15 @@ def look_at(
 
 def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any]:
     """What is there of the rig and beside it, where something is missing."""
-    listed = scene.kiriko.viewers
     rig = active_rig(scene)
     cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
     made = [thing for thing in cameras if rig and marked_key(thing) == rig.kiriko.key]
     cameras = [*made, *(thing for thing in cameras if thing not in made)]
-    seated = [(n, camera_at(scene, n)) for n, one in enumerate(listed) if one.is_on]
-    known = {camera for _, camera in seated}
-    gone = [(n, c) for n, c in seated if c is None or not c.users_scene]
     return {
         "has_rig": rig is not None,
         "has_own_camera": bool(made),
         "cameras": tuple(camera.name for camera in cameras),
-        "free_cameras": tuple(camera.name for camera in cameras if camera not in known),
-        "empty_seats": tuple((n, "" if c is None else c.name) for n, c in gone),
-        "are_viewers_off": bool(listed) and not seated,
         "solids": tuple(_solids(scene)) if "GLASS" in missing else (),
-        "images": tuple(_images(scene)) if "IMAGE" in missing else (),
     }
 
 
@@ -147,15 +125,6 @@ def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
             yield named(thing)
 
 
-def _images(scene: bpy.types.Scene) -> Iterator[str]:
-    """Images of this file that are no results."""
-    ours = images_of(scene.kiriko.result)
-    for image in bpy.data.images:
-        is_made = image.type in {"RENDER_RESULT", "COMPOSITING"} or image in ours
-        if image.library is None and not is_made and any(image.size):
-            yield image.name
-
-
 def _thing(
     scene: bpy.types.Scene,
     thing: bpy.types.Object,
@@ -164,39 +133,25 @@ def _thing(
     looked: LookedMesh | None,
     bends: Bends,
 ) -> Thing:
-    is_lost = has_no_place(thing.matrix_world)
-    sides = () if is_lost else sides_of(scene, thing, looked)
+    sides = () if has_no_place(thing.matrix_world) else sides_of(scene, thing, looked)
     has_mesh = has_own_faces(scene, thing)
-    is_glass = role == "GLASS" and not thing.kiriko.use_ior
-    is_opaque = has_mesh and is_glass and not refracts_as_shown(scene, thing, bends)
+    is_glass = has_mesh and role == "GLASS" and not thing.kiriko.use_ior
+    has_thickness = looked is not None and not (has_mesh and is_flat(sides))
     return Thing(
         named=named(thing),
         role=role,
         hidden_by=by,
         width=max(sides, default=0.0) * length_of_unit(scene),
-        has_place=has_place(thing),
-        is_opaque=is_opaque,
-        thin_walls=tuple(on_thin_walls(each_material(scene, thing))) if is_opaque else (),
-        n_indices=_n_indices(scene, thing, looked.slots) if is_glass and looked is not None else 0,
         is_mesh=thing.type == "MESH",
+        is_opaque=is_glass and not refracts_as_shown(scene, thing, bends),
+        has_place=has_place(thing),
         has_no_scale=min(map(abs, thing.scale)) == 0,
-        has_no_place=is_lost,
-        is_empty=looked is not None and looked.is_empty,
         is_flat=has_mesh and is_flat(sides),
-        is_pictureless=why_no_picture(scene, thing) if role == "PICTURE" else "",
-        faults=None if looked is None else _worth_telling(scene, looked.as_read),
-        own_faults=None if looked is None else looked.own,
+        no_picture=why_no_picture(scene, thing) if role == "PICTURE" else "",
+        faults=_worth_telling(scene, looked.as_read) if has_thickness else Counts(),
+        own_faults=looked.own if has_thickness else Counts(),
         has_facets=thing.kiriko.surface == "FACETS",
-        has_ends=has_open_ends(thing),
-        shows_opaque=is_glass and _shows_opaque(thing, bends),
     )
-
-
-def _shows_opaque(thing: bpy.types.Object, bends: Bends) -> bool:
-    """Does an object show a collection in which nothing refracts?"""
-    if thing.instance_type != "COLLECTION" or thing.instance_collection is None:
-        return False
-    return not any(refracts(one, bends) for one in thing.instance_collection.all_objects)
 
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
@@ -224,12 +179,6 @@ def sides_of(
     if looked is None or not looked.sides:
         return ()
     return tuple(np.multiply(looked.sides, np.abs(thing.matrix_world.to_scale())).tolist())
-
-
-def _n_indices(scene: bpy.types.Scene, thing: bpy.types.Object, slots: tuple[int, ...]) -> int:
-    """How many indices of refraction have the materials in use?"""
-    found = map(read_refraction, used_materials(evaluated(scene, thing), slots))
-    return len({one.ior for one in found if one is not None})
 
 
 def _in_glass(
@@ -270,36 +219,12 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
 
 def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> LookedMesh:
     """An object's mesh as it is read, and the faults of the one before modifiers."""
-    is_glass = thing.kiriko.role == "GLASS"
     with mesh_of(thing.evaluated_get(depsgraph)) as mesh:
-        as_read = counts_of(mesh, is_glass)
-        points = column(mesh.vertices, "co", 3, np.float32).reshape(-1, 3)
+        as_read = counts_of(mesh)
+        points = column(mesh.vertices, "co", 3, np.float32)
         sides = tuple(np.ptp(points, axis=0).tolist()) if len(points) else ()
-        slots = used_slots(mesh)
-        is_empty = not len(mesh.polygons) and not makes_faces(thing, depsgraph)
     own = Counts()
     if thing.type == "MESH":
         is_made = thing.data.shape_keys or any(m.show_viewport for m in thing.modifiers)
-        own = counts_of(thing.data, is_glass) if is_made else as_read
-    return LookedMesh(as_read, own, sides, slots, is_empty)
-
-
-def counts_of(mesh: bpy.types.Mesh, is_glass: bool) -> Counts:
-    """How many there are."""
-    faults = faults_of(mesh)
-    is_cut = cut_polygons(mesh) if is_glass else np.zeros(len(mesh.polygons), bool)
-    return Counts(
-        n_open=int(np.count_nonzero(faults.is_open)),
-        n_flat=faults.n_flat,
-        is_inside_out=faults.is_inside_out,
-        n_cut=int(np.count_nonzero(is_cut)),
-        n_facets=n_facets(mesh, faults.one),
-        is_vessel=faults.is_vessel,
-        is_cut_curved=bool(column(mesh.polygons, "use_smooth", 1, bool)[is_cut].any()),
-        n_double=int(np.count_nonzero(doubled_polygons(mesh))) if is_glass else 0,
-        is_one_sided=faults.is_one_sided,
-        n_turned=int(np.count_nonzero(faults.is_turned)),
-        is_turned_smooth=faults.is_turned_smooth,
-        n_inner=int(np.count_nonzero(faults.is_inner)) if is_glass else 0,
-        n_loose=faults.n_loose,
-    )
+        own = counts_of(thing.data) if is_made else as_read
+    return LookedMesh(as_read, own, sides)

@@ -4,6 +4,7 @@ Kiriko finds the medium at a point from all solids and their priorities; Cycles 
 relative index of refraction a surface, and which side is inside from its normals.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,13 @@ from ..glass.meshes import volume_of
 from ..glass.solids import contains, solids_from_mesh
 from ..glass.surfaces import Surface
 from ..rig.rig import WAVELENGTH, Glass
+from .elements import MaterialReading
 
 CLOSE = 1e-5  # solids nearer than this share of their size touch
 MOST_ASKED = 20_000  # vertices asked for their distance to another solid
 SAME_VOLUMES = 1e-3  # volumes that differ by less than this share are the same
+MOST_TRIANGLES = 300_000  # with more of them nobody is to wait for `reasons`
+SAME = 1e-4  # indices that differ by less are the same
 
 
 @dataclass(frozen=True)
@@ -164,3 +168,33 @@ def _side(glass: Glass, solids: list[Surface]) -> float:
     if volume == 0 or any(solid.n_open for solid in solids):
         return 1.0  # a surface that encloses nothing is taken as drawn
     return volume_of(glass.mesh.corners) / volume
+
+
+def reasons(glasses: tuple[Glass, ...], materials: Iterable[MaterialReading]) -> list[Message]:
+    """Why Cycles shows the artist's own glass otherwise than Kiriko follows it: a clause for each
+    reason, without a full stop.
+
+    Cycles takes a material's index for a ratio to air and a face's normal for the way out, and
+    knows no priorities.
+    """
+    if sum(len(glass.mesh.triangles) for glass in glasses) > MOST_TRIANGLES:
+        return []
+
+    found, notes = interfaces(glasses)
+    told = [note.values["why"] for note in notes]
+    for glass, shown in zip(glasses, found, strict=True):
+        is_nested = shown.index is None or abs(shown.index - glass.ior.at(WAVELENGTH)) > SAME
+        if is_nested and not notes:
+            told.append(Message("'{name}' lies in other glass", name=glass.name))
+        if shown.is_inside_out:
+            told.append(Message("the faces of '{name}' look inward", name=glass.name))
+
+    for one in materials:
+        if one.own_ior is not None and abs(one.own_ior - one.ior) > SAME:
+            told.append(
+                Message(
+                    "the Override IOR of '{name}' is not that of its material",
+                    name=one.object_name,
+                )
+            )
+    return list(dict.fromkeys(told))

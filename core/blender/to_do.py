@@ -1,4 +1,4 @@
-"""The nouns of the checklist: a look at a scene, and the entries that come of it."""
+"""The nouns of the checklist: what was found in a scene, and the entries that come of it."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -17,33 +17,29 @@ class Named(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """How many faults a mesh has, and whether its faces look inwards.
+    """Faults of a mesh.
 
-    n_cut : polygons that others cut, so that nothing tells the inside
-    n_facets : polygons that look flat where a curve seems meant
-    is_vessel : is a hole of it as wide as the mouth of a vessel?
-    is_cut_curved : are any of the polygons that others cut shaded smooth?
-    n_double : polygons that lie on others
-    is_one_sided : has a closed part of it one side only?
-    n_turned : polygons that look the other way than those beside them
+    n_faces : polygons in all
+    n_open : edges of one face, or of more than two of one body
+    n_turned : polygons that face the other way than most of those that they share vertices with
     is_turned_smooth : has one of these normals other than its plane's?
+    is_inside_out : do the faces look into the body?
     n_inner : polygons within the body that the others make
-    n_loose : vertices that another one in the same place stands for
+    n_facets : polygons that look flat where a curve seems meant
+    n_loose : vertices in the place of another one
     """
 
+    n_faces: int = 0
     n_open: int = 0
-    n_flat: int = 0
-    is_inside_out: bool = False
-    n_cut: int = 0
-    n_facets: int = 0
-    is_vessel: bool = False
-    is_cut_curved: bool = False
-    n_double: int = 0
-    is_one_sided: bool = False
     n_turned: int = 0
     is_turned_smooth: bool = False
+    is_inside_out: bool = False
     n_inner: int = 0
+    n_facets: int = 0
     n_loose: int = 0
+
+
+NO_FAULTS = Counts()
 
 
 @dataclass(frozen=True)
@@ -82,21 +78,17 @@ def is_first(entry: Entry) -> bool:
 
 @dataclass(frozen=True)
 class Thing:
-    """An object with a role, as far as a list of faults needs it.
+    """An object with a role, as far as the checklist needs it.
 
     hidden_by : to follow "is hidden"; '' where it is shown
     width : m, the longest side of its box
     is_mesh : and no curve, surface or text, whose mesh Blender makes
-    thin_walls : sentences on materials of opaque glass that let light straight through
-    faults : of its mesh as it is read; None where not known yet, or of no interest
-    own_faults : of its mesh before modifiers, which can be edited
-    n_indices : indices of refraction of the materials of glass; 0 where not known yet
-    has_no_place : are numbers of its matrix none, or too large?
-    is_empty : is it known to have no face?
-    has_facets : are facets wanted of it, by its setting Surface?
-    has_ends : is it a bevelled curve whose ends are open?
+    is_opaque : does no material of glass refract?
     has_place : can it be given a material in this file?
-    shows_opaque : does it show a collection, none of whose objects refracts?
+    no_picture : a sentence on why a plane shows none
+    faults : of its mesh as it is read; none where not known yet
+    own_faults : of its mesh before modifiers, which can be edited
+    has_facets : are facets wanted of it, by its setting Surface?
     """
 
     named: Named
@@ -105,19 +97,13 @@ class Thing:
     width: float = 0.0
     is_mesh: bool = True
     is_opaque: bool = False
-    thin_walls: tuple[str, ...] = ()
     has_place: bool = True
-    n_indices: int = 0
     has_no_scale: bool = False
-    has_no_place: bool = False
-    is_empty: bool = False
     is_flat: bool = False
-    is_pictureless: str = ""
-    faults: Counts | None = None
-    own_faults: Counts | None = None
+    no_picture: str = ""
+    faults: Counts = NO_FAULTS
+    own_faults: Counts = NO_FAULTS
     has_facets: bool = False
-    has_ends: bool = False
-    shows_opaque: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,16 +114,9 @@ class Look:
     has_rig : has the scene a rig of Add Rig?
     has_own_camera : is there one that was made for that rig?
     cameras : names of the scene's cameras, those made for the rig first
-    free_cameras : those that are no viewers
-    empty_seats : numbers of entries of the list of viewers that are on and whose camera is gone,
-        with its name, '' where there was none
-    are_viewers_off : all of the list?
-    refused : sentences on viewers where none can be, as within the glass, and their names
     no_parts : sentences on objects that have a role and can be no part, and their names
     solids : objects without a role that may be glass, the active one first
     in_glass : objects without a role that refract, and stand within the glass
-    images : names of images that may be the picture
-    tiled : names of images of several tiles that are the picture
     lost : sentences on data that is missing from a library, and that library's name
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
@@ -155,15 +134,9 @@ class Look:
     has_rig: bool = False
     has_own_camera: bool = False
     cameras: tuple[str, ...] = ()
-    free_cameras: tuple[str, ...] = ()
-    empty_seats: tuple[tuple[int, str], ...] = ()
-    are_viewers_off: bool = False
-    refused: tuple[tuple[str, Named], ...] = ()
     no_parts: tuple[tuple[str, Named], ...] = ()
     solids: tuple[Named, ...] = ()
     in_glass: tuple[Named, ...] = ()
-    images: tuple[str, ...] = ()
-    tiled: tuple[str, ...] = ()
     lost: tuple[tuple[str, str], ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)

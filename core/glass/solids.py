@@ -94,20 +94,6 @@ def _joined_ways(edges: Edges, n: int) -> tuple[Ints, Ints]:
     return label[:n], label[n:]
 
 
-def is_one_sided(triangles: Ints) -> bool:
-    """Has a surface of triangles (t, 3) a closed part with one side only, as a Klein bottle has, so
-    that nothing is inside of it?
-    """
-    edges = find_edges(triangles)
-    if not edges.is_same_way.any():
-        return False
-    n = len(triangles)
-    as_drawn, turned = _joined_ways(edges, n)
-    is_at_hole = np.bincount(np.r_[edges.first, edges.second], minlength=n) < 3
-    has_hole = np.bincount(as_drawn, is_at_hole, n)[as_drawn] > 0
-    return bool(((as_drawn == turned) & ~has_hole).any())
-
-
 def turned_beside(triangles: Ints) -> Bools:
     """Which of triangles (t, 3) look the other way than most of those that they hang together with:
     none of a surface with one side only.
