@@ -38,6 +38,7 @@ from .touching_solids import boxes_touch, find_touching, grown
 from .trace import EventByEvent
 
 TRACERS = Kernel(), EventByEvent()  # the fastest first; the last traces any plan
+MOST_COPIES = 7  # of a ray where parts split rays: eight ways in all
 MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
 
 
@@ -328,6 +329,7 @@ def planning(
         ),
         counts=parts.counts(rig),
         tracers=TRACERS,
+        n_copies=MOST_COPIES * any(LAWS[kind].splits for kind in parts.kind),
     )
 
 

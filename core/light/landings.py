@@ -62,6 +62,10 @@ class Landings:
     plate_path: np.ndarray
     leak: Ints
 
+    def at(self, some: Ints | Bools) -> "Landings":
+        """Some of the landings."""
+        return Landings(*(getattr(self, name)[some] for name in Landings.__dataclass_fields__))
+
     @property
     def has_arrived(self) -> Bools:
         return self.reason == Reason.ARRIVED
@@ -100,19 +104,15 @@ def join(parts: list[Landings]) -> Landings:
     )
 
 
-def main_landings(landings: Landings, n_rays: int, expected: Words | None = None) -> Landings:
-    """One landing for each of n rays, in their order: the main one where a ray has several.
+def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> Ints:
+    """The main landing (n,) of each of n rays, by number; -1 for a ray that has none.
 
     A landing that has a place comes before one that has none, one on the display before one beside
     it, then the one with the largest throughput, then the one whose branch has the smallest number.
-    The choice does not depend on the order in which landings are listed. A ray that has none
-    missed the display: its throughput is 0, its end unknown.
+    The choice does not depend on the order in which landings are listed.
 
     expected : (n,) branches, where they are known: a landing on its ray's comes before all others
     """
-    if len(landings.sample) == n_rays and (landings.sample == np.arange(n_rays)).all():
-        return landings
-
     is_other = np.zeros(len(landings.sample), bool)
     if expected is not None:
         is_other = landings.branch != expected[landings.sample]
@@ -127,6 +127,20 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
         landings.sample,
     ))  # fmt: skip
     with_one, first = np.unique(landings.sample[order], return_index=True)
+    main = np.full(n_rays, -1)
+    main[with_one] = order[first]
+    return main
+
+
+def main_landings(landings: Landings, n_rays: int, expected: Words | None = None) -> Landings:
+    """The main landing of each of n rays, in their order, as by `main_of`. A ray that has none
+    missed the display: its throughput is 0, its end unknown.
+    """
+    if len(landings.sample) == n_rays and (landings.sample == np.arange(n_rays)).all():
+        return landings
+
+    main = main_of(landings, n_rays, expected)
+    with_one = np.flatnonzero(main >= 0)
 
     unknown = Landings(
         sample=np.arange(n_rays),
@@ -141,6 +155,6 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
         leak=np.full(n_rays, -1, np.int64),
     )
     for name in Landings.__dataclass_fields__:
-        getattr(unknown, name)[with_one] = getattr(landings, name)[order[first]]
+        getattr(unknown, name)[with_one] = getattr(landings, name)[main[with_one]]
 
     return unknown

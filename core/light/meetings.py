@@ -27,6 +27,7 @@ class Law(NamedTuple):
     ends : does no ray go on from it?
     crosses : are faces of other layers at the same place met together with it? Else it is handed no
         hits of layers
+    splits : may rays go on in copies from it (`Rays.split`)?
     element : a part with what is worked out of it once for a plan, as `plan.part_of` gives it to
         `meet`; takes the part and its surface
     """
@@ -35,6 +36,7 @@ class Law(NamedTuple):
     surface: Callable[[Any, Kept], tuple[Surface, str]] | None
     ends: bool = False
     crosses: bool = False
+    splits: bool = False
     element: Callable[[Any, Surface], Any] = lambda part, surface: part
 
 

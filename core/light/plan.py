@@ -205,7 +205,8 @@ class Plan:
 
     thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked
     for. merge_distance: m, faces nearer to each other than this are in the same place. used,
-    left_out: needs that the rig has, or has not, and why. tracers: the fastest first.
+    left_out: needs that the rig has, or has not, and why. tracers: the fastest first. n_copies:
+    how many copies of a ray there may be where it splits, 0 where no part splits rays.
     """
 
     rig: Rig
@@ -224,6 +225,7 @@ class Plan:
     left_out: tuple[str, ...]
     counts: Counts
     tracers: tuple[Tracer, ...]
+    n_copies: int
 
     def seen_by(self, viewer: Viewer) -> "Plan":
         """The same plan for another viewer of the rig: nothing of it is made again."""

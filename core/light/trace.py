@@ -179,12 +179,15 @@ def trace_all(
 
 
 def recording(plan: Plan, origins: Floats, directions: Floats) -> Pauses[tuple[Landings, Words]]:
-    """The landings of rays (n, 3), and their courses: the branch of each
-    after each of its m events at the most, (n, m), for `tracing` to compare.
+    """The landings of rays (n, 3), and the course of each: its branch after
+    each of its m events at the most, for `tracing` to compare.
     """
-    rays = Rays(origins, directions, np.zeros((len(origins), 8), np.uint64), is_recorded=True)
+    n = (1 + plan.n_copies) * len(origins)
+    course = np.zeros((n, 8), np.uint64)
+    rays = Rays(origins, directions, course, True, n_copies=plan.n_copies)
     yield from plan.tracer.follow(plan, rays)
-    return _landings_of(rays), rays.course[:, : max(1, int(rays.n_words.max(initial=0)))]
+    width = max(1, int(rays.n_words.max(initial=0)))
+    return _landings_of(rays), rays.course[rays.is_begun, :width]
 
 
 def trace(
@@ -210,12 +213,12 @@ def tracing(
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
     course : (n, m) as `recording` gives them: a ray is given up,
         without a landing, as soon as it leaves its course
-    steps : is filled with a step for each event
+    steps : is filled with a step for each event, without those of copies where rays split
     light : which light is followed at mirror arrays: that of the mid-air image, as the mean over
         all phases; what goes where the mirrors stand, stray light and all; or first light reflected
         by the plate's face, then such light. At ideal plates it is all the same.
     """
-    rays = Rays(origins, directions, course, False, light)
+    rays = Rays(origins, directions, course, False, light, plan.n_copies)
     yield from plan.tracer.follow(plan, rays, steps)
     return _landings_of(rays)
 
@@ -224,8 +227,8 @@ def _landings_of(rays: Rays) -> Landings:
     """Where rays have come to in the end."""
     rays.xy[rays.is_astray] = np.nan
     has_place = np.isfinite(rays.xy[:, 0])
-    return Landings(
-        sample=np.arange(len(rays.xy)),
+    landings = Landings(
+        sample=np.arange(len(rays.xy)) % max(rays.n_asked, 1),
         reason=rays.reason,
         branch=np.where(has_place, np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
         xy=rays.xy,
@@ -236,6 +239,7 @@ def _landings_of(rays: Rays) -> Landings:
         plate_path=rays.plate_path,
         leak=rays.leak,
     )
+    return landings.at(rays.is_begun) if rays.n_copies else landings
 
 
 def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
@@ -249,7 +253,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
     at_once = LIVE_AT_ONCE if steps is None else len(waiting)
     # gaps are told by all that a ray comes upon
     may_wait = steps is None and not plan.open_parts
-    searches = [Search(len(waiting), may_wait) for _ in plan.layers]
+    searches = [Search(len(rays.mask), may_wait) for _ in plan.layers]
 
     while True:
         room = at_once - len(rays.live)
@@ -302,17 +306,23 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
             land(plan, rays, hits, by_layer, before)
         is_over = rays.n_events[rays.live] >= plan.settings.max_events
         on = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
-        rays.live = np.concatenate([on, put_off])
+        born, rays.born = rays.born, rays.born[:0]
+        is_over = rays.n_events[born] >= plan.settings.max_events
+        rays.live = np.concatenate([on, put_off, born[~(is_over | rays.has_ended[born])]])
         yield n_live - len(rays.live)
 
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:
-    """The step of the live rays to their hits, and of those that are left with none."""
+    """The step of the live rays to their hits, and of those that are left with none; none of
+    copies.
+    """
+    asked = rays.live < rays.n_asked
+    triangle, live, left = hits.triangle[asked], rays.live[asked], left[left < rays.n_asked]
     return Step(
-        rays=rays.live,
-        place=rays.positions[rays.live],
-        patch=plan.triangles.patch[hits.triangle],
-        triangle=hits.triangle,
+        rays=live,
+        place=rays.positions[live],
+        patch=plan.triangles.patch[triangle],
+        triangle=triangle,
         left=left,
         start=rays.positions[left],
         direction=rays.directions[left],

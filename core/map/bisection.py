@@ -77,7 +77,7 @@ def last_on_branch(
     n_tried = np.zeros(len(near), np.int64)
     least = 2.0 ** -n_digits(plan)
 
-    if plan.tracer.bisect is not None:
+    if plan.tracer.bisect is not None and not plan.n_copies:
         begun = Ends(low, width, xy, throughput, n_tried)
         wanted = Halving(a, b - a, course, points.branch[near], begun, least)
         (found,) = yield [Halve(wanted, takes)]

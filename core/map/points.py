@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints, columns_of, taken
 from ..base.steps import Pauses, finish
 from ..base.vectors import cross_2d
-from ..light.landings import Words, main_landings
+from ..light.landings import Words, main_landings, main_of
 from ..light.plan import Plan
 from ..light.rays import Step
 from ..light.trace import TRACED_AT_ONCE, recording, tracing
@@ -146,6 +146,8 @@ def trace_points(
             )
         else:
             found, taken_by_them = yield from recording(plan, origins, directions)
+            if plan.n_copies:
+                taken_by_them = taken_by_them[main_of(found, len(origins))]
             courses.append(taken_by_them)
         yield 0
         landings = main_landings(found, len(origins))

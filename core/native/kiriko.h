@@ -18,7 +18,7 @@
 #define KIRIKO_API __attribute__((visibility("default")))
 #endif
 
-#define VERSION 11 /* of what the structures mean: raised when that changes and their sizes may not */
+#define VERSION 12 /* of what the structures mean: raised when that changes and their sizes may not */
 #define N_TERMS 14
 #define MOST_LAYERS 256
 #define N_BITS 52           /* of a ray's mask, as in media.py */
@@ -33,7 +33,7 @@
 #define N_STARTS 4
 static const double STARTS[N_STARTS][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
 
-typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY } Kind;
+typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, SPLITTER } Kind; /* the last is of tests alone */
 
 typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
 
@@ -134,7 +134,7 @@ typedef struct {
     double display_size[2];
 } Plan;
 
-/* State of n rays, as rays.py's Rays has it, and what is written down of their ways. */
+/* State of rays, as rays.py's Rays has it, and what is written down of their ways. */
 typedef struct {
     double *positions, *directions;    /* (n, 3) */
     uint64_t *mask;
@@ -148,7 +148,8 @@ typedef struct {
     uint64_t *course;                  /* (n, width), or NULL */
     int64_t width, is_recorded, light;
     int64_t *n_words;
-    uint8_t *is_astray, *has_ended;
+    uint8_t *is_astray, *has_ended, *is_begun;
+    int64_t n_asked, n_copies;         /* rows are those of the rays asked for, then of copies, where rays split */
     int64_t n_rays, n_steps;           /* n; 0 where no way is written down */
     double *places;                    /* (n_steps, n, 3): of most ways only the first steps are ever touched */
     int64_t *met;                      /* (n_steps, n) triangles, by their numbers + 1; 0 for none */

@@ -14,7 +14,7 @@ MODULE = "kiriko_kernel"
 # environment variable: "off" for numpy's way, or the file of another library
 SWITCH = "KIRIKO_KERNEL"
 ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
-VERSION = 11  # of what the structures mean, as in kiriko.h
+VERSION = 12  # of what the structures mean, as in kiriko.h
 MOST_LAYERS = 256
 # of the library: types of the result and of the arguments
 FUNCTIONS = {

@@ -9,7 +9,7 @@
 typedef struct {
     const Plan *plan;
     Rays *rays;
-    int64_t i; /* the ray */
+    int64_t i, asked; /* the row of the ray, and that of the ray asked for, of which it may be a copy */
     Hit *by_layer;
     const Hit *beneath; /* the display, where it is in the same place as glass that the ray leaves; else NULL */
 } Ray;
@@ -22,13 +22,42 @@ static void add_to_branch(Ray *ray, int64_t patch, Event event) {
     rays->branch[i] = mixed ^ (mixed >> 29);
     if (!rays->course) return;
     int64_t at = rays->n_words[i]++;
-    uint64_t *mine = rays->course + i * rays->width + at;
+    uint64_t *mine = rays->course + (rays->is_recorded ? i : ray->asked) * rays->width + at;
     if (rays->is_recorded) {
         if (at < rays->width) *mine = rays->branch[i];
         return;
     }
     rays->is_astray[i] = (at < rays->width ? *mine : 0) != rays->branch[i];
     rays->has_ended[i] |= rays->is_astray[i];
+}
+
+/* The row of a copy of a ray that splits, as the ray is now; -1 where it has no more. As Rays.split has it. */
+static int64_t split(Ray *ray) {
+    Rays *rays = ray->rays;
+    int64_t i = ray->i, n = rays->n_asked, end = n * (1 + rays->n_copies), to = ray->asked + n;
+    while (to < end && rays->is_begun[to]) to += n;
+    if (to >= end) return -1;
+    rays->is_begun[to] = true;
+    copy(rays->positions + 3 * i, rays->positions + 3 * to);
+    copy(rays->directions + 3 * i, rays->directions + 3 * to);
+    for (int k = 0; k < 2; k++) rays->xy[2 * to + k] = rays->xy[2 * i + k];
+    rays->mask[to] = rays->mask[i];
+    rays->cluster[to] = rays->cluster[i];
+    rays->reason[to] = rays->reason[i];
+    rays->branch[to] = rays->branch[i];
+    rays->throughput[to] = rays->throughput[i];
+    rays->n_events[to] = rays->n_events[i];
+    rays->has_met_glass[to] = rays->has_met_glass[i];
+    rays->has_met_plate[to] = rays->has_met_plate[i];
+    rays->plate_path[to] = rays->plate_path[i];
+    rays->last_part[to] = rays->last_part[i];
+    rays->leak[to] = rays->leak[i];
+    rays->n_words[to] = rays->n_words[i];
+    rays->is_astray[to] = rays->is_astray[i];
+    rays->has_ended[to] = rays->has_ended[i];
+    if (rays->is_recorded)
+        for (int64_t k = 0; k < rays->width; k++) rays->course[to * rays->width + k] = rays->course[i * rays->width + k];
+    return to;
 }
 
 /* Take a ray out of open solids that it has left through a gap: beyond the box, or where it meets nothing. */
@@ -347,6 +376,21 @@ static void meet_mirror(Ray *ray, const Hit *hit) {
     add_to_branch(ray, ray->plan->patch[hit->triangle], is_own ? AT_MIRROR_FACE : AT_MIRROR);
 }
 
+/* Go on straight, and reflected in a copy, with half of the light each. */
+static void meet_splitter(Ray *ray, const Hit *hit) {
+    const Plan *plan = ray->plan;
+    Rays *rays = ray->rays;
+    int64_t patch = plan->patch[hit->triangle];
+    rays->throughput[ray->i] *= 0.5;
+    Ray other = *ray;
+    other.i = split(ray);
+    if (other.i >= 0) {
+        reflect(rays->directions + 3 * ray->i, plan->normals + 3 * hit->triangle, rays->directions + 3 * other.i);
+        add_to_branch(&other, patch, AT_MIRROR);
+    }
+    add_to_branch(ray, patch, PASS);
+}
+
 /* End here: with a landing when the light came the way that it has to, to the display's front. */
 static void meet_display(Ray *ray, const Hit *hit) {
     const Plan *plan = ray->plan;
@@ -385,19 +429,20 @@ static void follow_one(Ray *ray) {
     const Plan *plan = ray->plan;
     Rays *rays = ray->rays;
     int64_t i = ray->i;
-    for (int64_t event = 0; event < plan->max_events; event++) {
+    bool is_noted = rays->n_steps && i == ray->asked;
+    for (int64_t event = rays->n_events[i]; event < plan->max_events; event++) {
         Hit hit;
         if (!find_first_hit(ray, &hit)) {
             leave_gaps(ray, NULL);
             end_without_hit(ray);
-            if (rays->n_steps) rays->left_at[i] = event;
+            if (is_noted) rays->left_at[i] = event;
             return;
         }
         double *at = rays->positions + 3 * i, *d = rays->directions + 3 * i;
         for (int j = 0; j < 3; j++) at[j] += hit.distance * d[j];
         rays->n_events[i]++;
         leave_gaps(ray, &hit);
-        if (event < rays->n_steps) {
+        if (is_noted && event < rays->n_steps) {
             copy(at, rays->places + 3 * (event * rays->n_rays + i));
             rays->met[event * rays->n_rays + i] = hit.triangle + 1;
         }
@@ -411,6 +456,7 @@ static void follow_one(Ray *ray) {
             case GLASS: meet_glass(ray, &hit); break;
             case PLATE: meet_plate(ray, &hit); break;
             case MIRROR: meet_mirror(ray, &hit); break;
+            case SPLITTER: meet_splitter(ray, &hit); break;
             case BLOCKER: rays->reason[i] = BLOCKED; return;
             case DISPLAY: meet_display(ray, &hit); return;
         }
@@ -428,10 +474,16 @@ typedef struct {
 static void follow_some(void *context, int64_t first, int64_t last) {
     Batch *batch = context;
     Hit by_layer[MOST_LAYERS];
-    Ray ray = {batch->plan, batch->rays, 0, by_layer, NULL};
+    Rays *rays = batch->rays;
+    Ray ray = {batch->plan, rays, 0, 0, by_layer, NULL};
     for (int64_t i = first; i < last; i++) {
-        ray.i = batch->first + i;
+        ray.i = ray.asked = batch->first + i;
         follow_one(&ray);
+        /* its copies, which may split, too */
+        for (int64_t k = 0; k < rays->n_copies && rays->is_begun[ray.i + rays->n_asked]; k++) {
+            ray.i += rays->n_asked;
+            if (!rays->has_ended[ray.i]) follow_one(&ray);
+        }
     }
 }
 
@@ -491,9 +543,9 @@ static void halve_some(void *context, int64_t first, int64_t last) {
     const Halves *halves = context;
     const Halving *halving = halves->halving;
     Hit by_layer[MOST_LAYERS];
-    Ray ray = {halves->batch.plan, halves->batch.rays, 0, by_layer, NULL};
+    Ray ray = {halves->batch.plan, halves->batch.rays, 0, 0, by_layer, NULL};
     for (int64_t n = first; n < last; n++) {
-        int64_t i = ray.i = halves->batch.first + n;
+        int64_t i = ray.i = ray.asked = halves->batch.first + n;
         /* where it is likely to end is tried first, unless that is the far end itself */
         if (halving->width[i] < 1 && holds(halving, &ray, halving->width[i])) halving->width[i] = 0;
         while (halving->width[i] > halving->least) {

@@ -33,6 +33,7 @@ STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
     **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),
     **dict.fromkeys(("reason", "plate_path"), np.uint8),
     **dict.fromkeys(("has_met_glass", "has_met_plate", "is_astray", "has_ended"), np.bool_),
+    "is_begun": np.bool_,
 }
 
 
@@ -80,6 +81,7 @@ def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None
         made.set(n_rays=ways.met.shape[1], n_steps=len(ways.met))
 
     made.point("is_reached", is_reached, np.uint8)
+    made.set(n_asked=rays.n_asked, n_copies=rays.n_copies)
     made.set(is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
     return made
 
@@ -100,14 +102,14 @@ class Kernel:
         yield from making(plan)
         has_ways = steps is not None
         per_event = PLACE * has_ways + WORD * rays.is_recorded
-        if len(rays.live) * per_event * (plan.settings.max_events + 1) > MOST_RECORDED:
+        if len(rays.mask) * per_event * (plan.settings.max_events + 1) > MOST_RECORDED:
             yield from by_events(plan, rays, steps)
             return
 
         n = len(rays.live)
         n_events = plan.settings.max_events
         if rays.is_recorded:
-            rays.course = np.zeros((n, n_events + 1), np.uint64)
+            rays.course = np.zeros((len(rays.mask), n_events + 1), np.uint64)
 
         ways = Ways.none(n, n_events) if has_ways else None
 

@@ -116,7 +116,7 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
 
 
 FOR_EVER = 1 << 31  # events
-LAST_KIND = 4  # of those in kiriko.h: numpy follows rays that may meet others
+LAST_KIND = 5  # of those in kiriko.h: numpy follows rays that may meet others
 LAYOUTS = "crossed", "holes", "radial"
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
 
