@@ -146,7 +146,7 @@ def run(arguments: list[str]) -> int:
     home = Path(tempfile.mkdtemp(prefix="kiriko-farm-"))
     try:
         enable(fitting_zip(Path(__file__).resolve().parent, version), home)
-        command_line = importlib.import_module(f"{PACKAGE}.operators.command_line")
+        command_line = importlib.import_module(f"{PACKAGE}.operators.cli.command_line")
         return command_line.run(arguments)
     finally:
         if PACKAGE in bpy.context.preferences.addons:

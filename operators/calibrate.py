@@ -1,6 +1,4 @@
-"""Calibrate: find the errors of a real bench by the
-places at which a lattice is seen, and solve again.
-"""
+"""Calibrate a real bench: draw the lattice, find the errors by its points, keep or remove them."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -12,11 +10,13 @@ import numpy as np
 
 from ..core.base.arrays import Floats
 from ..core.base.errors import ImageError, RigError
-from ..core.base.messages import Message, joined
+from ..core.base.messages import Message, joined, quoted
 from ..core.base.steps import within
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.calibration import keep_offset, put_into_scene
+from ..core.blender.image import encoded_image
 from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.plane import plane_size
 from ..core.blender.result import write_solution
 from ..core.blender.stored_records import Numbers, Offset, Sentences
 from ..core.blender.viewer import seats_of, viewer_of
@@ -30,7 +30,7 @@ from ..core.lab.calibrate.match import match
 from ..core.lab.calibrate.misalignment import FEWEST, Bench
 from ..core.lab.calibrate.photograph import find_points
 from ..core.rig.rig import Rig
-from . import long_work, look_over, needed, work
+from . import long_work, look_over, needed, telling, watch, work
 from .export import use_bundled_modules
 
 TELLS = 0.7  # of its tolerance: below this a photograph tells of an amount
@@ -275,3 +275,126 @@ def as_data(bench: Bench, found: Fit, tolerances: Floats, extras: list[Extra]) -
 def _number(x: float) -> float | None:
     """A number that JSON can hold."""
     return float(x) if np.isfinite(x) else None
+
+
+NAME = "Kiriko Calibration"
+SIDE = 2048  # px
+
+
+def _pixels(context: bpy.types.Context, picture: bpy.types.Object) -> tuple[int, int]:
+    """Pixels of a lattice that has the shape of its plane, so that its dots are round."""
+    try:
+        width, height = plane_size(context, picture)
+    except RigError:
+        return SIDE, SIDE
+    longer = max(width, height)
+    return max(1, round(SIDE * width / longer)), max(1, round(SIDE * height / longer))
+
+
+class KIRIKO_OT_lattice_picture(bpy.types.Operator):
+    """Make the lattice the picture: solve, show it on the real display, photograph the glass"""
+
+    bl_idname = "kiriko.lattice_picture"
+    bl_label = "Show Lattice"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        scene = context.scene
+        is_there = scene.kiriko.picture_source == "IMAGE" or needed.has_part(scene, "PICTURE")
+        return needed.can_run(
+            cls, [] if is_there else [Message("No picture: set a plane's role to Picture")]
+        )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene = context.scene
+        ours = context.scene.kiriko.calibration
+
+        with telling.told(self):
+            lattice = Lattice(ours.columns, ours.rows, ours.margin)
+            style = ours.style.lower()
+
+            if scene.kiriko.picture_source == "IMAGE":
+                image = encoded_image(NAME, lattice.image(SIDE, SIDE, style))
+                scene.kiriko.picture_image = image
+                for one in scene.kiriko.viewers:
+                    one.image = one.image and image
+                where = Message("the scene's picture")
+            else:
+                picture = next(iter(needed.parts(scene)["PICTURE"]))
+                image = encoded_image(NAME, lattice.image(*_pixels(context, picture), style))
+                picture.kiriko.image, where = image, quoted([picture.name])
+
+            text = Message(
+                "The lattice is in {where}: solve, show it on the display, and photograph"
+                " the view.",
+                where=where,
+            )
+            telling.report(self, "INFO", text)
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
+
+
+def without_offset(scene: bpy.types.Scene) -> list[str]:
+    """The reason why nothing can be done with an offset, where there is none."""
+    return (
+        [] if scene.kiriko.calibration.offset else [Message("No calibration is kept as an offset")]
+    )
+
+
+class KIRIKO_OT_apply_calibration(bpy.types.Operator):
+    """Move the objects and set their optics as the calibration's offset says; the offset goes"""
+
+    bl_idname = "kiriko.apply_calibration"
+    bl_label = "Apply to Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, without_offset(context.scene) + needed.lacking(context.scene))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        n = len(Offset.read(context.scene.kiriko.calibration.offset).sets)
+        with telling.told(self):
+            reading = work.read(context)
+            reading.rig.check()
+            is_current = not watch.has_changed(context)
+
+            with put_into_scene(context.scene, reading, lambda: work.read(context)):
+                result = context.scene.kiriko.result
+                # it is the same rig as before, written another way
+                if result.solved_for and is_current:
+                    result.solved_for = work.scene_now(context).as_text()
+
+                telling.report(
+                    self,
+                    "INFO",
+                    Message(
+                        "The scene is now as {n} calibration{s} found the bench.",
+                        n=n,
+                        s="s" if n > 1 else "",
+                    ),
+                )
+
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
+
+
+class KIRIKO_OT_remove_calibration(bpy.types.Operator):
+    """Forget the calibration's offset: the rig is as the scene shows it"""
+
+    bl_idname = "kiriko.remove_calibration"
+    bl_label = "Remove Offset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, without_offset(context.scene))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        ours = context.scene.kiriko.calibration
+        ours.offset = ours.found = ""
+        telling.report(self, "INFO", Message("The offset is gone: solve again."))
+        return {"FINISHED"}

@@ -1,24 +1,88 @@
-"""Choose the picture, among the file's images or from a
-file: its plane shows it, in the image's own shape.
+"""Choose the picture from the file's images or from disk, its plane in the image's own shape.
+
+Also the frame rate and range of the scene next to those of a film.
 """
 
+from math import isclose
 from os.path import normpath
 from pathlib import Path
 
 import bpy
 
 from ..core.base.errors import ImageError, RigError
-from ..core.base.messages import Message, joined
+from ..core.base.messages import Message, as_message, joined
+from ..core.blender import plane
 from ..core.blender import plane as blender_plane
 from ..core.blender.image import or_none
 from ..core.blender.image_file import as_seen, check_whole, notes_on
-from ..core.blender.moving import Timing, at_frame, number_at
+from ..core.blender.moving import Timing, at_frame, number_at, rate_of
 from ..core.blender.numbered_files import sequence_of
 from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
-from . import film, needed, telling
+from ..core.blender.plane import fit, shown_as, squeezed_words
+from . import needed, telling
 from .needed import the_picture
 from .of_rig import OfRig
+
+NO_FILM = Message("The picture is not a film")
+
+
+def film_shown(context: bpy.types.Context) -> tuple[bpy.types.Image, Timing] | None:
+    """The film that is the picture, and when it plays; None if there is none."""
+    picture = the_picture(context)
+    return None if picture is None else plane.film_of(picture)
+
+
+def other_rate(context: bpy.types.Context) -> Message | None:
+    """A warning that the film plays at another speed in this scene; None if it does not."""
+    film = film_shown(context)
+    rate = rate_of(film[0]) if film else 0.0
+    own = context.scene.render.fps / context.scene.render.fps_base
+    if not rate or isclose(rate, own, rel_tol=1e-3):
+        return None
+    return Message(
+        "the film '{film}' runs at {rate:.4g} frames per second and the scene at {own:.4g}, so it"
+        " plays {times:.2g} times as fast; press {button} to change the scene",
+        film=film[0].name,
+        rate=rate,
+        own=own,
+        times=own / rate,
+        button=as_message(KIRIKO_OT_use_film.bl_label),
+    )
+
+
+class KIRIKO_OT_use_film(bpy.types.Operator):
+    """Give the scene the frame rate and the frame range of the film that is the picture"""
+
+    bl_idname = "kiriko.use_film"
+    bl_label = "Use Film's Rate and Range"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if film_shown(context) else [NO_FILM])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            image, timing = film_shown(context)
+            scene = context.scene
+            if rate := rate_of(image):
+                scene.render.fps = max(round(rate), 1)
+                scene.render.fps_base = scene.render.fps / rate
+            scene.frame_start = timing.frame_start
+            scene.frame_end = timing.frame_start + timing.frame_duration - 1
+            telling.report(
+                self,
+                "INFO",
+                Message(
+                    "The scene runs at {rate:.4g} frames per second, from frame {first} to {last}.",
+                    rate=scene.render.fps / scene.render.fps_base,
+                    first=scene.frame_start,
+                    last=scene.frame_end,
+                ),
+            )
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 def lacking(context: bpy.types.Context) -> list[str]:
@@ -86,7 +150,7 @@ class ChoosePicture:
         except RigError as why:
             problems.append(Message("the plane keeps its shape, for {why}", why=why))
 
-        if warning := film.other_rate(context):
+        if warning := other_rate(context):
             problems.append(warning)
         new = [slot.material for slot in picture.material_slots if slot.material not in before]
         material = (
@@ -229,3 +293,45 @@ def _opened(
 
 def _file_of(image: bpy.types.Image) -> str:
     return normpath(bpy.path.abspath(image.filepath, library=image.library))
+
+
+class KIRIKO_OT_fit_picture(bpy.types.Operator):
+    """Give the picture's plane the shape of its image, its area kept"""
+
+    bl_idname = "kiriko.fit_picture"
+    bl_label = "Fit to Image"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        reasons = lacking(context)
+        if not reasons:
+            try:
+                if not squeezed_words(shown_as(context, the_picture(context))):
+                    reasons.append(Message("The picture has the shape of its image already"))
+            except (RigError, ImageError):
+                pass  # told when it is pressed
+        return needed.can_run(cls, reasons)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        picture = the_picture(context)
+        with telling.told(self):
+            try:
+                before = fit(context, picture)
+            except RigError as why:
+                raise RigError(
+                    "'{picture}' keeps its shape, for {why}.", picture=picture.name, why=why
+                ) from None
+
+            telling.report(
+                self,
+                "INFO",
+                Message(
+                    "'{picture}' has the shape of its image now; it was {squeezed}.",
+                    picture=picture.name,
+                    squeezed=squeezed_words(before),
+                ),
+            )
+            return {"FINISHED"}
+
+        return {"CANCELLED"}

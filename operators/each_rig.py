@@ -6,21 +6,10 @@ from pathlib import Path
 
 import bpy
 
-from . import (
-    bench_drawing,
-    beside_report,
-    export_maps,
-    folder,
-    frames_to_folder,
-    report,
-    set_value,
-    solve_to_folder,
-    viewer_images,
-    work,
-)
+from . import bench_drawing, export_maps, folder, report, set_value, viewer_images, work
 from .choose_rig import choose_by_name
-from .one_viewer import naming_rig
-from .viewer_reports import asked_for
+from .cli import to_folder
+from .viewer_reports import asked_for, naming_rig
 
 
 def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
@@ -46,8 +35,8 @@ def _check_active(arguments: argparse.Namespace) -> None:
     if given.get("pictures"):
         viewer_images.check_images(scene, arguments.pictures)
         is_changed = True
-    if any(given.get(role) for role in solve_to_folder.PRODUCTS):
-        solve_to_folder.check_products(scene, arguments)
+    if any(given.get(role) for role in to_folder.PRODUCTS):
+        to_folder.check_products(scene, arguments)
         is_changed = True
     if not is_changed:
         work.read(bpy.context).rig.check()
@@ -59,13 +48,13 @@ def _files(arguments: argparse.Namespace) -> Iterable[str]:
     """The files that the work for the active rig writes, as far as they are known before it."""
     if arguments.verb == "solve":
         if arguments.frames is None:
-            return [path.name for path in solve_to_folder.file_names(arguments).values()]
+            return [path.name for path in to_folder.file_names(arguments).values()]
         if arguments.movie is not None:
-            return [frames_to_folder.wish_of(arguments, bpy.context.scene).file.name]
+            return [to_folder.wish_of(arguments, bpy.context.scene).file.name]
         return []
     if arguments.verb == "report":
         return report.names(work.read(bpy.context).rig)
     if arguments.verb == "eyes":
-        return beside_report.files_of(work.read(bpy.context).rig)
+        return report.files_of(work.read(bpy.context).rig)
     # of several, those that are there whatever the rest is
     return {"maps": [export_maps.SIDECAR], "drawing": [bench_drawing.NAME]}.get(arguments.verb, [])

@@ -31,11 +31,12 @@ from ..core.lab.atlas.head_map import check, check_heads
 from ..core.lab.atlas.heads import AXES, HeadBox, HeadGrid
 from ..core.lab.farm.job import MOST as MOST_TASKS
 from ..core.lab.farm.job import SHARES
-from . import export_job, folder, needed, solve_to_folder, work
+from . import export_job, folder, needed, work
+from .cli import to_folder
+from .cli.usage import count, path
 from .export import gamma_of, use_bundled_modules
-from .into_folder import IntoFolder
 from .telling import report
-from .usage import count, path
+from .to_file import IntoFolder
 from .wrapping import sentence
 
 BYTES = 16  # a display pixel of a map, before its file makes it smaller: st, coverage, path
@@ -258,7 +259,7 @@ def _box(arguments: argparse.Namespace) -> HeadBox:
 def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
     """Plan an atlas and make all of it."""
     yield Message("planning the atlas")
-    atlas = yield from solve_to_folder.told_in_tenths(
+    atlas = yield from to_folder.told_in_tenths(
         atlas_plan.planned(
             making,
             _box(arguments),
@@ -271,7 +272,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
     yield amount(atlas)
     if not arguments.plan:
         steps = atlases.whole(making, atlas, arguments.most)
-        atlas = yield from solve_to_folder.told_in_tenths(steps)
+        atlas = yield from to_folder.told_in_tenths(steps)
         yield told(atlas, arguments.out)
 
 
@@ -281,7 +282,7 @@ def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, 
     numbers = arguments.places
     if arguments.share is not None:
         numbers = atlases.share(atlas, *arguments.share)
-    n = yield from solve_to_folder.told_in_tenths(atlases.made(making, atlas, numbers))
+    n = yield from to_folder.told_in_tenths(atlases.made(making, atlas, numbers))
     yield Message("wrote {n} maps to '{folder}'", n=n, folder=arguments.out)
 
 
@@ -290,13 +291,13 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
     atlas = atlas_plan.planned_before(making)
     if arguments.halve:
         steps = atlases.halved(making, atlas, arguments.most)
-        atlas = yield from solve_to_folder.told_in_tenths(steps)
+        atlas = yield from to_folder.told_in_tenths(steps)
         if atlas.checked is None:
             yield amount(atlas)
             return
     else:
         steps = atlases.checked(making, atlas, arguments.check)
-        atlas = yield from solve_to_folder.told_in_tenths(steps)
+        atlas = yield from to_folder.told_in_tenths(steps)
         atlases.refuse_too_coarse(atlas)
     yield told(atlas, arguments.out)
 

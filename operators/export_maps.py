@@ -40,7 +40,7 @@ from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from . import folder, needed, work
 from .export import use_bundled_modules
-from .into_folder import IntoFolder
+from .to_file import IntoFolder
 from .wrapping import sentence
 
 ABOUT = "Kiriko: where in the picture each pixel looks; s, t from the lower left"

@@ -1,4 +1,4 @@
-"""Shared by the operators that make a part of the rig as large as the picture's light needs."""
+"""Make a plate, the display or the picture as large as the picture's light needs."""
 
 from collections.abc import Callable, Generator
 from typing import Any
@@ -10,7 +10,7 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined
 from ..core.base.steps import within
 from ..core.base.words import listed, percent
-from ..core.bench.part_sizes import Fitted, Wanted
+from ..core.bench.part_sizes import Fitted, Wanted, fit_display, fit_picture, fit_plate
 from ..core.bench.picture_light import MOST
 from ..core.blender.resize import scale_by
 from ..core.blender.units import length_of_unit, length_text
@@ -152,3 +152,52 @@ def _limit(scene: bpy.types.Scene, fitted: Fitted) -> list[Message]:
 def parts_of(rig: Rig, role: str) -> tuple[Any, ...]:
     """The parts of a rig that have a role, by its name."""
     return next(rig.of(one) for one in ROLES if one.name == role)
+
+
+class KIRIKO_OT_fit_display(FitsPart, bpy.types.Operator):
+    """Make the display as large as the light of the picture needs that comes to its plane"""
+
+    bl_idname = "kiriko.fit_display"
+    bl_label = "Fit Display"
+    bl_options = {"REGISTER", "UNDO"}
+
+    role = "DISPLAY"
+    share: share(1.0)
+
+    @staticmethod
+    def fit(rig, plan_of, wanted, number):
+        return fit_display(rig, plan_of, wanted)
+
+
+class KIRIKO_OT_fit_plate(FitsPart, bpy.types.Operator):
+    """Make the plate as large as the light of the picture needs that it sends to the display"""
+
+    bl_idname = "kiriko.fit_plate"
+    bl_label = "Fit Plate"
+    bl_options = {"REGISTER", "UNDO"}
+
+    role = "PLATE"
+    share: share(1.0)
+    fit = staticmethod(fit_plate)
+
+
+class KIRIKO_OT_fit_picture_size(FitsPart, bpy.types.Operator):
+    """Make the picture as large as gets through the glass to the display, up to twice its size"""
+
+    bl_idname = "kiriko.fit_picture_size"
+    bl_label = "Fit Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    role = "PICTURE"
+    share: share(0.999)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.scene.kiriko.picture_source == "IMAGE":
+            reason = Message("The picture is in the viewer's own pixels and has no size")
+            return needed.can_run(cls, [reason])
+        return super().poll(context)
+
+    @staticmethod
+    def fit(rig, plan_of, wanted, number):
+        return fit_picture(rig, plan_of, wanted)

@@ -14,8 +14,8 @@ from ..core.lab.farm.job import Job
 from ..core.light.mesh_cache import Kept
 from ..core.solve.first_picture import check_light
 from . import work
-from .one_viewer import choose_alone, naming_rig, naming_viewer
 from .set_value import having
+from .viewer_reports import choose_alone, naming_rig, naming_viewer
 
 MOST = 64  # frames of a job that are looked at, where the rig is whole at none before
 

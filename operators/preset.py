@@ -1,9 +1,19 @@
-"""Shared by the presets that make the active part of the rig one that can be bought."""
+"""Products that can be bought: make a part one of them; and the material of a plate of mirrors."""
+
+from itertools import groupby
+from pathlib import Path
 
 import bpy
+import numpy as np
 
-from ..core.base.messages import Message
-from ..core.blender.chosen_product import Given
+from ..core.base.errors import MeshError, RigError
+from ..core.base.messages import Message, joined
+from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
+from ..core.blender.elements import mirrors
+from ..core.blender.plate import be_mirror_array
+from ..core.blender.scene import length_of_unit
+from ..core.light.interaction_plate import PLATE_FLATNESS
+from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct
 from ..core.rig.rig import ROLES
 from . import needed, telling, work
 
@@ -39,3 +49,334 @@ class GivesProduct:
             return {"FINISHED"}
 
         return {"CANCELLED"}
+
+
+PLATE_TIPS = {
+    name: Message(
+        "Two crossed layers, {pitch:g} mm from mirror to mirror, {side:g} mm a side",
+        pitch=1e3 * product.array.pitch,
+        side=1e3 * product.side,
+    )
+    for name, product in PLATES.items()
+}
+
+
+class KIRIKO_OT_plate_preset(GivesProduct, bpy.types.Operator):
+    """Make the active plate one that can be bought: its mirrors and its size, about its middle"""
+
+    bl_idname = "kiriko.plate_preset"
+    bl_label = "Plate Preset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: bpy.props.EnumProperty(
+        name="Preset",
+        description="The plate whose mirrors and size the active one gets",
+        items=[(name, name, tip) for name, tip in PLATE_TIPS.items()],
+    )
+
+    role = "PLATE"
+
+    def given(self, context: bpy.types.Context, thing: bpy.types.Object) -> Given:
+        return give_plate(context, thing, PLATES[self.preset])
+
+
+def _tip(product: DisplayProduct) -> Message:
+    width, height = product.size
+    columns, rows = product.pixels
+    return Message(
+        "{columns} x {rows} pixels on {width:.1f} x {height:.1f} mm",
+        columns=columns,
+        rows=rows,
+        width=1e3 * width,
+        height=1e3 * height,
+    )
+
+
+DISPLAY_TIPS = {name: _tip(product) for name, product in DISPLAYS.items()}
+
+
+def _items() -> list[tuple[str, str, str]]:
+    """The products, each kind under its heading."""
+    items = []
+    for kind, products in groupby(DISPLAYS.values(), key=lambda product: product.kind):
+        items.append(("", kind, ""))
+        items += [(product.name, product.name, DISPLAY_TIPS[product.name]) for product in products]
+    return items
+
+
+class KIRIKO_OT_display_preset(GivesProduct, bpy.types.Operator):
+    """Make the active display one that can be bought: its pixels and its size, about its middle"""
+
+    bl_idname = "kiriko.display_preset"
+    bl_label = "Display Preset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: bpy.props.EnumProperty(
+        name="Preset",
+        description="The display whose pixels and size the active one gets",
+        items=_items(),
+        default=next(iter(DISPLAYS)),
+    )
+    is_upright: bpy.props.BoolProperty(
+        name="Upright",
+        description="Stand it on its shorter side, as a phone is held",
+        default=False,
+    )
+
+    role = "DISPLAY"
+
+    def given(self, context: bpy.types.Context, thing: bpy.types.Object) -> Given:
+        return give_display(context, thing, DISPLAYS[self.preset], self.is_upright)
+
+
+GLASS_TIPS = {
+    name: Message("Index of refraction {ior:g}", ior=product.ior)
+    for name, product in GLASSES.items()
+}
+
+
+def _chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
+    things = dict.fromkeys([context.active_object, *context.selected_objects])
+    return [t for t in things if t is not None and t.kiriko.role == "GLASS" and t.is_editable]
+
+
+class KIRIKO_OT_glass_preset(bpy.types.Operator):
+    """Give the selected glass an index by name: in its material, or else as its Override IOR"""
+
+    bl_idname = "kiriko.glass_preset"
+    bl_label = "Glass Preset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: bpy.props.EnumProperty(
+        name="Preset",
+        description="The material whose index of refraction the selected glass gets",
+        items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(
+            cls,
+            [] if _chosen(context) else [Message("Select glass: an object whose role is Glass")],
+        )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            given = give_glass(_chosen(context), GLASSES[self.preset])
+            telling.report(self, "INFO", joined([one.text for one in given]))
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
+
+
+FOLDER = Path(__file__).resolve().parent.parent / "assets"
+FILE = FOLDER / "kiriko_plate.blend"
+# by it a material of ours is known, whatever its name: the layout of its mirrors
+MARK = "kiriko_plate"
+UNIT = "kiriko_unit"  # m: of a Blender unit, when the material came into the file
+NAMES = {"crossed": "Kiriko Plate", "holes": "Kiriko Plate DCRA", "radial": "Kiriko Plate Radial"}
+SIZE = 0.488  # m, of a new plane
+
+
+def _material(layout: str, metres: float) -> bpy.types.Material:
+    """The plate's material: the one in the file already, else appended.
+
+    A Blender unit is `metres` long.
+    """
+    for material in bpy.data.materials:
+        if (
+            material.get(MARK) == layout
+            and material.get(UNIT, 1.0) == metres
+            and material.library is None
+        ):
+            return material
+
+    name = NAMES[layout]
+    try:
+        with bpy.data.libraries.load(str(FILE)) as (_, wanted):
+            wanted.materials = [name]
+    except OSError:
+        raise RigError(
+            "The file {file} is missing or broken: install Kiriko again.", file=FILE
+        ) from None
+
+    (material,) = wanted.materials
+    if material is None:
+        raise RigError(
+            "The file {file} has no material '{name}': install Kiriko again.", file=FILE, name=name
+        )
+
+    material.asset_clear()
+    material.use_fake_user = False
+    material[UNIT] = metres
+    for node in material.node_tree.nodes:
+        for length in {"Pitch", "Height"} & set(node.inputs.keys()):
+            node.inputs[length].default_value /= metres
+
+    return material
+
+
+def _own_material(thing: bpy.types.Object, metres: float) -> bpy.types.Material | None:
+    """A material with the mirrors that a plate of a rig
+    has by its settings; None where it has none.
+    """
+    if thing.kiriko.role != "PLATE" or thing.kiriko.plate.model == "IDEAL":
+        return None
+    material = bpy.data.materials.new(f"{thing.name} Mirrors")
+    be_mirror_array(material, mirrors(thing.kiriko.plate), metres)
+    return material
+
+
+def _is_flat(mesh: bpy.types.Mesh) -> bool:
+    places = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", places)
+    places = places.reshape(-1, 3).astype(float)
+    size = np.linalg.eigvalsh(np.cov(places, rowvar=False))  # squares of it, the least first
+    return bool(size[0] <= PLATE_FLATNESS**2 * size[2])
+
+
+class KIRIKO_OT_add_plate_material(bpy.types.Operator):
+    """Make the active flat mesh, or a new plane, a mirror array plate that Cycles renders"""
+
+    bl_idname = "kiriko.add_plate_material"
+    bl_label = "Add Plate Material"
+    bl_options = {"REGISTER", "UNDO"}
+
+    layout: bpy.props.EnumProperty(
+        name="Mirrors",
+        description="How the plate's mirrors stand",
+        items=(
+            (
+                "crossed",
+                "Crossed Layers",
+                "Two layers of slits, one above the other (MMAP, ASKA3D)",
+            ),
+            ("holes", "Square Holes", "Both directions in one layer (DCRA)"),
+            (
+                "radial",
+                "Radial Holes",
+                "Square holes, turned round the object's origin (radially arranged DCRA)",
+            ),
+        ),
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        thing = context.active_object
+        is_new = thing is None or thing.type != "MESH" or not thing.select_get()
+        metres = length_of_unit(context.scene)
+        material = None
+
+        with telling.told(self):
+            if not is_new:
+                self._check(thing)
+            material = (None if is_new else _own_material(thing, metres)) or _material(
+                self.layout, metres
+            )
+
+        if material is None:
+            return {"CANCELLED"}
+
+        if is_new:
+            bpy.ops.mesh.primitive_plane_add(size=SIZE / metres)
+            thing = context.active_object
+            thing.name = thing.data.name = "Kiriko Plate"
+
+        thing.active_material = material
+        if context.scene.render.engine != "CYCLES":
+            telling.report(
+                self,
+                "WARNING",
+                Message(
+                    "'{material}' is seen in Cycles only: choose it as the render engine.",
+                    material=material.name,
+                ),
+            )
+        else:
+            telling.report(
+                self,
+                "INFO",
+                Message(
+                    "'{name}' is a plate by its material '{material}'.",
+                    name=thing.name,
+                    material=material.name,
+                ),
+            )
+
+        return {"FINISHED"}
+
+    def _check(self, thing: bpy.types.Object) -> None:
+        if not (thing.is_editable and thing.data.is_editable):
+            raise MeshError(
+                "'{name}' is linked from another file: make it local first.", name=thing.name
+            )
+
+        if not len(thing.data.polygons):
+            raise MeshError(
+                "'{name}' has no faces: give it some, or deselect it for a new plane.",
+                name=thing.name,
+            )
+
+        if not _is_flat(thing.data):
+            raise MeshError(
+                "'{name}' is not flat, as a plate has to be: deselect it for a new plane.",
+                name=thing.name,
+            )
+
+
+def library_path() -> str:
+    """Where Blender's asset libraries have the folder already; empty where they do not."""
+    for library in bpy.context.preferences.filepaths.asset_libraries:
+        if library.path and Path(bpy.path.abspath(library.path)).resolve() == FOLDER:
+            return library.path
+    return ""
+
+
+def libraries_page() -> str:
+    """The page of the preferences that has the asset libraries.
+
+    Up to 4.5 they are among the file paths.
+    """
+    pages = bpy.types.Preferences.bl_rna.properties["active_section"].enum_items
+    return pages.get("ASSETS", pages["FILE_PATHS"]).name
+
+
+class KIRIKO_OT_add_asset_library(bpy.types.Operator):
+    """Add Kiriko's materials to your asset libraries, to drag them from the asset browser"""
+
+    bl_idname = "kiriko.add_asset_library"
+    bl_label = "Add Asset Library"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(
+            cls, [Message("Kiriko is among your asset libraries already")] if library_path() else []
+        )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not FILE.exists():
+            telling.report(
+                self,
+                "ERROR",
+                Message("The file {file} is missing: install Kiriko again.", file=FILE),
+            )
+            return {"CANCELLED"}
+
+        library = context.preferences.filepaths.asset_libraries.new(
+            name="Kiriko", directory=str(FOLDER)
+        )
+        context.preferences.is_dirty = True
+        telling.report(
+            self,
+            "INFO",
+            Message(
+                "The asset library '{name}' is in Preferences > {page}: {folder}.",
+                name=library.name,
+                page=libraries_page(),
+                folder=FOLDER,
+            ),
+        )
+        return {"FINISHED"}

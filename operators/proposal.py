@@ -1,6 +1,7 @@
-"""A change of the bench that is proposed, with its gain, before it is made."""
+"""Changes of the bench that are proposed with their gain: best place, turn back, move to glass."""
 
-from dataclasses import dataclass
+from collections.abc import Generator
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -9,11 +10,19 @@ from mathutils import Matrix
 
 from ..core.base.arrays import Floats
 from ..core.base.errors import RigError
-from ..core.base.messages import Message, as_message
+from ..core.base.messages import Message, as_message, joined
+from ..core.base.steps import within
+from ..core.base.words import percent
+from ..core.bench.best_place import BestPlace, Limits, best_place, turn_back, turn_of
+from ..core.bench.measured_remedies import shifts_by, way_to_glass
+from ..core.bench.part_sizes import plane_of
 from ..core.blender.resize import give_matrix
+from ..core.blender.units import length_of_unit, length_text
 from ..core.glass.motion import Motion
+from ..core.rig.rig import Rig
 from ..core.solve.solved_for import SolvedFor
-from . import needed, telling, work, wrapping
+from . import automatic, long_work, needed, telling, work, wrapping
+from .needed import the_picture
 
 NOTHING = Message("Nothing is proposed for the rig as it is")
 WIDTH, BESIDE = 420, 40  # px of the dialogue, and beside its text
@@ -217,3 +226,270 @@ def unregister() -> None:
     """Listen no more."""
     work.stop_listening(HANDLERS)
     drop()
+
+
+class Proposes(long_work.LongWork):
+    """Mix-in for an operator whose result is proposed, and made at once where `take` is on.
+
+    `proposed` yields progress 0..1 and returns the proposal, or a sentence where there is none.
+    """
+
+    take: bpy.props.BoolProperty(
+        name="Take It",
+        description="Move the parts at once, without asking",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.mode != "OBJECT":
+            return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
+        return needed.can_run(cls, needed.lacking(context.scene))
+
+    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+        raise NotImplementedError
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        seen = work.scene_now(context)
+        found = yield from self.proposed(context)
+        drop()
+        if not isinstance(found, Proposal):
+            return found
+        found = replace(found, scene=seen)
+        if self.take:
+            make(context, found)
+            return found.text
+
+        propose(found)
+        return joined([found.text, Message("Nothing is moved yet: Take It moves the parts.")])
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        state = super().modal(context, event)
+        if "FINISHED" in state and current(context.scene) is not None:
+            bpy.ops.kiriko.take_proposal("INVOKE_DEFAULT")
+        return state
+
+
+FAR = 1e-3  # of the picture's side: a smaller shift is not told
+REACH = 0.5  # of the picture's side: so far it may move by itself
+AT_LIMIT = 0.98  # of the shift that is allowed: who comes so far may find more beyond
+ENOUGH = 0.995  # of the picture: more is not worth a further look
+_taken: automatic.Taken = {}
+
+
+class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
+    """Find where the most of the picture arrives with the least blur; you see the gain first"""
+
+    bl_idname = "kiriko.best_place"
+    bl_label = "Best Place"
+    bl_options = {"REGISTER", "UNDO"}
+
+    shift: automatic.length("Move up to", "How far the picture may move in its plane")
+    auto_shift: automatic.checkbox("shift", _taken, "Up to half of the picture's side")
+    turn: bpy.props.FloatProperty(
+        name="Turn up to",
+        description="How far the picture may turn in its plane",
+        subtype="ANGLE",
+        default=np.radians(15),
+        min=0.0,
+        max=np.radians(90),
+    )
+    turn_glass: bpy.props.BoolProperty(
+        name="Turn Glass", description="The glass may turn, too", default=False
+    )
+    glass_limit: bpy.props.FloatProperty(
+        name="Glass up to",
+        description="How far the glass may turn, about any axis",
+        subtype="ANGLE",
+        default=np.radians(15),
+        min=np.radians(1),
+        max=np.radians(90),
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.scene.kiriko.picture_source == "IMAGE":
+            reason = Message("The picture is in the viewer's own pixels and has no place")
+            return needed.can_run(cls, [reason])
+        return super().poll(context)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        automatic.draw(layout, context, self, "shift", _taken)
+        layout.prop(self, "turn")
+        layout.prop(self, "turn_glass")
+        if self.turn_glass:
+            layout.prop(self, "glass_limit")
+
+    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+        scene = context.scene
+        metres = length_of_unit(scene)
+        rig = work.read(context).rig
+        settings = work.settings_of(scene)
+        side = float(np.linalg.norm(plane_of(rig).sides, axis=1).max())
+        _taken["shift"] = REACH * side / metres
+        limits = Limits(
+            shift=self.shift * metres or REACH * side,
+            turn=self.turn,
+            glass=self.glass_limit if self.turn_glass else 0.0,
+        )
+        yield 0.02
+
+        steps = best_place(rig, lambda rig: work.session().plan(rig, settings), limits)
+        found = yield from within(steps, 0.02, 1.0)
+        if not found.is_better:
+            return Message(
+                "The picture stands in the best place within these limits: {share} of it arrives.",
+                share=percent(found.before),
+            )
+
+        moves = [move_of(the_picture(context), found.motion, metres)]
+        if found.glass_turn.any():
+            turn = turn_of(rig, found.glass_turn)
+            moves += [move_of(g, turn, metres) for g in glass_objects(scene)]
+        told = _told(scene, rig, found, side)
+        is_at_limit = np.abs(found.shift).max() > AT_LIMIT * limits.shift
+        if is_at_limit and found.after < ENOUGH:
+            told = joined(
+                [told, Message("That is as far as it may move: raise Move up to for more.")]
+            )
+        return Proposal(self.bl_label, told, tuple(moves))
+
+
+def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Message:
+    """The gain, and the motions it takes."""
+    axes = plane_of(rig).sides
+    shift = found.shift @ (axes / np.linalg.norm(axes, axis=1)[:, None])
+    ways = [
+        Message("{length} {way}", length=length_text(scene, length), way=way)
+        for length, way in in_view(shift, rig.viewer.axes)
+        if length > FAR * side
+    ]
+    if abs(found.turn) > np.radians(0.1):
+        ways.append(Message("turned {angle:.1f} degrees", angle=abs(np.degrees(found.turn))))
+    parts = [Message("the picture {ways}", ways=joined(ways, ", "))] if ways else []
+    if found.glass_turn.any():
+        angle = np.degrees(np.linalg.norm(found.glass_turn))
+        parts.append(Message("the glass turned {angle:.1f} degrees", angle=angle))
+
+    return Message(
+        "{before} of the picture arrives; {after} with {parts}.",
+        before=percent(found.before),
+        after=percent(found.after),
+        parts=joined(parts, "; "),
+    )
+
+
+ALONG = 0.97  # cosine to an axis of the viewer, from which on it is named by it
+WORTH_IT = 0.02  # share of the lost light, for which a turn is proposed that does not bring it all
+
+
+class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
+    """Find the smallest turn of the glass that brings the lost part of the picture back, if any"""
+
+    bl_idname = "kiriko.turn_back"
+    bl_label = "Turn It Back"
+    bl_options = {"REGISTER", "UNDO"}
+
+    limit: bpy.props.FloatProperty(
+        name="Turn up to",
+        description="How far the glass may turn, about any axis",
+        subtype="ANGLE",
+        default=np.radians(30),
+        min=np.radians(1),
+        max=np.radians(90),
+    )
+
+    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+        scene = context.scene
+        rig = work.read(context).rig
+        settings = work.settings_of(scene)
+        things = glass_objects(scene)
+        yield 0.02
+
+        steps = turn_back(rig, lambda rig: work.session().plan(rig, settings), self.limit)
+        found = yield from within(steps, 0.02, 1.0)
+        values = {
+            "angle": np.degrees(found.angle),
+            "axis": _axis_words(found.turn, rig.viewer.axes),
+            "brought": percent(found.brought),
+            "after": percent(found.after),
+            "before": percent(found.before),
+        }
+        if found.does_it:
+            text = Message(
+                "The glass turned {angle:.1f} degrees about {axis} brings the lost part back:"
+                " {after} of the picture arrives, {before} now.",
+                **values,
+            )
+        elif found.brought > WORTH_IT:
+            self.level = "WARNING"
+            text = Message(
+                "No turn of the glass up to {limit:.0f} degrees was found that brings the lost part"
+                " back; the best, {angle:.1f} degrees about {axis}, brings back {brought} of it:"
+                " {after} of the picture arrives, {before} now.",
+                limit=np.degrees(self.limit),
+                **values,
+            )
+        else:
+            self.level = "WARNING"
+            return Message(
+                "No turn of the glass up to {limit:.0f} degrees was found that brings the lost part"
+                " back.",
+                limit=np.degrees(self.limit),
+            )
+
+        motion = turn_of(rig, found.turn)
+        metres = length_of_unit(scene)
+        moves = tuple(move_of(thing, motion, metres) for thing in things)
+        return Proposal(self.bl_label, text, moves)
+
+
+def _axis_words(turn: Floats, axes: Floats) -> Message:
+    """The axis of a turn (3,), as a viewer with axes (3, 3) sees it."""
+    along = np.abs(axes @ turn) / max(float(np.linalg.norm(turn)), np.finfo(float).tiny)
+    names = (
+        Message("the horizontal axis across the view"),
+        Message("the upright axis"),
+        Message("the line of sight"),
+    )
+    n = int(along.argmax())
+    return names[n] if along[n] > ALONG else Message("an axis askew to the view")
+
+
+class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
+    """Move the picture to the next side of the glass towards the viewer, and the display with it"""
+
+    bl_idname = "kiriko.move_to_glass"
+    bl_label = "Move to Glass"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+        scene = context.scene
+        rig = work.read(context).rig
+        yield 0.5
+        way = way_to_glass(rig)
+        if not way:
+            return Message("'{name}' is at the glass already.", name=rig.picture_place.name)
+
+        metres = length_of_unit(scene)
+        moves = []
+        for part, shift in zip((rig.picture_place, rig.display), shifts_by(rig, way), strict=True):
+            thing = scene.objects.get(part.name)
+            if thing is None:
+                raise RigError(
+                    "'{name}' keeps its place, for {why}.",
+                    name=part.name,
+                    why=Message("it is an instance"),
+                )
+            moves.append(move_of(thing, Motion(np.eye(3), shift), metres))
+        text = Message(
+            "'{picture}' moves {way} towards the viewer, and '{display}' with it.",
+            picture=rig.picture_place.name,
+            way=length_text(scene, way),
+            display=rig.display.name,
+        )
+        return Proposal(self.bl_label, text, tuple(moves))

@@ -1,23 +1,33 @@
-"""Report: measure error against run time on the scene's own rig and write it to a folder, with what
-`beside_report` tells of the head and of two eyes.
+"""Report: error against cost, and what several viewers, a moving head and two eyes see.
+
+The latter is reported where the rig has it: several viewers, a head that moves before a flat
+picture, a pair of eyes.
 """
 
+import argparse
+import json
 import os
 import platform
-from collections.abc import Generator
-from dataclasses import asdict
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any, get_args
 
 import bpy
 import numpy as np
 
-from ..core.base.errors import ImageError
+from ..core.base.errors import ImageError, KirikoError
 from ..core.base.messages import Message, joined
-from ..core.base.steps import finish, within
+from ..core.base.steps import at, finish, within
+from ..core.bench.part_sizes import plane_of
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from ..core.blender.result_numbers import write_ladder
 from ..core.files import disk, image_io
 from ..core.image.simulation import plate_view
+from ..core.lab.atlas.heads import check_viewer
+from ..core.lab.measure import eye_box, head_box
+from ..core.lab.measure import two_eyes as pairs
+from ..core.lab.measure.eye_box import LEAST, LIMIT, Walk
 from ..core.lab.measure.report import (
     NAMES,
     PLATE_NAMES,
@@ -28,12 +38,279 @@ from ..core.lab.measure.report import (
     plate_svg,
     table,
 )
+from ..core.lab.measure.two_eyes import pair_of, two_eyes
+from ..core.lab.measure.viewer_errors import sharpness, viewer_reports
 from ..core.lab.measure.work_precision import BUDGET, Ladders, WorkPrecision, measure
+from ..core.light.mesh_cache import Kept
 from ..core.rig.rig import Plate, Rig
-from ..core.rig.settings import Settings
-from . import beside_report, folder, long_work, needed, work
-from .beside_report import Beside
+from ..core.rig.settings import Disagreement, Settings
+from ..core.solve.picture_coverage import check_seen
+from . import folder, long_work, needed, telling, work
+from .cli import to_folder
 from .export import use_bundled_modules
+from .eye_box import OffFromStartError, begin, check_limit, check_share, of_blended
+from .viewer_reports import CONFLICT, lines, reports_of
+
+NUMBERS = "eyes.json"  # of the verb, where a report has report.json
+
+FOUND = 0.8  # of the progress of an eye box: the rest is its curves
+
+
+@dataclass
+class Beside:
+    """Numbers by the names that report.json has for them, and drawings by their files; of what is
+    missing the errors, by the labels of the work.
+
+    of_viewers : numbers of several viewers, as a result keeps them
+    no_pair : why nothing is told of two eyes, where two viewers are none before a flat picture
+    """
+
+    of_viewers: dict[str, Any] = field(default_factory=dict)
+    numbers: dict[str, Any] = field(default_factory=dict)
+    drawings: dict[str, str] = field(default_factory=dict)
+    errors: dict[str, Exception] = field(default_factory=dict)
+    no_pair: Message | None = None
+
+    def lines(self, scene: bpy.types.Scene) -> Iterator[Message]:
+        """What is told of several viewers, in the words that the panel has after a solve, and of
+        which way to settle their disagreement the boxes are.
+        """
+        yield from lines(scene, self.of_viewers)
+        if self.no_pair is not None and "no_pair" not in self.of_viewers:
+            yield self.no_pair
+        if {"eye_box", "head_box"} & self.numbers.keys():
+            yield from of_blended(scene)
+
+    def missing(self, translate: telling.Translate | None = None) -> list[str]:
+        """A sentence on each part that is missing, as `telling.sentence` has it."""
+        return [
+            telling.sentence(error, label, translate=translate)
+            for label, error in self.errors.items()
+        ]
+
+
+def check_head(rig: Rig) -> None:
+    """Raise RigError where a rig's first viewer has no head that moves before a flat picture."""
+    check_viewer(rig.viewer, rig.picture_place)
+    plane_of(rig)
+
+
+def check_pair(rig: Rig) -> None:
+    """Raise RigError where a rig's viewers are no pair of eyes before a flat picture."""
+    pair_of(rig)
+    plane_of(rig)
+
+
+def _has_several(rig: Rig) -> bool:
+    """Are there several viewers of one flat picture?"""
+    return len(rig.viewers) > 1 and not rig.has_own_images and _has(plane_of, rig)
+
+
+def _has(check: Callable[[Rig], object], rig: Rig) -> bool:
+    return _refused(check, rig) is None
+
+
+def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
+    """The reason why a check refuses a rig."""
+    try:
+        rig.check()
+        check(rig)
+    except KirikoError as reason:
+        return reason
+    return None
+
+
+def beside_names(rig: Rig) -> tuple[str, ...]:
+    """The files that `beside` finds drawings for."""
+    found = (
+        (check_head, eye_box.FILE),
+        (check_pair, pairs.FILE),
+        (head_box.check_box, head_box.FILE),
+    )
+    return tuple(name for check, name in found if _has(check, rig))
+
+
+def beside(
+    context: bpy.types.Context, rig: Rig, limit: float = LIMIT, least: float = LEAST
+) -> Generator[float, None, Beside]:
+    """Find all that a report tells beside its costs; yields progress 0..1.
+
+    A part that goes wrong is missing, and takes nothing of the others along.
+    """
+    found = Beside()
+    parts = (
+        ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.6),
+        ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.7),
+        ("head_box", "Head Box", _has(head_box.check_box, rig), _head_box_of(context, rig), 0.9),
+        ("viewers", "Viewers", len(rig.viewers) > 1, _seen_by_each(context, rig, found), 0.93),
+        ("disagreement", "Disagreement", _has_several(rig), ways_to_settle(context, rig), 1.0),
+    )
+    start = 0.0
+    if len(rig.viewers) == 2 and (why := _refused(check_pair, rig)) is not None:
+        found.no_pair = why.message
+        found.numbers["missing"] = {"two_eyes": str(why)}
+    for name, label, is_there, steps, end in parts:
+        if is_there:
+            try:
+                told, drawings = yield from within(steps, start, end)
+            except Exception as error:
+                found.errors[label] = error
+                missing = found.numbers.setdefault("missing", {})
+                missing[name] = str(error) or type(error).__name__
+            else:
+                if len(rig.viewers) > 1 and name.endswith("_box"):
+                    told["disagreement"] = "sharp"  # whichever way is chosen
+                found.numbers[name] = told
+                found.drawings |= drawings
+        start = end
+    return found
+
+
+def _seen_by_each(
+    context: bpy.types.Context, rig: Rig, found: Beside
+) -> Generator[float, None, tuple[list[dict[str, Any]], dict[str, str]]]:
+    """What each of several viewers sees, the worst first, and beside it what they disagree about,
+    as after a solve; no drawing. Yields progress 0..1.
+    """
+    settings = work.settings_of(context.scene)
+    solution = yield from within(work.session().solve(rig, settings), 0.0, 0.9)
+    told = yield from within(reports_of(solution, settings), 0.9, 1.0)
+    found.of_viewers = told.numbers
+    if CONFLICT in told.numbers:
+        found.numbers[CONFLICT] = told.numbers[CONFLICT]
+    return told.numbers["viewers"], {}
+
+
+def _two_eyes_of(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
+    """How a pair of eyes sees the picture: numbers and a drawing. Yields progress 0..1."""
+    kept = Kept()
+    work.session().lend(kept)
+    eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=kept)
+    return pairs.as_data(eyes), {pairs.FILE: pairs.as_svg(rig, eyes)}
+
+
+def _head_box_of(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
+    """What solving for all viewers gives beside solving for the middle of the box that they span:
+    numbers and a drawing. Yields progress 0..1.
+    """
+    plan = work.session().plan(rig, work.settings_of(context.scene))
+    served = yield from head_box.head_box(plan)
+    return head_box.as_data(served), {head_box.FILE: head_box.as_svg(served)}
+
+
+def ways_to_settle(
+    context: bpy.types.Context, rig: Rig
+) -> Generator[float, None, tuple[dict[str, list[dict[str, Any]]], dict[str, str]]]:
+    """For each way to settle the viewers' disagreement a report on each viewer, the one with the
+    largest displacement first, and how sharp it sees the picture; no drawing. Yields progress 0..1.
+    """
+    session = work.session()
+    ways = get_args(Disagreement)
+    told = {}
+    for k, way in enumerate(ways):
+        settings = replace(work.settings_of(context.scene), disagreement=way)
+        start, half, end = ((k + part) / len(ways) for part in (0.0, 0.5, 1.0))
+        sharp = yield from within(sharpness(session, rig, settings), start, half)
+        of_viewer = {viewer.name: mtf for viewer, mtf in zip(rig.viewers, sharp, strict=True)}
+        solution = yield from within(session.solve(rig, settings), half, end)
+        reports = yield from within(viewer_reports(solution), end, end)
+        told[way] = [{**asdict(one), "mtf50_per_px": of_viewer[one.viewer]} for one in reports]
+    return told, {}
+
+
+def eye_box_of(
+    context: bpy.types.Context, rig: Rig, limit: float, least: float
+) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
+    """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
+    plan = work.session().plan(rig, work.settings_of(context.scene))
+    walk = Walk(plan, limit, least)
+    yield from at(0.02, begin(walk))
+    box = yield from within(walk.box(), 0.02, FOUND)
+    curves = yield from within(eye_box.curves_of(walk, box), FOUND, 1.0)
+    viewer = rig.viewer.name
+    drawing = eye_box.as_svg(box, viewer, curves)
+    return eye_box.as_data(box, viewer, curves), {eye_box.FILE: drawing}
+
+
+def files_of(rig: Rig) -> tuple[str, ...]:
+    """The files that the verb writes."""
+    return (*beside_names(rig), NUMBERS)
+
+
+def add_verb(verbs: argparse._SubParsersAction, shared: argparse.ArgumentParser) -> None:
+    """Add `eyes` to the command line."""
+    eyes = verbs.add_parser(
+        "eyes",
+        parents=[shared],
+        help="tell how far the head may go, as curves, how two eyes see the picture, what solving"
+        " for a box of heads gives beside solving for its middle, and what several viewers see and"
+        " disagree about, by each way to settle it, too",
+    )
+    eyes.add_argument(
+        "--limit",
+        type=_limit,
+        default=LIMIT,
+        metavar="ARCMIN",
+        help=f"by which a point of the picture may be off ({LIMIT:g})",
+    )
+    eyes.add_argument(
+        "--share",
+        type=_share,
+        default=LEAST,
+        metavar="SHARE",
+        help=f"of what is seen from the viewer's own place that has to be seen ({LEAST:g})",
+    )
+    eyes.set_defaults(run=_eyes)
+
+
+def _eyes(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Write what is told beside costs, alone; yields lines of progress."""
+    context = bpy.context
+    rig = work.read(context).rig
+    rig.check()
+    files = files_of(rig)
+    if len(rig.viewers) == len(files) == 1:
+        check_head(rig)  # tells why there is nothing
+    for viewer in rig.viewers:  # before minutes of work on the others
+        check_seen(rig.place_of(viewer), viewer)
+    if not arguments.overwrite:
+        folder.refuse_existing(arguments.out, files, "add --overwrite")
+
+    found = yield from to_folder.told_in_tenths(
+        beside(context, rig, arguments.limit, arguments.share)
+    )
+    for error in found.errors.values():
+        if not isinstance(error, OffFromStartError):
+            raise error
+    texts = {**found.drawings, NUMBERS: json.dumps(found.numbers, indent=2) + "\n"}
+    with disk.together(arguments.out, of=files) as scratch:
+        for name, text in texts.items():
+            disk.write_text(scratch / name, text)
+    yield from found.lines(context.scene)
+    yield from found.missing(str)
+    yield Message("wrote {names} to '{folder}'", names=", ".join(texts), folder=arguments.out)
+
+
+def _limit(text: str) -> float:
+    return _checked(float(text), check_limit)
+
+
+def _share(text: str) -> float:
+    return _checked(float(text), check_share)
+
+
+def _checked(number: float, check: Callable[[float], None]) -> float:
+    """A number that an option takes."""
+    try:
+        check(number)
+    except KirikoError as reason:
+        raise argparse.ArgumentTypeError(str(reason)) from None
+    return number
+
 
 MEASURED = 0.8  # of the progress
 
@@ -42,7 +319,7 @@ __all__ = ["measured", "names", "table", "write"]
 
 def names(rig: Rig) -> tuple[str, ...]:
     """The files of a rig's report."""
-    return (*_own_names(rig), *beside_report.names(rig))
+    return (*_own_names(rig), *beside_names(rig))
 
 
 def _own_names(rig: Rig) -> tuple[str, ...]:
@@ -78,7 +355,7 @@ def measured(
             write=save if _can_write() else None,
         )
         found = yield from within(steps, 0.0, MEASURED)
-    return found, (yield from within(beside_report.beside(context, rig), MEASURED, 1.0))
+    return found, (yield from within(beside(context, rig), MEASURED, 1.0))
 
 
 def _can_write() -> bool:

@@ -11,7 +11,7 @@ from ..core.base.messages import Message, joined
 from ..core.blender.frames import folder_of, frame_files, frames_of_range
 from ..core.blender.paths import absolute
 from ..core.files.frame_list import frames_of
-from . import film, folder, frames, long_work, movies, needed, telling, windows
+from . import choose_picture, folder, frames, long_work, needed, telling, windows
 from .export import unwritable, use_bundled_modules
 
 
@@ -89,13 +89,13 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
         ours = context.scene.kiriko
         if not Path(ours.movie_path).name:
             raise ImageError("The movie has no path: choose a file.")
-        wish = movies.Wish(
+        wish = frames.Wish(
             absolute(ours.movie_path), ours.movie_codec, ours.movie_card, ours.export_overwrite
         )
         with self.run_of(context) as run, folder.made(wish.file.parent):
-            yield from movies.made(context, run, wish, self.tally, Message("set Overwrite"))
+            yield from frames.made(context, run, wish, self.tally, Message("set Overwrite"))
             remarks = self.tally.of_movies
-            if warning := film.other_rate(context):
+            if warning := choose_picture.other_rate(context):
                 remarks.append(Message("But {warning}.", warning=warning))
             self.level = "WARNING" if remarks else "INFO"
-            return joined([movies.told(wish, run), *remarks])
+            return joined([frames.told(wish, run), *remarks])

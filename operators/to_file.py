@@ -1,4 +1,4 @@
-"""Operators that write a file of one kind: chosen in Blender's dialogue, never replaced unasked."""
+"""Operators that write to files chosen in Blender's dialogue: one file, or several in a folder."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import bpy
 from ..core.base.errors import ImageError
 from ..core.base.messages import as_message
 from ..core.blender.paths import RELATIVE_PATH, absolute
+from . import long_work, needed, telling
 from .of_rig import OfRig
 
 # of kinds of files, which say nothing where a file is of another kind
@@ -67,3 +68,47 @@ class ToFile(OfRig):
         if name.suffix.lower() in OTHERS - {suffix}:
             return self.filepath.removesuffix(name.suffix) + suffix
         return bpy.path.ensure_ext(self.filepath, suffix)
+
+
+class IntoFolder(OfRig, long_work.LongWork):
+    """Mix-in for an operator with long work that writes to a folder.
+
+    in_dialogue : names of the settings that the dialogue shows
+    """
+
+    in_dialogue: tuple[str, ...] = ()
+
+    directory: bpy.props.StringProperty(
+        name="Folder",
+        description="Where to write",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    filter_folder: bpy.props.BoolProperty(default=True, options={"SKIP_SAVE", "HIDDEN"})
+
+    is_in_dialogue = False
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, needed.lacking(context.scene))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.directory or bpy.app.background or context.window is None:
+            return super().invoke(context, event)
+        self.is_in_dialogue = True
+        self.begin_with(context.scene)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self.is_in_dialogue:
+            return super().execute(context)
+
+        # an operator of a dialogue cannot go on in steps: another one can
+        with telling.told(self):
+            self.end_with(context)
+            again = getattr(bpy.ops.kiriko, type(self).__name__.partition("_OT_")[2])
+            settings = {name: getattr(self, name) for name in self.in_dialogue}
+            again("INVOKE_DEFAULT", directory=self.directory, **settings)
+            return {"FINISHED"}
+        return {"CANCELLED"}

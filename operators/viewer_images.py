@@ -1,5 +1,6 @@
-"""Gives each viewer an image of its own: by a file name with the viewer's in it, or as rendered."""
+"""An image of its own for each viewer: rendered from another scene, or opened by its file name."""
 
+from collections.abc import Generator
 from pathlib import Path
 
 import bpy
@@ -7,10 +8,16 @@ import bpy
 from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message
 from ..core.blender.image_file import as_seen
-from ..core.blender.paths import absolute
+from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
-from ..core.blender.viewer import camera_at, seats_of
+from ..core.blender.scene import read_viewers
+from ..core.blender.viewer import camera_at, frame_of, seats_of, viewer_of
+from ..core.blender.viewer_render import eye_of, remove_unused, render_for
+from ..core.rig.viewers import check_together
+from . import needed, telling
 from .folder import names_for
+from .long_work import LongWork
+from .of_rig import OfRig
 
 MARK = "{viewer}"
 
@@ -117,3 +124,115 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
     image = as_seen(image, owner, is_new=image not in known)
     check_readable(image, owner)
     return image
+
+
+class KIRIKO_OT_open_pictures(OfRig, bpy.types.Operator):
+    """Open an image for each viewer: by a file with a viewer's name in its own, or a folder"""
+
+    bl_idname = "kiriko.open_pictures"
+    bl_label = "Open Pictures"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: bpy.props.StringProperty(
+        name="File",
+        description="The image file, or a folder of images",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE", *RELATIVE_PATH},
+    )
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_there = viewer_of(context.scene) is not None or names_of(context.scene)
+        return needed.can_run(cls, [] if is_there else [needed.NEEDED["VIEWER"]])
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.begin_with(context.scene)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            self.end_with(context)
+            if not is_chosen(self.filepath):
+                raise ImageError("No file is chosen: choose an image.")
+            n = open_images(context.scene, str(absolute(self.filepath)))
+            telling.report(self, "INFO", Message("{n} viewers have images of their own.", n=n))
+            return {"FINISHED"}
+        return {"CANCELLED"}
+
+
+NO_OTHER = Message("There is no other scene: make one of what the viewers shall see")
+
+
+class KIRIKO_OT_render_pictures(LongWork, bpy.types.Operator):
+    """Render another scene from a copy of each viewer's camera: each viewer shall see its own"""
+
+    bl_idname = "kiriko.render_pictures"
+    bl_label = "Render Pictures"
+    bl_options = {"REGISTER", "UNDO"}
+
+    scene: bpy.props.StringProperty(
+        name="Scene",
+        description="The scene that is rendered, by its own settings; empty: the only other one",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        missing = [] if len(bpy.data.scenes) > 1 else [NO_OTHER]
+        if not seats_of(context.scene):
+            missing.append(needed.NEEDED["VIEWER"])
+        return needed.can_run(cls, missing)
+
+    def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
+        scene, other = context.scene, self._other(context.scene)
+        context.view_layer.update()
+        depsgraph = context.evaluated_depsgraph_get()
+        # refuses those that are none, or twice there
+        check_together(read_viewers(depsgraph, scene), (), has_mirrors=True)
+        eyes = [eye_of(one.camera, depsgraph) for one in seats_of(scene)]
+
+        images: dict[str, bpy.types.Image] = {}
+        is_done = False
+        try:
+            yield 0.0
+            for n, eye in enumerate(eyes):
+                image = render_for(other, eye, frame_of(eye.camera, scene.render))
+                images[eye.camera.name] = image
+                yield (n + 1) / len(eyes)
+            _replace(scene, images)
+            is_done = True
+        finally:
+            if not is_done:
+                bpy.data.batch_remove(list(images.values()))
+
+        return Message(
+            "Viewers that see '{scene}' now, each as rendered from its camera: {n}.",
+            n=len(images),
+            scene=other.name,
+        )
+
+    def _other(self, scene: bpy.types.Scene) -> bpy.types.Scene:
+        """The scene to be rendered; RigError where none is meant, or it cannot be changed."""
+        others = [one for one in bpy.data.scenes if one != scene]
+        found = [one for one in others if one.name == self.scene] if self.scene else others
+        if len(found) != 1:
+            raise RigError(
+                "Which scene the viewers shall see is not clear: name one of the other {n}.",
+                n=len(others),
+            )
+        if not found[0].is_editable:
+            raise RigError("{reason}.", reason=needed.LINKED)
+        return found[0]
+
+
+def _replace(scene: bpy.types.Scene, images: dict[str, bpy.types.Image]) -> None:
+    """Give viewers their images; those that were rendered before, also for eyes that are
+    gone, go, if nobody else has them.
+    """
+    give(scene, images)
+    remove_unused()
+    for name, image in images.items():
+        image.name = name

@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.base.messages import Message
-from ..operators import film, watch
+from ..operators import choose_picture, watch
 from ..operators.export import unwritable
 from ..operators.wrapping import sentence
 from .words import OfRig
@@ -47,7 +47,7 @@ class VIEW3D_PT_kiriko_animation(OfRig, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         ours = context.scene.kiriko
-        if film.film_shown(context):
+        if choose_picture.film_shown(context):
             layout.operator("kiriko.use_film", icon="FILE_MOVIE")
         layout.prop(ours, "animation_path")
         column = layout.column()

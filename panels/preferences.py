@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.base.messages import Message
-from ..operators import plate_material
+from ..operators import preset
 from ..operators.telling import in_words
 
 
@@ -14,7 +14,7 @@ class KIRIKO_preferences(bpy.types.AddonPreferences):
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.operator("kiriko.open_manual", icon="HELP")
-        path = plate_material.library_path()
+        path = preset.library_path()
         self.layout.label(text="Plate materials for Cycles, in the asset browser:")
         if path:
             self.layout.label(

@@ -7,7 +7,7 @@ import bpy
 from ..core.base.messages import Message
 from ..core.blender.stored_records import Numbers, Sentences
 from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
-from ..operators import viewer_words
+from ..operators import viewer_reports
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
 from .words import OfRig
@@ -131,10 +131,10 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         for one in told_of(context):
-            sentence(self.layout, context, viewer_words.of_viewer(one), icon="OUTLINER_OB_CAMERA")
+            sentence(self.layout, context, viewer_reports.of_viewer(one), icon="OUTLINER_OB_CAMERA")
         conflict = told_of(context, "conflict")
         if conflict:
-            text = viewer_words.of_conflict(conflict)
+            text = viewer_reports.of_conflict(conflict)
             sentence(self.layout, context, text, icon="IMAGE_DATA")
         # of edges on the picture's plane, for which it is solved anew
         if any(one.get("largest_px") is not None for one in told_of(context)):
@@ -142,12 +142,12 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
             sentence(self.layout, context, text, icon="BLANK1")
         pair = told_of(context, "two_eyes")
         if pair:
-            depth, *more = viewer_words.of_pair(context.scene, pair)
+            depth, *more = viewer_reports.of_pair(context.scene, pair)
             sentence(self.layout, context, depth, icon="CAMERA_STEREO")
             for text in more:
                 sentence(self.layout, context, text, icon="BLANK1")
-            if viewer_words.is_tiring(pair):
-                text = viewer_words.tiring(pair)
+            if viewer_reports.is_tiring(pair):
+                text = viewer_reports.tiring(pair)
                 sentence(self.layout, context, text, icon="ERROR")
         why = told_of(context, "no_pair")
         if why:

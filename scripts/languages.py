@@ -27,8 +27,8 @@ SHOWN = {
 ENGLISH = {
     "core/lab/drawing",
     "core/lab/measure",
-    "operators/command_line.py",
-    "operators/solve_to_folder.py",
+    "operators/cli/command_line.py",
+    "operators/cli/to_folder.py",
 }
 MAKERS = {
     "Workbench",

@@ -225,7 +225,7 @@ def rig(folder: Path, viewer: int = 64, display: tuple[int, int] = (96, 64)) -> 
 
 def run_verb(*words: str) -> None:
     """Kiriko's command line, on the open file."""
-    from kiriko.operators import command_line  # Kiriko is registered by now
+    from kiriko.operators.cli import command_line
 
     if command_line.run(list(words)) != 0:
         sys.exit(f"kiriko {words[0]} failed.")

@@ -103,7 +103,7 @@ def no_remedies(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
     """The function that Blender calls for `--command kiriko`; returns the exit code."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    module = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line")
     return lambda *argv: module.run([str(word) for word in argv])
 
 

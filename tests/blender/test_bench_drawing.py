@@ -95,7 +95,7 @@ def test_command_draws_the_bench(
 ) -> None:
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    run = importlib.import_module(f"{kiriko.__name__}.operators.command_line").run
+    run = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line").run
     out = tmp_path / "out"
     assert run(["drawing", "--out", str(out), "--paper", "A3"]) == 0
     assert {path.name for path in out.iterdir()} == {"bench.svg", "bench_seen.svg"}

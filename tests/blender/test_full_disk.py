@@ -144,7 +144,7 @@ def test_the_command_line_writes_all_files_or_none(
     One sentence, exit code 1.
     """
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    command = part("operators.command_line")
+    command = part("operators.cli.command_line")
     folder = Path(bpy.context.scene.kiriko.report_folder)
     words = ["solve", "--out", str(folder), "--overwrite"]
 

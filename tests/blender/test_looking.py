@@ -20,7 +20,7 @@ EDITS = {
 
 @pytest.fixture
 def looking(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.looking")
+    return importlib.import_module(f"{kiriko.__name__}.operators.long_work")
 
 
 @pytest.fixture

@@ -59,7 +59,7 @@ def solved_frames(
     kiriko: ModuleType, place: Path, frames: str
 ) -> tuple[list[dict[str, Any]], list[int]]:
     """Lines of the log of frames that are solved, and their greatest grey, of 255."""
-    command = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    command = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line")
     image_io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
     bpy.ops.wm.save_as_mainfile(filepath=str(place / "rig.blend"))
     out = place / "out"

@@ -475,7 +475,7 @@ def test_the_command_line_calibrates(
     bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     """Fit, source image and a .blend that has the offset; the file that was given stays."""
-    run = importlib.import_module(f"{bench.kiriko.__name__}.operators.command_line").run
+    run = importlib.import_module(f"{bench.kiriko.__name__}.operators.cli.command_line").run
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     before = (tmp_path / "rig.blend").read_bytes()
     points = bench.csv(tmp_path / "points.csv")

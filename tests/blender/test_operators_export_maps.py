@@ -256,7 +256,7 @@ def test_command_writes_maps_and_prints_the_one_for_ffmpeg(
 ) -> None:
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    run = importlib.import_module(f"{kiriko.__name__}.operators.command_line").run
+    run = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line").run
     out = ["--out", str(tmp_path / "out")]
     given = ["--formats", "ffmpeg", "data", "--times", "4", "--overscan", "5", "--mesh-step", "4"]
     assert run(["maps", *out, *given]) == 0

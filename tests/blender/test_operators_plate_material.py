@@ -187,7 +187,7 @@ def test_missing_file_is_told(
     scene: bpy.types.Scene, kiriko: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without the extension's own file both buttons say so in one sentence, and nothing is made."""
-    monkeypatch.setattr(kiriko.operators.plate_material, "FILE", Path("/nowhere/plate.blend"))
+    monkeypatch.setattr(kiriko.operators.preset, "FILE", Path("/nowhere/plate.blend"))
     before = inventory()
     for button in (bpy.ops.kiriko.add_plate_material, bpy.ops.kiriko.add_asset_library):
         with pytest.raises(RuntimeError, match="install Kiriko again"):
@@ -203,7 +203,7 @@ def test_asset_library_is_added_once_and_only_when_asked(
     grey from then on; the folder has the materials.
     """
     libraries = bpy.context.preferences.filepaths.asset_libraries
-    assert kiriko.operators.plate_material.library_path() == ""
+    assert kiriko.operators.preset.library_path() == ""
     n_before = len(libraries)
     capfd.readouterr()
 

@@ -233,7 +233,7 @@ def test_several_viewers_are_told_by_the_same_numbers_everywhere(
     capsys: pytest.CaptureFixture,
 ) -> None:
     """After a solve, in a report, by the verb that measures nothing; and in the same words."""
-    words = importlib.import_module(f"{kiriko.__name__}.operators.viewer_words")
+    words = importlib.import_module(f"{kiriko.__name__}.operators.viewer_reports")
     scene = bpy.context.scene
     bpy.ops.kiriko.two_eyes()
     if way == "own images":
@@ -272,7 +272,7 @@ def test_what_goes_wrong_beside_a_report_does_not_lose_it(
     """All else is there; the missing is told in sentences and in report.json, whether its error was
     foreseen or not. The verb that tells nothing else ends with the error.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
+    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
     errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
 
     def no_eyes(*_: object, **__: object) -> None:

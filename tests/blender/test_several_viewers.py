@@ -495,7 +495,7 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
     kiriko: ModuleType, rig: dict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The sentence on eyes that look in different directions stands among what is missing."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.beside_report")
+    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
     steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     turned = camera(0.02)
     turned.rotation_euler.z += 0.9

@@ -370,7 +370,7 @@ def test_the_command_line_never_writes_an_old_image(
     ours().tolerance = 0.3
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     assert watch.has_changed(bpy.context)
-    command_line = importlib.import_module(f"{kiriko.__name__}.operators.command_line")
+    command_line = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line")
     assert command_line.run(["solve", "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "report.json").read_text())["tolerance"] == pytest.approx(
         0.3

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from ..core.base.errors import KirikoError
-from ..core.blender.paths import absolute
+from ...core.base.errors import KirikoError
+from ...core.blender.paths import absolute
 
 VALUES = "--values"
 AS_IS = "\0"  # before a word that is no option, whatever it begins with: no command line has it

@@ -13,36 +13,32 @@ from typing import Any, NoReturn
 
 import bpy
 
-from ..core.base.errors import RigError
-from ..core.base.messages import Message
-from ..core.blender.rigs import active_rig, rigs
-from ..core.blender.stored_records import Numbers, take_reports
-from ..core.files import disk, image_io
-from ..core.lab.measure.work_precision import BUDGET
-from ..core.lab.warp.map_files import FORMATS, SIDECAR, TIMES, MapOptions
-from . import (
+from ...core.base.errors import RigError
+from ...core.base.messages import Message
+from ...core.blender.rigs import active_rig, rigs
+from ...core.blender.stored_records import Numbers, take_reports
+from ...core.files import disk, image_io
+from ...core.lab.measure.work_precision import BUDGET
+from ...core.lab.warp.map_files import FORMATS, SIDECAR, TIMES, MapOptions
+from .. import (
     bench_drawing,
-    beside_report,
     each_rig,
     export_atlas,
     export_maps,
-    farm_verbs,
     folder,
-    frames_to_folder,
     report,
     set_value,
-    solve_to_folder,
     telling,
     viewer_images,
     work,
 )
-from .calibrate import calibrated
-from .choose_rig import choose_by_name, find_scene
-from .export import use_bundled_modules
-from .one_viewer import choose_alone
-from .save_copy import save_copy
+from ..calibrate import calibrated
+from ..choose_rig import choose_by_name, find_scene
+from ..export import use_bundled_modules
+from ..export_job import save_copy
+from ..viewer_reports import ALL, choose_alone
+from . import farm_verbs, to_folder
 from .usage import AS_IS, VALUES, UsageError, as_is, check, count, path
-from .viewer_reports import ALL
 
 USAGE_ERROR = 2  # exit code, as other commands have it
 NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")  # how a number below 0 begins, with an exponent or not
@@ -91,7 +87,7 @@ def parser() -> argparse.ArgumentParser:
     verbs = top.add_subparsers(dest="verb", required=True, metavar="VERB")
     shared = _shared()
     _add_report(verbs, shared)
-    beside_report.add_verb(verbs, shared)
+    report.add_verb(verbs, shared)
     _add_drawing(verbs, shared)
     _add_maps(verbs, shared)
     export_atlas.add_verb(verbs, shared)
@@ -221,7 +217,7 @@ def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
         "--samples",
         type=count,
         metavar="N",
-        help=f"rays a pixel of the preview ({solve_to_folder.SAMPLES})",
+        help=f"rays a pixel of the preview ({to_folder.SAMPLES})",
     )
     pictures.add_argument(
         "--format",
@@ -229,7 +225,7 @@ def _pictures(shared: argparse.ArgumentParser) -> argparse.ArgumentParser:
         default="PNG8",
         help="of source.png or source.tif (PNG8)",
     )
-    for role, products in solve_to_folder.PRODUCTS.items():
+    for role, products in to_folder.PRODUCTS.items():
         pictures.add_argument(
             f"--{role}",
             choices=products,
@@ -257,7 +253,7 @@ def _add_solve(verbs: argparse._SubParsersAction, pictures: argparse.ArgumentPar
         metavar="NAME",
         help="solve for this one of several viewers alone, by its camera's name",
     )
-    frames_to_folder.add_options(solve)
+    to_folder.add_options(solve)
     solve.set_defaults(run=_solve)
 
 
@@ -368,13 +364,13 @@ def _solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.pictures:
         viewer_images.open_images(bpy.context.scene, arguments.pictures)
     if arguments.frames is None:
-        return solve_to_folder.solve(arguments)
+        return to_folder.solve(arguments)
     if arguments.preview or arguments.simulate or arguments.viewers:
         raise UsageError(
             "Of frames only source images are written: leave out --preview, --simulate and"
             " --viewers."
         )
-    return frames_to_folder.solve(arguments)
+    return to_folder.solve_frames(arguments)
 
 
 def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
@@ -387,7 +383,7 @@ def _report(arguments: argparse.Namespace) -> Generator[str, None, None]:
         folder.refuse_existing(arguments.out, report.names(rig), "add --overwrite")
 
     yield Message("measuring '{file}'", file=Path(bpy.data.filepath).name)
-    found, beside = yield from solve_to_folder.told_in_tenths(
+    found, beside = yield from to_folder.told_in_tenths(
         report.measured(bpy.context, rig, arguments.out, arguments.seconds)
     )
     files = report.write(arguments.out, rig, work.settings_of(bpy.context.scene), found, beside)
@@ -414,7 +410,7 @@ def _maps(arguments: argparse.Namespace) -> Generator[str, None, None]:
     formats = tuple(name for name in FORMATS if name.lower() in arguments.formats)
     options = MapOptions(formats, arguments.overscan, arguments.times, arguments.mesh_step)
     yield Message("mapping '{file}'", file=Path(bpy.data.filepath).name)
-    about = yield from solve_to_folder.told_in_tenths(
+    about = yield from to_folder.told_in_tenths(
         export_maps.exported(
             bpy.context, arguments.out, options, arguments.overwrite, "add --overwrite"
         )
@@ -432,7 +428,7 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     file = arguments.out / "calibrated.blend"
 
     if not arguments.overwrite:
-        paths = (details, file, *solve_to_folder.file_names(arguments).values())
+        paths = (details, file, *to_folder.file_names(arguments).values())
         folder.refuse_existing(arguments.out, (path.name for path in paths), "add --overwrite")
 
     context = bpy.context
@@ -445,10 +441,8 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
         file=Path(bpy.data.filepath).name,
         measured=arguments.measured.name,
     )
-    yield (
-        yield from solve_to_folder.told_in_tenths(calibrated(context, reading, arguments.measured))
-    )
-    yield from solve_to_folder.solve(arguments)
+    yield (yield from to_folder.told_in_tenths(calibrated(context, reading, arguments.measured)))
+    yield from to_folder.solve(arguments)
     disk.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
 
     save_copy(file)

@@ -1,25 +1,30 @@
-"""Solve to a folder: all images of a saved rig, and its numbers, as files."""
+"""Solve to a folder: a rig's images and numbers, or the source images of its frames, as files."""
 
 import argparse
 import json
 from collections.abc import Generator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import bpy
 import numpy as np
 
-from ..core.base.errors import RigError
-from ..core.base.messages import Message
-from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
-from ..core.blender.preview import Preview
-from ..core.blender.result import write_solution, write_viewers
-from ..core.blender.stored_records import Numbers
-from ..core.files import disk, image_io
-from ..core.image.simulation import simulate
-from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES
-from . import folder, look_over, needed, viewer_reports, viewer_words, work
-from .export import gamma_of
+from ...core.base.errors import RigError
+from ...core.base.messages import Message
+from ...core.blender import movie
+from ...core.blender.chosen_product import Given, give_display, give_glass, give_plate
+from ...core.blender.frames import frame_files, frames_of_range, without_number
+from ...core.blender.preview import Preview
+from ...core.blender.result import write_solution, write_viewers
+from ...core.blender.stored_records import Numbers
+from ...core.files import disk, image_io
+from ...core.files.frame_list import frames_of
+from ...core.image.simulation import simulate
+from ...core.lab.farm.join import LOG, log_of
+from ...core.rig.catalogue import DISPLAYS, GLASSES, PLATES
+from .. import folder, frames, look_over, needed, viewer_reports, work
+from ..export import gamma_of
 
 Result = TypeVar("Result")
 
@@ -82,7 +87,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield text
     told = yield from told_in_tenths(viewer_reports.reports_of(solution, settings))
     write_viewers(scene, told.numbers)
-    yield from viewer_words.lines(scene, told.numbers)
+    yield from viewer_reports.lines(scene, told.numbers)
 
     yield "looking beside the glass"
     yield from told_in_tenths(solution.look_beside())
@@ -185,3 +190,107 @@ def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
         **Numbers.read(result.details).by_name,
         "notes": result.notes.splitlines(),
     }
+
+
+NAME = "source_####"
+SCENE = "scene"  # in place of a list: the frames that the scene would render
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options of frames."""
+    parser.add_argument(
+        "--frames",
+        metavar="LIST",
+        help="the source images alone of these frames, such as 1-250:2 or 1,5,10-20, or 'scene' for"
+        " the scene's range and step; those that are there stay, unless --overwrite is given",
+    )
+    parser.add_argument(
+        "--name",
+        help=f"of the frames' files, where # are digits of the number ({NAME})",
+    )
+    parser.add_argument(
+        "--placeholders",
+        action="store_true",
+        help="an empty file for each frame while it is solved, which other processes leave out;"
+        " with --overwrite they also leave out frames replaced since they started",
+    )
+    parser.add_argument(
+        "--log",
+        metavar="PART",
+        help="a log of its own for this process, which 'join' puts together with the others",
+    )
+
+    parser.add_argument(
+        "--movie",
+        choices=movie.CODECS,
+        metavar="CODEC",
+        help=f"a movie of the frames, too, by Blender's encoder: {', '.join(movie.CODECS)}",
+    )
+    parser.add_argument(
+        "--test-card",
+        type=_card,
+        metavar="SECONDS",
+        help=f"for which the movie begins with a test card, up to {frames.LONGEST:g} (0)",
+    )
+
+
+def _card(text: str) -> float:
+    with suppress(ValueError):
+        if 0 <= float(text) <= frames.LONGEST:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"'{text}' is no time from 0 to {frames.LONGEST:g} s")
+
+
+def wanted(arguments: argparse.Namespace, scene: bpy.types.Scene) -> dict[int, Path]:
+    """The files of the frames that are asked for."""
+    asked = arguments.frames
+    numbers = frames_of_range(scene) if asked == SCENE else frames_of(asked)
+    return frame_files(scene, arguments.out, name_of(arguments), arguments.format, numbers)
+
+
+def name_of(arguments: argparse.Namespace) -> str:
+    """The name that is asked for."""
+    return NAME if arguments.name is None else arguments.name
+
+
+def wish_of(arguments: argparse.Namespace, scene: bpy.types.Scene) -> frames.Wish:
+    """The movie that is asked for."""
+    name = without_number(scene, name_of(arguments)) or "movie"
+    return frames.Wish(
+        arguments.out / name, arguments.movie, arguments.test_card or 0.0, arguments.overwrite
+    )
+
+
+def solve_frames(arguments: argparse.Namespace) -> Generator[str, None, None]:
+    """Solve frames into the folder; yields lines of progress."""
+    image_io.openimageio()
+    context = bpy.context
+    files = wanted(arguments, context.scene)
+    yield from products_given(context, arguments)
+    yield Message(
+        "solving {n} frame{s} of '{file}'",
+        n=len(files),
+        s="" if len(files) == 1 else "s",
+        file=Path(bpy.data.filepath).name,
+    )
+    run = frames.Run(
+        files,
+        arguments.format,
+        arguments.overwrite,
+        arguments.placeholders,
+        LOG if arguments.log is None else log_of(arguments.log),
+    )
+    tally = frames.Tally()
+
+    if arguments.movie is None:
+        yield from told_in_tenths(frames.solved(context, run, tally))
+        if tally.failed:
+            raise RigError("{told}", told=tally.told(arguments.out))
+        yield tally.told(arguments.out)
+        return
+
+    wish = wish_of(arguments, context.scene)
+    steps = frames.made(context, run, wish, tally, "add --overwrite")
+    yield from told_in_tenths(steps)
+    yield tally.told(arguments.out)
+    yield frames.told(wish, run)

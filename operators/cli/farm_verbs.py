@@ -7,18 +7,19 @@ from typing import Any
 
 import bpy
 
-from ..core.base.messages import Message
-from ..core.base.steps import finish
-from ..core.blender.frames import frame_files, frames_of_range
-from ..core.files import disk, image_io
-from ..core.files.frame_list import frames_of
-from ..core.lab.farm import join as joining
-from . import export_job, frames_to_folder
-from .choose_rig import choose_by_name
-from .job_check import check_rigs
-from .set_value import check_values, idle
+from ...core.base.messages import Message
+from ...core.base.steps import finish
+from ...core.blender.frames import frame_files, frames_of_range
+from ...core.files import disk, image_io
+from ...core.files.frame_list import frames_of
+from ...core.lab.farm import join as joining
+from .. import export_job
+from ..choose_rig import choose_by_name
+from ..job_check import check_rigs
+from ..set_value import check_values, idle
+from ..viewer_reports import ALL, asked_for
+from . import to_folder
 from .usage import VALUES, as_is, path
-from .viewer_reports import ALL, asked_for
 
 
 def add_verbs(verbs: Any, shared: argparse.ArgumentParser) -> None:
@@ -79,7 +80,7 @@ def _add_form(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--name",
-        help=f"of the frames' files, where # are digits ({frames_to_folder.NAME})",
+        help=f"of the frames' files, where # are digits ({to_folder.NAME})",
     )
 
 
@@ -87,7 +88,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Write the bundle; yields lines of progress."""
     context = bpy.context
     frames = arguments.frames or ""
-    if frames == frames_to_folder.SCENE:
+    if frames == to_folder.SCENE:
         frames = export_job.frames_of_scene(context.scene)
 
     options = ["--format", arguments.format] if arguments.format != "PNG8" else []
@@ -114,7 +115,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
     job.check()
     if frames:  # a name that no file can have is told, by the disk where the results come to lie
         longest = max(frames_of(frames), key=lambda frame: len(str(frame)))
-        name = frames_to_folder.name_of(arguments)
+        name = to_folder.name_of(arguments)
         named = frame_files(context.scene, arguments.out, name, arguments.format, [longest])
         disk.is_there(named[longest])
     if job.path:
@@ -131,7 +132,7 @@ def write_job(arguments: argparse.Namespace) -> Generator[str, None, None]:
 def join_results(arguments: argparse.Namespace) -> Generator[str, None, None]:
     """Check all images of a job and join its logs; yields lines of progress."""
     numbers = ()
-    if arguments.frames == frames_to_folder.SCENE:
+    if arguments.frames == to_folder.SCENE:
         numbers = frames_of_range(bpy.context.scene)
     elif arguments.frames:
         numbers = frames_of(arguments.frames)
@@ -140,7 +141,7 @@ def join_results(arguments: argparse.Namespace) -> Generator[str, None, None]:
         place = arguments.out / name
         files = [image_io.named_for(place / "source", arguments.format)]
         if numbers:
-            of_name = frames_to_folder.name_of(arguments)
+            of_name = to_folder.name_of(arguments)
             named = frame_files(bpy.context.scene, place, of_name, arguments.format, numbers)
             files = list(named.values())
         size = finish(joining.check(files))
