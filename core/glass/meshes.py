@@ -74,19 +74,6 @@ def find_edges(triangles: Ints) -> Edges:
     return Edges(i // 3, j // 3, i % 3, j % 3, start[i] == start[j], int((counts != 2).sum()))
 
 
-def patches_around(triangles: Ints, middles: Ints, n_rings: int) -> Ints:
-    """Those of triangles (t, 3), by number, that lie up to so many rings of triangles around the
-    middles (m,), with these. A ring shares a vertex with the one within.
-    """
-    is_in = np.zeros(len(triangles), bool)
-    is_in[middles] = True
-    for _ in range(n_rings):
-        is_corner = np.zeros(triangles.max() + 1, bool)
-        is_corner[triangles[is_in]] = True
-        is_in = is_corner[triangles].any(axis=1)
-    return np.flatnonzero(is_in)
-
-
 def box_of(corners: Floats) -> Floats:
     """Lower and upper corner (2, 3) of the axis-aligned box of triangles with corners (t, 3, 3)."""
     x_y_z = np.ascontiguousarray(corners.reshape(-1, 3).T)  # five times as fast as along the rows

@@ -30,18 +30,16 @@ class PartKnobs:
     ----------
     told : the square of a curved face's error, in those of the jumps of its normals, where vertices
         are off at random: 6.8 to 8.8 on balls, ellipsoids and tori with noise, whatever its size
-    least : weights below count for nothing: they would take less than a fifth off the error
+    least : weights below count for nothing: they would take less than a fifth off the error, and
+        make faces curved that are as good as drawn
     irregular : times the gain, rms: faces whose vertices are further off smooth lines are such. On
         decimated and scanned meshes it is 2 to 20 in the median, on Subdivision's, on waves and
         on clouds 0.5 and less, on coarse voxels around a thin torus 0.9
-    chance : share of vertices that seem to be worth it by chance alone, up to 0.14 with noise that
-        spoils the gain, and 0.09 on scans and voxels: a piece in which no more are is not blended
     """
 
     told: float = 7.3
     least: float = 0.36
     irregular: float = 2.0
-    chance: float = 0.15
 
 
 PART = PartKnobs()

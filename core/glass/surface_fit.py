@@ -43,7 +43,6 @@ class NormalKnobs:
     sweeps, settled : so many at most, an even number, and the change of normals at which they end
     restless : of the turn to a neighbour: normals that the last sweep changes by more do not settle
     moved : of the turn to a neighbour: found normals further from the mean have to prove themselves
-    most_moved : of it: those further are refused
     straight : of it, by which chords to neighbours may contradict them; noise and rims make it more
     firm : of it, by which they may contradict those of stiffer fields, which settle anywhere: at
         0.1 they are twice as far off as the means on voxels, at 0.03 too few are found on hulls
@@ -61,7 +60,6 @@ class NormalKnobs:
     settled: float = 1e-10
     restless: float = 0.01
     moved: float = 0.2
-    most_moved: float = 0.5
     straight: float = 0.1
     firm: float = 0.04
     gentle: float = 0.7
@@ -137,7 +135,6 @@ def _are_near(
         is_settled = length_of(change) <= NORMALS.restless * turn
         is_near = is_settled & (moved <= NORMALS.moved * turn)
         is_straight = is_settled & (_bend(v, normal) < straight * turn)
-        is_straight &= moved <= (NORMALS.most_moved + is_rim / 2) * turn
 
     return is_near, is_straight
 
@@ -258,7 +255,6 @@ class Drawn:
     facets : (t, 3) normals of the triangles, unit
     edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
     polygon : (t,) that each triangle is a part of; None where each is one of its own
-    is_sample : patches of a larger mesh, which are judged as one piece
     """
 
     vertices: Floats
@@ -268,7 +264,6 @@ class Drawn:
     edges: Edges
     is_joined: Bools
     polygon: Ints | None
-    is_sample: bool = False
 
 
 def make_curved(
@@ -326,7 +321,7 @@ def make_curved(
         shell = whole_shells(drawn.triangles, asked, faces)
         yield 0
         is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
-        parts = Parts(flat_face, shell, is_known[faces.chosen], drawn.is_sample)
+        parts = Parts(flat_face, shell, is_known[faces.chosen])
         trusted = yield from how_far_trusted(v, size, faces, trial, parts)
         if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
             doubts = trusted.doubts

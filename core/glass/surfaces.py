@@ -18,37 +18,11 @@ from .meshes import (
     find_edges,
     find_joined,
     geometric_normals,
-    patches_around,
     volume_of,
 )
 from .motion import Motion
 from .surface_fit import Drawn, make_curved
 from .trust import Doubts
-
-# a surface that turns by less over each triangle is as good as curved: 1e-3 display px
-LEAST_TURN = np.radians(0.25)
-GOLDEN = (5**0.5 - 1) / 2
-
-
-@dataclass(frozen=True)
-class SampleKnobs:
-    """When Automatic leaves a large mesh as drawn without a fit to all of it.
-
-    n_patches : spread evenly over the smooth triangles; the one in the middle of each is judged
-    n_rings : of triangles around it: with fewer, the edge of a patch spoils its middle
-    few : patches that may be curved. Meshes followed as drawn have 2 of 64 and fewer, those curved
-        in part 17 and more
-    large : smooth triangles from which on patches are judged: four times as many as all have
-    """
-
-    n_patches: int = 64
-    n_rings: int = 6
-    few: int = 4
-    large: int = 60_000
-
-
-SAMPLE = SampleKnobs()
-
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -59,8 +33,7 @@ class Surface:
     bent normals, is_bent (t,); patch (t,) label within this surface; n_open edges without a
     neighbour; n_contradicted smooth triangles that stay flat because their normals contradict their
     shape; n_doubted because their curved faces would be no nearer to the surface meant, n_coarse
-    of these because they are coarse, not uneven. The last three are estimates where a sample told
-    to leave all as drawn
+    of these because they are coarse, not uneven
     """
 
     corners: Floats
@@ -135,50 +108,6 @@ def _bent_normals(
     return by_corner, is_bent, int((is_smooth & ~is_usable).sum())
 
 
-def _fitting(drawn: Drawn, wanted: Bools, mesh: Mesh) -> Pauses[tuple[CurvedFaces | None, Doubts]]:
-    """Curved faces over wanted triangles (t,), as by `make_curved`; none where Automatic leaves
-    nearly all of a sample flat.
-    """
-    is_automatic = mesh.surface == "automatic"
-    if is_automatic and np.count_nonzero(wanted) >= SAMPLE.large:
-        doubts = yield from _doubting_sample(drawn, wanted, mesh.has_mean_normals)
-        if doubts is not None:
-            return None, doubts
-    return (yield from make_curved(drawn, wanted, mesh.has_mean_normals, is_automatic))
-
-
-def _doubting_sample(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses[Doubts | None]:
-    """About how many of the wanted triangles (t,) are doubted, by patches of them; None where more
-    than a few patches are curved in the middle.
-    """
-    asked = np.flatnonzero(wanted)
-    # by the golden section, so that steps do not fall into step with the rows of a grid
-    middles = asked[(len(asked) * (np.arange(SAMPLE.n_patches) * GOLDEN % 1)).astype(int)]
-    some = patches_around(drawn.triangles, middles, SAMPLE.n_rings)
-    yield 0
-    edges = find_edges(drawn.triangles[some])
-    normals = drawn.corner_normals[some]
-    sample = replace(
-        drawn,
-        triangles=drawn.triangles[some],
-        corner_normals=normals,
-        facets=drawn.facets[some],
-        edges=edges,
-        is_joined=find_joined(normals, edges),
-        polygon=None,
-        is_sample=True,
-    )
-    yield 0
-    curved, doubts = yield from make_curved(sample, wanted[some], has_mean_normals, True)
-    n_flat = doubts.n
-    if curved is not None:
-        if (curved.row[np.searchsorted(some, middles)] >= 0).sum() > SAMPLE.few:
-            return None
-        n_flat += len(curved.coefficients)
-    times = len(asked) / np.count_nonzero(wanted[some])
-    return Doubts(round(times * n_flat), round(times * doubts.n_coarse))
-
-
 def making_surface(
     mesh: Mesh,
     triangles: Ints | None = None,
@@ -211,7 +140,7 @@ def making_surface(
     curved = None
     doubts = Doubts()
 
-    # curved faces over them, where they turn far enough
+    # curved faces over them, where they turn further than rounding
     is_joined = find_joined(by_corner, edges)
     yield 0
     if is_bent.any() and mesh.surface != "facets":
@@ -219,7 +148,7 @@ def making_surface(
         # the effect of rounding on the slopes of faces through the
         # vertices, against the error of bent normals
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
-        if turn > max(LEAST_TURN, np.sqrt(8 * slope)):
+        if turn > np.sqrt(8 * slope):
             drawn = Drawn(
                 vertices=mesh.vertices,
                 triangles=index,
@@ -229,7 +158,9 @@ def making_surface(
                 is_joined=is_joined,
                 polygon=None if mesh.polygon is None else mesh.polygon[chosen],
             )
-            curved, doubts = yield from _fitting(drawn, is_bent, mesh)
+            curved, doubts = yield from make_curved(
+                drawn, is_bent, mesh.has_mean_normals, mesh.surface == "automatic"
+            )
             if curved is not None:
                 is_bent &= curved.row < 0
 

@@ -12,7 +12,7 @@ from .agreement import AGREEMENT, Trial
 from .fitted_faces import Faces
 from .grid_lines import look_along_lines
 from .meshes import components
-from .partly import PART, is_irregular, weights
+from .partly import is_irregular, weights
 from .vertices import Vertices
 
 
@@ -42,14 +42,11 @@ class Trusted(NamedTuple):
 class Parts(NamedTuple):
     """The flat face (t,) that each triangle is a part of; of each curved face (n,) the whole shell,
     -1 where there is none, and whether it is known to be the surface meant (exact_limit.py).
-
-    is_sample : the triangles are patches of a larger mesh, judged as one piece
     """
 
     flat_face: Ints
     shell: Ints
     is_known: Bools
-    is_sample: bool
 
 
 def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
@@ -88,7 +85,7 @@ def how_far_trusted(
     off = lines.off_splines[vertex[whole]]
     is_near[whole] |= trial.at(whole).are_splines(off, parts.shell[whole])
 
-    piece = np.zeros(len(vertex), np.int64) if parts.is_sample else _pieces(vertex)
+    piece = _pieces(vertex)
     if trial.is_coarse.any() and not is_near.all():
         is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
 
@@ -106,9 +103,7 @@ def how_far_trusted(
     is_near |= trial.trusted(vertex)
     far = weights(len(v.at), vertex, trial, _whole(~faces.is_swollen & is_near, of_face))
 
-    # and more than chance would pick is worth it; what is known stays whole
-    far[vertex[parts.is_known]] = 1.0
-    in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
+    far[vertex[parts.is_known]] = 1.0  # what is known stays whole
     of_part = vertex[in_part]
     weight[of_part] = far[of_part]
     is_kept = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)

@@ -416,7 +416,6 @@ GLASS = [
         sweeps=(2, "one pair of sweeps"),
         restless=(INF, "normals count as settled after the last sweep"),
         moved=(INF, "no found normal has to prove itself"),
-        most_moved=(INF, "none is refused for its distance from the mean"),
         straight=(INF, "chords contradict no normal"),
         firm=(INF, "chords contradict no normal of stiffer fields"),
         gentle=(0.0, "none is looked for again by stiffer fields"),
@@ -462,17 +461,6 @@ GLASS = [
         "In part",
         protects="irregular: noisy and scanned meshes",
         least=(0.0, "any weight counts"),
-        chance=(0.0, "no vertex is worth it by chance"),
-    ),
-    Row(
-        "Large meshes judged by a sample",
-        (options("glass.surfaces.SAMPLE", large=NEVER),),
-        "no mesh is large",
-    ),
-    Row(
-        "Least turn of a curved face",
-        (instead("glass.surfaces.LEAST_TURN", 0.0),),
-        "any turn is worth a curved face",
     ),
     *_option_rows(
         "glass.bounding_shell.HULL",
