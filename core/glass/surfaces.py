@@ -24,6 +24,7 @@ from .motion import Motion
 from .surface_fit import Drawn, make_curved
 from .trust import Doubts
 
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Triangles ready to be traced.
