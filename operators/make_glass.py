@@ -6,8 +6,7 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined, quoted
 from ..core.blender.elements import DEFAULT_IOR
 from ..core.blender.given_glass import give, has_place, set_by_modifier
-from ..core.blender.inspect_parts import refracts_as_shown
-from ..core.blender.inspect_scene import has_own_faces
+from ..core.blender.inspect_scene import has_own_faces, refracts_as_shown
 from ..core.blender.viewport_look import be_seen_as_glass
 from . import needed, telling
 from .parts import NamesPart

@@ -7,8 +7,7 @@ import bpy
 from ..core.base.messages import Message, as_sentence
 from ..core.blender.bodies import NO_PART, bodiless, no_part
 from ..core.blender.checklist import SINGLE, too_many
-from ..core.blender.inspect_parts import why_no_own_image, why_no_picture
-from ..core.blender.inspect_scene import CHECKED
+from ..core.blender.inspect_scene import CHECKED, why_no_own_image, why_no_picture
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME

@@ -4,8 +4,7 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.blender.show import show
-from ..core.blender.visibility import is_visible
+from ..core.blender.visibility import is_visible, show
 from . import needed, telling
 
 

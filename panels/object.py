@@ -11,8 +11,7 @@ from ..core.blender.chosen_product import (
     plate_product,
 )
 from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.inspect_parts import is_flat
-from ..core.blender.inspect_scene import has_own_faces, sides_of
+from ..core.blender.inspect_scene import has_own_faces, is_flat, sides_of
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.result_images import images_of

@@ -15,7 +15,7 @@ from ..base.messages import Message, as_message
 from ..rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
 from .bodies import shows_instances_alone
 from .elements import DEFAULT_IOR, mirrors
-from .inspect_parts import each_material, evaluated, materials_as_shown
+from .inspect_scene import each_material, evaluated, materials_as_shown
 from .layout import give_size, size_of
 from .material import is_refractive, material_output, read_refraction, shaders
 from .resize import RESIZED_WITHIN, give_side, has_side

@@ -738,32 +738,6 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     assert not look_over.is_looking(scene)
 
 
-def test_a_shape_is_looked_at_where_the_quiet_begins_during_the_look(
-    look: Callable[[], list],
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A turn that was too early to look at a shape does not say that all of them are known."""
-    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
-    glass = small_rig()["GLASS"]
-    look()
-    glass.data.update_tag()
-    bpy.context.view_layer.update()
-
-    answers = iter((False,))
-    quiet = property(lambda looked: next(answers, True))
-    monkeypatch.setattr(look_over.Looked, "is_quiet", quiet)
-    monkeypatch.setattr(look_over, "RESTING", 0.0)
-    look_over.look_again(scene)
-    look_over.tick()
-    assert next(answers, None) is None
-    assert look_over.is_looking(scene)
-    look_over.tick()
-    look_over.tick()
-    assert not look_over.is_looking(scene)
-
-
 def test_a_look_that_fails_is_not_waited_for(
     look: Callable[[], list],
     kiriko: ModuleType,

@@ -292,49 +292,6 @@ def test_add_rig(scene: bpy.types.Scene, way: Callable[[bpy.types.Object], None]
     assert len(bpy.data.objects) == n_objects
 
 
-def strip_of(
-    track: bpy.types.NlaTrack, action: bpy.types.Action, start: int, **values: object
-) -> bpy.types.NlaStrip:
-    strip = track.strips.new(action.name, start, action)
-    for name, value in values.items():
-        setattr(strip, name, value)
-    return strip
-
-
-def test_show_knows_what_strips_hide(scene: bpy.types.Scene) -> None:
-    """Repeated, slowed, reversed, held, muted and one above the other: in each frame Show refuses
-    where Blender itself hides the part, and nowhere else.
-    """
-    part = small_rig()["PLATE"]
-    actions = []
-    for hidden in ((1, 4), (2, 3)):
-        part.animation_data_clear()
-        for frame in range(1, 7):
-            part.hide_viewport = frame in hidden
-            part.keyframe_insert("hide_viewport", frame=frame)
-        actions.append(part.animation_data.action)
-        part.animation_data.action = None
-    data = part.animation_data
-    below, above = data.nla_tracks.new(), data.nla_tracks.new()
-    strip_of(below, actions[0], 3, repeat=2.0, extrapolation="HOLD")
-    strip_of(below, actions[1], 20, scale=2.0, use_reverse=True, extrapolation="NOTHING")
-    strip_of(above, actions[1], 7, extrapolation="NOTHING")
-    strip_of(above, actions[0], 24, mute=True)
-
-    told = {}
-    for frame in range(36):
-        scene.frame_set(frame)
-        is_hidden = part.hide_viewport
-        part.hide_viewport = True
-        try:
-            bpy.ops.kiriko.show_part(part=part.name)
-            told[frame] = is_hidden, False
-        except RuntimeError as error:
-            told[frame] = is_hidden, "animated or driven" in str(error)
-    assert {frame for frame, (hides, _) in told.items() if hides}
-    assert [frame for frame, (hides, refuses) in told.items() if hides != refuses] == []
-
-
 def nodes_that_instance(kind: str, source: bpy.types.Object) -> bpy.types.Object:
     """An object whose geometry nodes instance another one: as an object or by its collection, once
     or on a point, or on a point of instances.

@@ -80,10 +80,7 @@ def is_top(ends: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("role", ["GLASS", "MIRROR"])
 def test_surface_is_set_on_the_object(read: Callable[[], Any], role: str) -> None:
-    """Automatic unless the artist says otherwise.
-
-    Glass and mirror alike. Files that said so before still do.
-    """
+    """Automatic unless the artist says otherwise, of glass and mirror alike."""
     thing = smooth(primitive("uvsphere", u_segments=8, v_segments=4, radius=1.0), role)
     choices = (
         (None, "automatic"),
@@ -97,10 +94,6 @@ def test_surface_is_set_on_the_object(read: Callable[[], Any], role: str) -> Non
             thing.kiriko.surface = choice
         rig = read().rig
         assert [part.mesh.surface for part in (*rig.glasses, *rig.mirrors)] == [surface]
-
-    kinds = thing.kiriko.bl_rna.properties["surface"].enum_items
-    # as files of the first release have them
-    assert (kinds["SMOOTH"].value, kinds["FACETS"].value) == (0, 1)
 
 
 def test_surface_is_that_of_whoever_has_the_role(read: Callable[[], Any]) -> None:

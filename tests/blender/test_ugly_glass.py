@@ -346,25 +346,6 @@ def test_the_words_on_glass_of_cycles_come_with_the_first_picture(
     bpy.ops.kiriko.look_through()
 
 
-def test_an_override_is_compared_with_the_material_itself(
-    kiriko: ModuleType, scene: bpy.types.Scene, drawn: Callable[..., Layout], linked: Callable
-) -> None:
-    """A linked material may have the name of one of this file, and another index."""
-    glass = small_rig()["GLASS"]
-    theirs = linked(glass_material("Glass", 1.7))
-    own = bpy.data.materials["Glass", None]
-    own.node_tree.nodes["Principled BSDF"].inputs["IOR"].default_value = 1.49
-    glass.kiriko.use_ior = True
-    for material, ior, is_told in ((theirs, 1.7, False), (theirs, 1.49, True), (own, 1.7, True)):
-        glass.data.materials.clear()
-        glass.data.materials.append(material)
-        glass.kiriko.ior = ior
-        bpy.context.view_layer.update()
-        bpy.ops.kiriko.look_through()
-        assert ("Override IOR" in seen_through(kiriko, drawn)) == is_told
-        bpy.ops.kiriko.look_through()
-
-
 @pytest.mark.parametrize("is_family", [False, True])
 def test_metaballs_are_made_glass(look: Callable[[], list], is_family: bool) -> None:
     """The one that has the surface of its family; the others have none, and are told nothing of."""
