@@ -27,8 +27,8 @@ from ..core.blender.stored_records import Numbers, Sentences
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import Frame, frame_of_render
 from ..core.blender.visibility import Shown
-from ..core.light.checks import InsideGlassError
-from ..core.light.landings import BY_GAPS, REASON_WORDS, Reason
+from ..core.light.rays import BY_GAPS, REASON_WORDS, Reason
+from ..core.light.rig_parts import InsideGlassError
 from ..core.rig.rig import ROLES
 from ..core.solve.legibility import READABLE, illegible
 from . import automatic, compared, framing, live, long_work, look_through, needed, work

@@ -13,7 +13,7 @@ from ..core.blender.picture import check_readable
 from ..core.blender.scene import read_viewers
 from ..core.blender.viewer import camera_at, frame_of, seats_of, viewer_of
 from ..core.blender.viewer_render import eye_of, remove_unused, render_for
-from ..core.rig.viewers import check_together
+from ..core.rig.viewer import check_together
 from . import needed, telling
 from .folder import names_for
 from .long_work import LongWork

@@ -26,9 +26,9 @@ import numpy as np
 from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, ToolError, can_install, clean_environment, install
 from kiriko.core.base.steps import finish
+from kiriko.core.light import kernel_tracer
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.native import kernel_tracer
-from kiriko.core.light.native.plan_structures import made_of, making_whole
+from kiriko.core.light.kernel_tracer import made_of, making_whole
 from kiriko.core.light.rays import Rays
 from kiriko.core.native import loading
 from kiriko.core.native.structures import Made

@@ -22,9 +22,9 @@ from ..base.steps import within
 from ..base.words import percent
 from ..glass.meshes import geometric_normals
 from ..glass.smoothed import smoothed
-from ..light.landings import REASON_WORDS, Reason
 from ..light.mesh_cache import Kept
 from ..light.optics import reflect
+from ..light.rays import REASON_WORDS, Reason
 from ..rig.rig import Display, PicturePlace, Rig
 from ..rig.settings import Settings
 from ..solve.legibility import READABLE, card_legibility

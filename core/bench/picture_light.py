@@ -19,13 +19,11 @@ from ..base.messages import Message
 from ..base.steps import at, within
 from ..base.vectors import cross_2d, normalise
 from ..glass.meshes import areas_of, geometric_normals
-from ..light.landings import BY_GAPS, REASON_WORDS, Reason, main_landings
 from ..light.plan import Plan
-from ..light.rays import Step
+from ..light.rays import BY_GAPS, REASON_WORDS, Reason, Step, main_landings
 from ..light.trace import tracing
-from ..rig.kinds import Kind
 from ..rig.mesh import Mesh
-from ..rig.rig import PicturePlace, Rig
+from ..rig.rig import Kind, PicturePlace, Rig
 from ..rig.viewer import Viewer
 
 IS_FLAT = 1e-4  # of its size, by which a part may be off its plane

@@ -17,13 +17,12 @@ from ..base.messages import Message
 from ..base.steps import Pauses
 from ..base.vectors import length_of, normalise
 from ..light.display import affine_fit, uv_area
-from ..light.landings import REASON_WORDS, Reason, main_landings
 from ..light.light_paths import NOTHING, Tails, Way, following
 from ..light.optics import reflect
 from ..light.plan import Plan
+from ..light.rays import REASON_WORDS, Reason, main_landings
 from ..light.trace import tracing
-from ..rig.kinds import Kind
-from ..rig.rig import Mesh, PicturePlace, Rig, Viewer
+from ..rig.rig import Kind, Mesh, PicturePlace, Rig, Viewer
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MIDDLE = np.array([[0.5, 0.5]])

@@ -13,7 +13,7 @@ from ..base.numbers import millimetres
 from ..base.words import percent
 from ..bench.measured_remedies import MOVE_TO_GLASS, SMOOTH_GLASS
 from ..bench.picture_light import MOST
-from ..light.landings import REASON_WORDS, Reason
+from ..light.rays import REASON_WORDS, Reason
 from ..rig.rig import ROLES
 from ..solve.legibility import READABLE, illegible
 from .findings import APPEARANCE, SHAPE, findings_of, naming

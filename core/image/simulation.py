@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints
 from ..base.vectors import dot
-from ..light.landings import main_landings
 from ..light.plan import Plan
 from ..light.plate import PlatePath
-from ..light.rays import PlateLight
+from ..light.rays import PlateLight, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats
-from ..light.landings import main_landings
 from ..light.plan import Plan
-from ..light.rays import PlateLight
+from ..light.rays import PlateLight, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
 from ..map.shares import Shares, add_at
 from ..native import image_passes, loading

@@ -4,11 +4,10 @@ from ..base.arrays import Ints
 from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Blocker
 from .hits import Hits
-from .landings import Reason
 from .meetings import Law, key_of_facets
 from .mesh_cache import Kept
 from .plan import Plan
-from .rays import Rays
+from .rays import Rays, Reason
 
 
 def surface(part: Blocker, kept: Kept) -> tuple[Surface, str]:

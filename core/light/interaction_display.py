@@ -1,21 +1,127 @@
-"""The display: light that came by the glass, and by a plate where one is needed, has landed."""
+"""The display: where a ray ends, and why it has not arrived, decided here for all ways to end.
+
+A ray ends on the display, on the plane of a flat display beyond the plate, or in nothing. Light
+that leaves glass which lies on the display lands where it stands: there is air between them,
+however little, as between a lump of glass and a telephone.
+"""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Ints
+from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.products import turn
 from ..base.vectors import dot
+from ..glass.curved import EDGE
 from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface, make_surface
-from ..rig.rig import Display
+from ..rig.rig import Display, Kind
 from .display import uv_islands
-from .endings import give_reasons, is_on_image, land
 from .hits import Hits
 from .meetings import Law, key_of_facets
 from .mesh_cache import Kept
 from .plan import Plan
-from .rays import LAND, Rays
+from .rays import LAND, Rays, Reason
+
+
+def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
+    """Where rays meet the plane of a flat display: display px
+    (n, 2), distance (n,) m, and do they meet its front?
+    """
+    plane = plan.display.plane
+    origins, directions = taken(rays.positions, i), taken(rays.directions, i)
+    slope = dot(directions, plane.normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = dot(plane.corner - origins, plane.normal) / slope
+        at = origins + t[:, None] * directions - plane.corner
+        xy = turn(plane.pixels, at) + plane.origin
+    return xy, t, (slope < 0) & (t > 0)
+
+
+def is_on_image(plan: Plan, xy: Floats) -> Bools:
+    """Are display pixels (n, 2) within the image, or on its edge but for rounding?"""
+    size = np.array([plan.rig.display.width, plan.rig.display.height])
+    return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
+
+
+def land(plan: Plan, rays: Rays, i: Ints, place: Floats) -> None:
+    """Give rays (n,) their landing at places (n, 2) of the display, px."""
+    rays.xy[i] = plan.rig.display.pixel(place, taken(rays.directions, i))
+
+
+def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
+    """Is this light that comes beside the glass, by way of the
+    plate where one is needed, and is it looked for?
+    """
+    is_beside = (rays.reason[i] == Reason.MISSED_GLASS) & plan.settings.looks_beside
+    return is_beside & (rays.has_met_plate[i] | (not plan.needs_plate))
+
+
+def give_reasons(
+    plan: Plan, rays: Rays, i: Ints, is_met: Bools, is_front: Bools, is_on: Bools
+) -> Bools:
+    """Say why rays (n,) at their end have not arrived; return which of them have a landing there.
+
+    Parameters
+    ----------
+    is_met : (n,) the display is met
+    is_front : (n,) on its front
+    is_on : (n,) and on its image. A ray that has met neither glass nor plate is told to have missed
+        the glass, for that comes first on its way; one that met the display needs no plate where
+        all light is followed, and no glass where that is not asked for. Light that carries no
+        picture has a landing beside the image, or beside the glass, so that the map is cut there.
+        Nobody misses the plate of a rig that needs none
+    """
+    lacks_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
+    lacks_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged")) & plan.needs_plate
+    reason = np.select(
+        [lacks_glass, lacks_plate, ~is_met, ~is_front, ~is_on],
+        [
+            Reason.MISSED_GLASS,
+            Reason.MISSED_PLATE,
+            Reason.MISSED_DISPLAY,
+            Reason.BLOCKED,
+            Reason.MISSED_DISPLAY,
+        ],
+        Reason.ARRIVED,
+    )
+
+    rays.reason[i] = reason
+    lands = (reason == Reason.ARRIVED) | (reason == Reason.MISSED_DISPLAY)
+    return lands | _is_beside_glass(plan, rays, i)
+
+
+def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
+    """End rays that have nothing before them but a flat display."""
+    rays.has_ended[i] = True
+    i = i[rays.n_events[i] < plan.settings.max_events]
+    xy, t, is_front = on_plane(plan, rays, i)
+    with np.errstate(invalid="ignore"):
+        is_met = (t > 0) & is_on_image(plan, xy)
+
+    rays.positions[i[is_met]] += t[is_met, None] * rays.directions[i[is_met]]
+    rays.n_events[i[is_met]] += 1
+
+    lands = give_reasons(plan, rays, i, is_met, is_front, is_on=is_met) & is_front
+    land(plan, rays, i[lands], xy[lands])
+    rays.add_to_branch(i[lands], plan.triangles.patch[-1], LAND)
+
+
+def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
+    """End rays that meet nothing; some of them only just miss a flat display."""
+    is_inside = rays.mask[i] != 0
+    rays.reason[i[is_inside]] = Reason.LOST_INSIDE
+    i = i[~is_inside]
+    nowhere = np.zeros(len(i), bool)
+    lands = give_reasons(plan, rays, i, is_met=nowhere, is_front=nowhere, is_on=nowhere)
+    if plan.display.plane is None:
+        return
+
+    i = i[lands]
+    xy, _, is_front = on_plane(plan, rays, i)
+    land(plan, rays, i[is_front], xy[is_front])
+    rays.add_to_branch(i[is_front], plan.triangles.patch[-1], LAND)
 
 
 def surface(part: Display, kept: Kept) -> tuple[Surface, str]:
@@ -45,3 +151,73 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
 
 
 LAW = Law(meet, surface, ends=True)
+
+
+# times the plan's merge distance: glass and display that differ by rounding are that near
+NEAR = 4.0
+
+
+class Contact(NamedTuple):
+    """The display as n rays meet it, and where glass that
+    they leave, or that they enter, is in the same place.
+    """
+
+    display: Hits
+    glass: Hits
+    leaves: Bools
+    enters: Bools
+
+
+def _contact(plan: Plan, first: Hits, by_layer: list[Hits]) -> Contact:
+    """Hits of rays at glass and display in one place, from the first ones and those by layer."""
+    n = len(first.distance)
+    display, glass = Hits.none(n, None), Hits.none(n, None)
+    part_of, parts = plan.triangles.part, plan.parts
+
+    for hits in by_layer:
+        display = display.or_where(hits.triangle >= plan.display.start, hits)
+        is_solid = (hits.triangle >= 0) & (parts.bit[part_of[hits.triangle]] != 0)
+        glass = glass.or_where(is_solid & ~hits.enters & (hits.distance < glass.distance), hits)
+
+    near = NEAR * plan.merge_distance
+    is_entered = (first.triangle >= 0) & (parts.kind[part_of[first.triangle]] == Kind.GLASS)
+    is_first = (display.gap(first) <= near) | (glass.gap(first) <= near)
+    leaves = is_first & (display.gap(glass) <= near)
+    enters = ~leaves & is_entered & first.enters & (display.gap(first) <= near)
+
+    return Contact(display, glass, leaves, enters)
+
+
+def in_order(plan: Plan, first: Hits, by_layer: list[Hits]) -> Hits:
+    """The first hits of rays, with those changed for which glass and display are in one place."""
+    contact = _contact(plan, first, by_layer)
+    if contact.leaves.any():
+        first = first.or_where(contact.leaves, contact.glass)
+    if contact.enters.any():
+        first = first.or_where(contact.enters, contact.display)
+    return first
+
+
+def end_beneath_glass(
+    plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], before: np.ndarray
+) -> None:
+    """End live rays that have just left glass where it lies on the display.
+
+    before : (n,) masks, those in which rays came to their hits
+    """
+    contact = _contact(plan, hits, by_layer)
+    at = np.flatnonzero(contact.leaves)
+    i = rays.live[at]
+    is_out = rays.mask[i] != before[at]
+
+    # light that was turned back must not meet the display behind it
+    shown = plan.triangles.part[contact.display.triangle[at[~is_out]]]
+    rays.last_part[i[~is_out]] = plan.parts.sheet[shown]
+
+    at, i = at[is_out], i[is_out]
+    rays.has_ended[i] = True
+    goes_on = rays.n_events[i] < plan.settings.max_events
+    at, i = at[goes_on], i[goes_on]
+    rays.n_events[i] += 1
+    if len(i):
+        meet(plan, rays, i, contact.display.at(at), by_layer)

@@ -9,8 +9,8 @@ from ..base.errors import RigError
 from ..base.vectors import dot
 from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Plate
-from .endings import end_beyond_plate
 from .hits import Hits
+from .interaction_display import end_beyond_plate
 from .meetings import Law, key_of_facets
 from .mesh_cache import Kept
 from .optics import plane_symmetry

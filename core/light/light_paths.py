@@ -11,12 +11,10 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints
 from ..base.steps import Pauses
 from ..base.vectors import dot
-from ..rig.kinds import Kind
-from ..rig.rig import Mesh
+from ..rig.rig import Kind, Mesh
 from .interactions import ENDS
-from .landings import Landings, Reason, main_landings
 from .plan import Plan
-from .rays import Step
+from .rays import Landings, Reason, Step, main_landings
 from .trace import tracing
 
 PASSED_BY = {Reason.MISSED_PLATE: Kind.PLATE, Reason.MISSED_DISPLAY: Kind.DISPLAY}

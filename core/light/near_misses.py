@@ -1,18 +1,93 @@
-"""Things that a bundle of rays may have passed by: parts of
-the rig, near to it, that none of its rays met.
+"""Things that a bundle of rays may have passed by: parts of the rig, near to it, that none of its
+rays met. Triangles that lie together are packed in boxes.
 """
 
+import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, each_once, taken
 from ..base.steps import Pauses
 from ..glass.meshes import Frames, boxes_of
-from ..native import loading
-from .native import touching
-from .packing import Packing
+from ..native.loading import library, loaded, n_threads
+from ..native.structures import Made, PathsStructure, ThinPartsStructure
+from .kernel_trees import stack_frames
+
+# tuned for time by `dev.py bench`
+MOST_PATCHES = 4096  # with more patches whole parts are looked for
+IN_BOXES = (512, 64, 8, 1)  # triangles, level by level below those of whole patches
+DIGITS = 10  # binary, of each coordinate by which triangles are sorted
+
+
+class Packed(NamedTuple):
+    """Triangles in boxes.
+
+    unit_of_patch : (patches,) the unit, patch or part, that a patch belongs to
+    order : (t,) of triangles, unit by unit, neighbours together
+    starts : of each level, (boxes + 1,) the first triangle of each box, in their order; the boxes
+        of the first level are the units
+    """
+
+    unit_of_patch: Ints
+    order: Ints
+    starts: list[Ints]
+
+
+class Packing:
+    """The boxes of some triangles, found when they are first asked for."""
+
+    def __init__(self) -> None:
+        self._packed: Packed | None = None
+
+    def of(self, corners: Floats, patch: Ints, part: Ints) -> Packed:
+        """Those of triangles with corners (t, 3, 3), m, in patches (t,) and parts (t,), wherever
+        the parts were at first.
+        """
+        if self._packed is None:
+            self._packed = _pack(corners, patch, part)
+        return self._packed
+
+
+def _pack(corners: Floats, patch: Ints, part: Ints) -> Packed:
+    n = len(patch)
+    _, unit = each_once(patch)
+    unit = unit if unit.max() < MOST_PATCHES else part
+    unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
+    unit_of_patch[patch] = unit
+
+    # triangles in an order in which neighbours lie together, unit by unit
+    middles = sum(corners.swapaxes(0, 1)) / 3  # numpy is slow along rows of three
+    order = np.lexsort([_along_curve(middles), unit])
+    unit = unit[order]
+
+    # boxes: of whole units, then of ever fewer triangles
+    first = np.flatnonzero(np.diff(unit, prepend=-1))
+    within = np.arange(n) - first[unit]
+    starts = [
+        np.append(first, n),
+        *(np.append(np.flatnonzero(within % k == 0), n) for k in IN_BOXES),
+    ]
+    return Packed(unit_of_patch, order, starts)
+
+
+def _along_curve(points: Floats) -> Ints:
+    """Place (n,) of points (n, 3) along a curve that fills space
+    (Morton's): neighbours on it are near each other.
+    """
+    low = points.min(axis=0)
+    steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(
+        np.int64
+    )
+    place = np.zeros(len(points), np.int64)
+    for digit in range(DIGITS):
+        for axis in range(3):
+            place |= (steps[:, axis] >> digit & 1) << (3 * digit + axis)
+    return place
 
 
 @dataclass(frozen=True)
@@ -36,6 +111,63 @@ class ThinPartsKnobs:
 
 
 THIN = ThinPartsKnobs()
+
+
+MOST_BUNDLED = 32  # rays
+MOST_UNITS = 4096
+BUNDLES_AT_ONCE = 1 << 10  # between two pauses
+
+
+class _KernelBoxes:
+    """Triangles in boxes of several levels, as the kernel reads them.
+
+    Parameters
+    ----------
+    boxes : of each level, (n, 2, 3) m
+    starts : of each level, (n + 1,) the first triangle in each box
+    frames : of the triangles
+    unit_of_patch : (patches,) the box of the first level that holds a patch
+    """
+
+    def __init__(
+        self, boxes: Sequence[Floats], starts: Sequence[Ints], frames: Frames, unit_of_patch: Ints
+    ) -> None:
+        self._made = made = Made(ThinPartsStructure)
+        self._n_units = len(boxes[0])
+        inner = [np.searchsorted(below, above) for above, below in pairwise(starts)]
+        for level, of_level in enumerate(boxes):
+            made.structure.boxes[level] = made.hold(of_level, float).ctypes.data
+        for level, children in enumerate(inner):
+            made.structure.children[level] = made.hold(children, np.int64).ctypes.data
+
+        made.point("frames", stack_frames(frames), float)
+        made.point("unit_of_patch", unit_of_patch, np.int64)
+        made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
+
+    def knows(self, rays: Ints) -> bool:
+        """Can the kernel tell of bundles of such rays (s, k)?"""
+        return 0 < rays.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
+
+    def touch(self, places: Floats, met: Ints, rays: Ints, widest: float) -> Pauses[Bools]:
+        """Which bundles (s,) come near a patch that none of their rays met: as
+        `ThinParts.touch`.
+        """
+        touched = np.zeros(len(rays), bool)
+        made = Made(PathsStructure)
+        made.point("places", places, float)
+        made.point("met", met, np.int32)
+        made.set(n_events=met.shape[1], widest=widest)
+        for first in range(0, len(rays), BUNDLES_AT_ONCE):
+            some = slice(first, first + BUNDLES_AT_ONCE)
+            n, n_rays = made.point("rays", rays[some], np.int64).shape
+            made.point("touched", touched[some], bool)  # a view: the kernel writes into the result
+            made.set(n=n, n_rays=n_rays)
+
+            structures = ctypes.addressof(self._made.structure), ctypes.addressof(made.structure)
+            loaded().kiriko_touch(*structures, n_threads())
+            yield 0
+
+        return touched
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +237,9 @@ class ThinParts:
         return Frames.of(self._corners)
 
     @cached_property
-    def _of_kernel(self) -> touching.Boxes:
+    def _of_kernel(self) -> _KernelBoxes:
         boxes = [np.stack(sides).transpose(2, 0, 1) for sides in self._boxes]
-        return touching.Boxes(boxes, self._starts, self._frames, self._unit_of_patch)
+        return _KernelBoxes(boxes, self._starts, self._frames, self._unit_of_patch)
 
     def touch(self, places: Floats, met: Ints, rays: Ints) -> Pauses[Bools]:
         """Which bundles (s,) of k rays come near a patch that
@@ -122,7 +254,7 @@ class ThinParts:
         """
         low, high = self.box
         widest = THIN.widest * float(np.linalg.norm(high - low))
-        if loading.library() is not None and self._of_kernel.knows(rays):
+        if library() is not None and self._of_kernel.knows(rays):
             return (yield from self._of_kernel.touch(places, met, rays, widest))
 
         places, met = taken(places, rays), taken(met, rays)

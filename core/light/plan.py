@@ -14,12 +14,11 @@ from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
 from .display import DisplayPlane
-from .landings import Words
 from .media import Media
 from .near_misses import ThinParts
 from .plate import ArrayFrame
 from .ray_engine import Layer
-from .rays import Rays, Step
+from .rays import Rays, Step, Words
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,15 +9,13 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints, taken
 from ..base.steps import Pauses, finish
 from ..glass.curved_roots import Lines
-from ..rig.kinds import Kind
+from ..rig.rig import Kind
 from . import layer_hits
-from .contact import NEAR, in_order, land
-from .endings import end_without_hit
 from .hits import Accept, Hits, Search, slab
+from .interaction_display import NEAR, end_beneath_glass, end_without_hit, in_order
 from .interactions import ENDS, LAWS
-from .landings import Landings, Words, join
 from .plan import Plan, PlannedLayer
-from .rays import PlateLight, Rays, ReachedError, Step
+from .rays import Landings, PlateLight, Rays, ReachedError, Step, Words, join
 
 
 class _Sides:
@@ -303,7 +301,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
                 law.meet(plan, rays, rays.live[some], hits.at(some), others)
 
         if plan.display.is_by_glass:
-            land(plan, rays, hits, by_layer, before)
+            end_beneath_glass(plan, rays, hits, by_layer, before)
         is_over = rays.n_events[rays.live] >= plan.settings.max_events
         on = rays.live[~(ENDS[kind] | is_over | rays.has_ended[rays.live])]
         born, rays.born = rays.born, rays.born[:0]

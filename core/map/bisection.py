@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, taken
-from ..light.landings import Words
 from ..light.plan import Ends, Halving, Plan
+from ..light.rays import Words
 from .points import Points
 from .searches import Halve, Search, ask
 

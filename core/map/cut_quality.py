@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, mean_at, taken
-from ..light.landings import Words
 from ..light.plan import Plan
+from ..light.rays import Words
 from .points import Points, areas, in_triangles, is_seen
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.steps import Pauses
-from ..light.landings import Reason
 from ..light.plan import Plan
+from ..light.rays import Reason
 from .points import is_in_image, is_seen, trace_points
 from .squares import Squares
 from .view_map import MapError, ViewMap

@@ -8,9 +8,8 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints, columns_of, taken
 from ..base.steps import Pauses, finish
 from ..base.vectors import cross_2d
-from ..light.landings import Words, main_landings, main_of
 from ..light.plan import Plan
-from ..light.rays import Step
+from ..light.rays import Step, Words, main_landings, main_of
 from ..light.trace import TRACED_AT_ONCE, recording, tracing
 from ..rig.viewer import Viewer
 

@@ -29,8 +29,8 @@ import numpy as np
 from ..base.arrays import Floats, Ints, taken, whole_within
 from ..base.free_memory import check_free
 from ..base.messages import Message
-from ..light.landings import Reason
 from ..light.plan import Plan
+from ..light.rays import Reason
 from .cells import signed_area
 from .points import BYTES_OF_POINT, Points, is_in_image, trace_points
 from .ray_budget import Allowance

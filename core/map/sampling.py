@@ -16,8 +16,8 @@ import numpy as np
 from ..base.arrays import Bools, Floats, Ints, taken
 from ..base.stages import MAP, Span, section, spans
 from ..base.steps import Pauses, between
-from ..light.landings import Reason
 from ..light.plan import Plan
+from ..light.rays import Reason
 from . import interpolation
 from .borders import Cutting, Pieces
 from .cut_quality import CUT

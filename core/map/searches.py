@@ -10,8 +10,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from ..base.arrays import Floats
-from ..light.landings import Words
 from ..light.plan import Ends, Halving, Plan
+from ..light.rays import Words
 from .points import Points, trace_points
 from .ray_budget import Allowance
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
 from ..base.steps import Pauses, at, finish, within
-from ..light.landings import Reason
+from ..light.rays import Reason
 from . import interpolation
 from .cells import count_shares
 from .decimation import THINNING, Thinning

@@ -2,7 +2,7 @@
 
    Every structure is mirrored in structures.py, field by field, and its size is compared when the library is loaded. All
    lengths are in m, directions are unit vectors, and the names are those of core/light/plan.py, core/light/ray_engine.py and
-   core/glass/curved.py, which say what they mean; constants are knobs of core/light/rescue.py and others. */
+   core/glass/curved.py, which say what they mean; constants are knobs of core/light/layer_hits.py and others. */
 
 #ifndef KIRIKO_H
 #define KIRIKO_H
@@ -26,7 +26,7 @@
 #define MOST_UNITS 4096     /* that are told apart in near_misses.py */
 #define N_LEVELS 5          /* of boxes there */
 #define EDGE 1e-10          /* barycentric slack, as in curved.py */
-#define WIDER 1e-6          /* for a ray that met nothing, as in rescue.py */
+#define WIDER 1e-6          /* for a ray that met nothing, as in layer_hits.py */
 #define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
 
 /* u, v from which a face is searched for a root, as in curved_roots.py */
@@ -79,7 +79,7 @@ typedef struct {
     double *to_bezier;      /* (15, 14) */
 } Curved;
 
-/* The triangles in front of curved faces: engine_triangles.py's Asked. */
+/* The triangles in front of curved faces: ray_engine.py's Asked. */
 typedef struct {
     float *corners;         /* (p, 3, 3) by position, in units of the layer's radius, from its centre */
     int64_t *owner;         /* (p,) by position */

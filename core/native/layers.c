@@ -1,4 +1,4 @@
-/* The first true hit of a ray in a layer: ray by ray what core/light/ray_engine.py and engine_triangles.py do for many at once. */
+/* The first true hit of a ray in a layer: ray by ray what core/light/ray_engine.py does for many at once. */
 
 #include "kiriko.h"
 #include "tree.h"
@@ -51,7 +51,7 @@ static bool accept(Search *search, const Hit *hit, bool *is_wrong) {
     return t > tolerance || (!is_last && t > -1e-3 * tolerance);
 }
 
-/* Pass a face of a shell that cuts itself, as core/light/passed.py does; is it another than the last? */
+/* Pass a face of a shell that cuts itself, as core/light/layer_hits.py does; is it another than the last? */
 static bool pass(Search *search, double t, int64_t triangle, bool is_wrong) {
     if (!(t > search->passed + search->layer->tolerance)) return false;
     search->deeper += is_wrong ? 1 : -1;

@@ -1,8 +1,8 @@
-/* Follows rays to their ends: ray by ray what core/light/trace.py and meetings.py do for many at once. */
+/* Follows rays to their ends: ray by ray what core/light/trace.py and the interactions do for many at once. */
 
 #include "kiriko.h"
 
-#define NEAR 4.0 /* as in core/light/contact.py */
+#define NEAR 4.0 /* as in core/light/interaction_display.py */
 #define RAYS_AT_ONCE 16 /* that one thread takes up: taking them costs nothing, and threads end at about the same time */
 #define EDGES_AT_ONCE 4 /* each of which takes about ten rays */
 
@@ -108,7 +108,7 @@ static bool are_near(const Ray *ray, const Hit *one, const Hit *other, double di
 }
 
 /* Where glass lies on the display: glass that a ray leaves comes before it, glass that it enters after it, as
-   core/light/contact.py has it. */
+   core/light/interaction_display.py has it. */
 static void put_in_order(Ray *ray, Hit *first) {
     const Plan *plan = ray->plan;
     const Hit *display = NULL, *glass = NULL;
@@ -494,7 +494,7 @@ KIRIKO_API void kiriko_follow(const Plan *plan, Rays *rays, int64_t first, int64
     share_out(follow_some, &batch, last - first, RAYS_AT_ONCE, n_threads);
 }
 
-/* The ray through a viewer pixel begins, as core/viewer.py and core/light/rays.py have it. */
+/* The ray through a viewer pixel begins, as core/rig/viewer.py and core/light/rays.py have it. */
 static void begin(const Halving *halving, Rays *rays, int64_t i, double x, double y) {
     const double *window = halving->window, *right = halving->axes, *up = right + 3, *forward = right + 6;
     double u = window[0] + (window[1] - window[0]) * (x / halving->size[0]);

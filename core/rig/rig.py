@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
+from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
@@ -10,14 +11,23 @@ from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message, as_message, quoted
 from .catalogue import PLATES
-from .index import WAVELENGTH, ConstantIndex, Index
 from .mesh import FLAT_THICKNESS as FLAT
 from .mesh import Mesh, SurfaceChoice
 from .mirror_array import MOST_CROSSING_ERROR, MirrorArray
-from .parts import Blocker, Display, Glass, Mirror, Picture, PicturePlace, Plate
+from .parts import (
+    WAVELENGTH,
+    Blocker,
+    ConstantIndex,
+    Display,
+    Glass,
+    Index,
+    Mirror,
+    Picture,
+    PicturePlace,
+    Plate,
+)
 from .roles import Part, Role
-from .viewer import PERPENDICULAR, Viewer
-from .viewers import check_own_images, check_together
+from .viewer import PERPENDICULAR, Viewer, check_own_images, check_together
 
 __all__ = [
     "FLAT",
@@ -223,6 +233,9 @@ ROLES = tuple(replace(f.metadata["role"], field=f.name) for f in fields(Rig))
 MET_ROLES = tuple(
     sorted((role for role in ROLES if role.kind is not None), key=lambda role: role.kind)
 )
+
+# the effect of a surface on a ray, as the table numbers it
+Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])
 
 
 def owner(role: Role, part: Part) -> Message:

@@ -13,11 +13,10 @@ from ..base.vectors import dot, length_of, normalise
 from ..glass.meshes import areas_of, interpolate
 from ..image.picture import of_square, picture_from_view
 from ..light.display import display_pixel
-from ..light.landings import Reason, main_landings
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.ray_engine import Layer
-from ..light.rays import Step
+from ..light.rays import Reason, Step, main_landings
 from ..light.trace import tracing
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 

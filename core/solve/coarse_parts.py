@@ -12,8 +12,8 @@ import numpy as np
 from ..base.arrays import Bools, Floats
 from ..base.steps import Pauses
 from ..light.compile_plan import planning
-from ..light.landings import Landings, main_landings
 from ..light.plan import Counts, Plan
+from ..light.rays import Landings, main_landings
 from ..light.trace import tracing
 from ..rig.rig import ROLES, Rig, SurfaceChoice
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..base.errors import RigError
 from ..base.messages import Message
 from ..base.words import percent
-from ..light.landings import Reason
+from ..light.rays import Reason
 from ..rig.rig import Rig
 from ..rig.viewer import Viewer
 from .channel import Traced

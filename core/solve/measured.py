@@ -7,8 +7,8 @@ from ..base.fingerprint import fingerprint
 from ..base.steps import at
 from ..image.glare import LightBeside, look_beside
 from ..image.simulation import PlateView, plate_view
-from ..light.landings import Reason
 from ..light.plan import Plan
+from ..light.rays import Reason
 from ..map.view_map import ViewMap
 from .accuracy import Accuracy, measure
 

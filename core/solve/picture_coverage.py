@@ -8,7 +8,7 @@ from ..base.errors import RigError
 from ..base.messages import Message
 from ..base.steps import Pauses
 from ..image.picture import cover_in_view, of_square, picture_from_view, why_unseen
-from ..light.landings import REASON_WORDS, Reason
+from ..light.rays import REASON_WORDS, Reason
 from ..map.view_map import ViewMap
 from ..rig.rig import PicturePlace
 from ..rig.viewer import Viewer

@@ -15,8 +15,8 @@ from ..image.flat_picture import outline_in_view
 from ..image.glare import Glare
 from ..image.picture import cover_in_view
 from ..light.display import display_pixel
-from ..light.landings import REASON_WORDS, Reason
 from ..light.plan import Counts, Plan
+from ..light.rays import REASON_WORDS, Reason
 from ..map.points import areas
 from ..map.view_map import MapError
 from ..rig.mesh import SAME_NORMAL

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..base.fingerprint import fingerprint
 from ..base.steps import at, within
-from ..light.landings import BY_GAPS, REASON_WORDS, Reason
 from ..light.plan import Plan
+from ..light.rays import BY_GAPS, REASON_WORDS, Reason
 from ..map.measured_error import checked
 from ..map.view_map import ViewMap
 from ..rig.rig import Rig

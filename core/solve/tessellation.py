@@ -11,12 +11,11 @@ from ..base.steps import Pauses, at, within
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.partly import PART
+from ..light import kernel_trees
 from ..light.compile_plan import planning
-from ..light.landings import Landings, Words, main_landings
-from ..light.native import trees
 from ..light.plan import Plan, PlannedLayer
 from ..light.ray_engine import Layer
-from ..light.rays import Step
+from ..light.rays import Landings, Step, Words, main_landings
 from ..light.trace import recording, tracing
 from ..native import loading
 from ..rig.rig import Glass, Mirror, Rig, Viewer
@@ -103,7 +102,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
     # the kernel's tree is made sooner than Embree's
     if loading.library() is not None:
-        bent.asked = replace(layer.asked, given=trees.HullEngine(layer.asked))
+        bent.asked = replace(layer.asked, given=kernel_trees.HullEngine(layer.asked))
 
     return bent
 

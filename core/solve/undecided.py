@@ -3,10 +3,9 @@
 import numpy as np
 
 from ..base.arrays import Bools, Floats
-from ..light.landings import Landings
 from ..light.plan import Plan
-from ..light.rays import Step
-from ..rig.kinds import Kind
+from ..light.rays import Landings, Step
+from ..rig.rig import Kind
 
 NEAR_OF_GLASS = 1e-3  # of the glass's size
 

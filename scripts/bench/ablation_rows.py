@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 CORE = "kiriko.core"
-ROOMS = "light.native", "glass", "light", "map", "image", "solve"
+ROOMS = "glass", "light", "map", "image", "solve"
 NEVER = 1 << 40  # a count that no solve reaches
 INF = float("inf")
 

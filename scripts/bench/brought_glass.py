@@ -28,7 +28,7 @@ from fuzz.shapes import (
     turned,
 )
 from kiriko.core.blender.read_mesh import in_world, read_local
-from kiriko.core.rig.index import ConstantIndex
+from kiriko.core.rig.parts import ConstantIndex
 from kiriko.core.rig.rig import Glass, Mesh
 
 SIZE = 0.05  # m

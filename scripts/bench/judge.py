@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.base.steps import finish
+from kiriko.core.light import kernel_tracer
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
-from kiriko.core.light.native import plan_structures
 from kiriko.core.light.plan import Plan
-from kiriko.core.light.rays import Rays
+from kiriko.core.light.rays import Rays, Reason
 from kiriko.core.light.trace import TRACED_AT_ONCE
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Mesh
@@ -149,8 +148,8 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     found = Leaks(0, 0, 0, 0, 0)
     if loading.library() is not None:
         # or rays that were lost on the way would begin again in air
-        finish(plan_structures.making(plan))
-        finish(plan_structures.making_whole(plan))
+        finish(kernel_tracer.making(plan))
+        finish(kernel_tracer.making_whole(plan))
 
     for first in range(0, len(d), TRACED_AT_ONCE):
         some = slice(first, first + TRACED_AT_ONCE)

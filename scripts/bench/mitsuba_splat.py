@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from environments import LEAST_LLVM, MISSING_LLVM
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Landings
+from kiriko.core.light.rays import Landings
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import WAVELENGTH, Mesh, Rig
 from kiriko.core.rig.settings import Settings

@@ -37,9 +37,9 @@ from kiriko.core.blender import preview as blender_preview
 from kiriko.core.blender import scene as blender_scene
 from kiriko.core.blender.image import pixels_from_image
 from kiriko.core.blender.nested_glass import interfaces
+from kiriko.core.light import kernel_tracer
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
-from kiriko.core.light.native import plan_structures
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import Step, trace_all, tracing
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig
@@ -353,7 +353,7 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     """WrongError where the compiled kernel passes by a face that numpy's way meets."""
     size = rig.viewer.width, rig.viewer.height
     plan = make_plan(rig, settings)
-    if plan_structures.left_out(plan.layers, plan.parts.kind) is None:
+    if kernel_tracer.left_out(plan.layers, plan.parts.kind) is None:
         found = find_parted(
             plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size)
         )

@@ -12,8 +12,8 @@ from bench import irregular
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig.kinds import Kind
 from kiriko.core.rig.mesh import Mesh
+from kiriko.core.rig.rig import Kind
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.remarks import _on_doubted
 from known.both_ways import find_parted

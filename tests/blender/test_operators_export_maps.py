@@ -37,7 +37,7 @@ def numbers_of(path: Path) -> np.ndarray:
 
 def cauchy(kiriko: ModuleType, a: float, b: float) -> Any:
     """An index n = a + b / wavelength^2, as of glass that disperses."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.rig.index")
+    module = importlib.import_module(f"{kiriko.__name__}.core.rig.parts")
 
     @dataclass(frozen=True)
     class Cauchy(module.Index):

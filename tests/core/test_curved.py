@@ -18,10 +18,9 @@ from kiriko.core.glass.quartics import grid
 from kiriko.core.glass.surfaces import make_surface, making_surface
 from kiriko.core.glass.tessellate import count_parts, tessellate
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.engine_triangles import LeavingKnobs
-from kiriko.core.light.landings import Reason
 from kiriko.core.light.layer_hits import first_hits
-from kiriko.core.light.ray_engine import Layer
+from kiriko.core.light.ray_engine import Layer, LeavingKnobs
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh
@@ -957,7 +956,7 @@ def test_leaving_the_hull_early_changes_nothing(name, monkeypatch):
     mesh = meshes(name, False)
     quick = landings_of(mesh)
     monkeypatch.setattr(
-        "kiriko.core.light.engine_triangles.LEAVING", LeavingKnobs(steep=2.0)
+        "kiriko.core.light.ray_engine.LEAVING", LeavingKnobs(steep=2.0)
     )  # no cosine is: every one is asked
     assert quick.has_arrived.sum() > 5
     assert is_same(quick, landings_of(mesh))

@@ -12,7 +12,7 @@ from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.map import samples
 from kiriko.core.map.points import Points
 from kiriko.core.map.ray_budget import Allowance, most_rays

@@ -9,7 +9,7 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.image.glare import LightBeside
 from kiriko.core.image.simulation import LUMINANCE
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.shares import Coverage
 from kiriko.core.rig.settings import Settings

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass
 from kiriko.core.rig.settings import Settings

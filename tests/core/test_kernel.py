@@ -33,7 +33,8 @@ from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.source_image import Painting, find_strokes
 from kiriko.core.light import (
-    engine_triangles,
+    kernel_tracer,
+    kernel_trees,
     layer_hits,
     media,
     near_misses,
@@ -43,16 +44,9 @@ from kiriko.core.light import (
 )
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.engines import Embree
-from kiriko.core.light.landings import Landings, Reason
 from kiriko.core.light.mesh_cache import Kept
-from kiriko.core.light.native import (
-    kernel_tracer,
-    plan_structures,
-    touching,
-    trees,
-)
 from kiriko.core.light.near_misses import ThinParts
-from kiriko.core.light.rays import Rays, ReachedError
+from kiriko.core.light.rays import Landings, Rays, ReachedError, Reason
 from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.map import bisection, native_divide, share_batches
 from kiriko.core.map import cells as cells_module
@@ -334,7 +328,7 @@ def test_the_tree_is_a_ray_engine(make):
     origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
     directions = unit(dice.normal(size=(8000, 3)) - origins).astype(np.float32)
     expected = Embree(layer.asked.corners).shoot(origins, directions)
-    found = trees.HullEngine(layer.asked).shoot(origins, directions)
+    found = kernel_trees.HullEngine(layer.asked).shoot(origins, directions)
     is_same = found.triangle == expected.triangle
 
     assert is_same.mean() > 0.999  # where edges and rays meet rounding decides
@@ -348,7 +342,7 @@ def test_the_tree_is_a_ray_engine(make):
             getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3
         )
 
-    nowhere = trees.HullEngine(layer.asked).shoot(
+    nowhere = kernel_trees.HullEngine(layer.asked).shoot(
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
     assert (nowhere.triangle == -1).all()
@@ -436,9 +430,9 @@ def test_a_ray_that_is_lost_behind_a_hull_has_all_faces_asked():
         return make_plan(replace(a_rig, glasses=rig(bottle()).glasses), DEFAULT)
 
     plan = made()
-    assert not trees.has_face_tree(behind_hull(plan))
+    assert not kernel_trees.has_face_tree(behind_hull(plan))
     found = followed(plan)
-    assert trees.has_face_tree(behind_hull(plan))
+    assert kernel_trees.has_face_tree(behind_hull(plan))
     recorded, courses = finish(recording(made(), *rays))
 
     landings, steps, of_recorded, of_courses = followed(plan)
@@ -510,7 +504,7 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     that the kernel does not know.
     """
     if not is_known:
-        monkeypatch.setattr(plan_structures, "LAST_KIND", 0)
+        monkeypatch.setattr(kernel_tracer, "LAST_KIND", 0)
     by_numpy = []
     by_events = trace.by_events
     monkeypatch.setattr(trace, "by_events", lambda *rays: by_numpy.append(rays) or by_events(*rays))
@@ -1231,7 +1225,6 @@ def test_the_environment_switches_it_off():
 
 SHARING = (
     *(
-        engine_triangles,
         curved,
         curved_roots,
         native_fit,
@@ -1239,11 +1232,10 @@ SHARING = (
         media,
         picture,
         plate,
-        ray_engine,
         reads,
     ),
     *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, near_misses),
-    *(ray_engine, reads, touching, vertex_fields, source_image),
+    *(ray_engine, reads, vertex_fields, source_image),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

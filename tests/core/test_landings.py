@@ -14,7 +14,7 @@ from kiriko.core.image.source_image import splat
 from kiriko.core.lab.calibrate import misalignment, visible_range
 from kiriko.core.lab.calibrate.misalignment import Bench
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Landings, Reason, join, main_landings
+from kiriko.core.light.rays import Landings, Reason, join, main_landings
 from kiriko.core.light.trace import trace, trace_all, tracing
 from kiriko.core.map import points
 from kiriko.core.map.points import trace_points

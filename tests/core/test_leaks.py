@@ -13,7 +13,7 @@ from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.solids import contains
 from kiriko.core.light import layer_hits
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh

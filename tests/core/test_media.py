@@ -8,8 +8,7 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.media import Solid, make_media
-from kiriko.core.light.touching_solids import boxes_touch
+from kiriko.core.light.media import Solid, boxes_touch, make_media
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh

@@ -14,7 +14,7 @@ from kiriko.core.base.steps import finish
 from kiriko.core.bench.offset import parameters
 from kiriko.core.image.glare import look_beside
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import REASON_WORDS, Reason
+from kiriko.core.light.rays import REASON_WORDS, Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Display, Glass, Mesh, Mirror, Picture, Rig, Viewer

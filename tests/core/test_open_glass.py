@@ -10,8 +10,8 @@ import pytest
 from kiriko.core.base.errors import MeshError, RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, refract
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import Settings

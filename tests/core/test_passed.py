@@ -9,7 +9,7 @@ import pytest
 from kiriko.core.base.vectors import dot
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Landings, Reason
+from kiriko.core.light.rays import Landings, Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Blocker, Mesh, Rig

@@ -14,13 +14,12 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import plane_symmetry, reflect
 from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame, fold
-from kiriko.core.light.thin_surfaces import find_sheets
+from kiriko.core.light.rays import Reason
+from kiriko.core.light.rig_parts import find_sheets
 from kiriko.core.light.trace import trace
-from kiriko.core.rig.kinds import Kind
-from kiriko.core.rig.rig import MirrorArray, Plate
+from kiriko.core.rig.rig import Kind, MirrorArray, Plate
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from known.closed_forms import unit

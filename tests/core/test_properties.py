@@ -12,9 +12,8 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import BY_GAPS, REASON_WORDS, Reason
 from kiriko.core.light.optics import reflect, refract
-from kiriko.core.light.rays import Rays
+from kiriko.core.light.rays import BY_GAPS, REASON_WORDS, Rays, Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Display, Glass, Mesh, Mirror
 from kiriko.core.rig.settings import Settings

@@ -2,8 +2,7 @@
 
 from dataclasses import fields
 
-from kiriko.core.rig.kinds import Kind
-from kiriko.core.rig.rig import MET_ROLES, ROLES, Blocker, Mirror, Rig
+from kiriko.core.rig.rig import MET_ROLES, ROLES, Blocker, Kind, Mirror, Rig
 from known.reference_rigs import ball_rig, rectangle
 
 

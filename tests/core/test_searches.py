@@ -9,7 +9,7 @@ import pytest
 from kiriko.core.base.steps import finish
 from kiriko.core.light import hits, trace
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.map.bisection import Edges, last_on_branch, n_digits
 from kiriko.core.map.cut_cells import find_borders
 from kiriko.core.map.points import Points, trace_points

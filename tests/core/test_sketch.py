@@ -17,7 +17,7 @@ from kiriko.core.bench.sketch import (
     sketching,
 )
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace
 from kiriko.core.rig.rig import PicturePlace
 from kiriko.core.rig.settings import Settings

@@ -10,14 +10,12 @@ import pytest
 
 from kiriko.core.light import interactions, trace
 from kiriko.core.light.compile_plan import MOST_COPIES, make_plan
-from kiriko.core.light.landings import main_landings
 from kiriko.core.light.meetings import Law
 from kiriko.core.light.optics import reflect
-from kiriko.core.light.rays import MIRROR, PASS
+from kiriko.core.light.rays import MIRROR, PASS, main_landings
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig.kinds import Kind
-from kiriko.core.rig.rig import Mirror
+from kiriko.core.rig.rig import Kind, Mirror
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, rectangle
 

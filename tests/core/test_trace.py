@@ -11,11 +11,11 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.checks import check_viewer_outside
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
 from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.ray_engine import Layer
+from kiriko.core.light.rays import Reason
+from kiriko.core.light.rig_parts import check_viewer_outside
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.rig.settings import Settings

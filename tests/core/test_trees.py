@@ -7,7 +7,7 @@ from kiriko.core.base.steps import finish
 from kiriko.core.glass import bounding_shell
 from kiriko.core.glass.bounding_shell import making_hull
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.native import trees
+from kiriko.core.light import kernel_trees
 from kiriko.core.native import loading
 from known.reference_rigs import bottle, icosphere
 
@@ -21,14 +21,14 @@ def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
     """A thread of its own makes it, and it is given up when nobody wants it any longer."""
     at = np.random.default_rng(0).normal(size=(N, 3))
     boxes = np.stack([at - 0.1, at + 0.1], axis=1)
-    whole, items = finish(trees.making_tree(boxes))
-    monkeypatch.setattr(trees, "LARGE", N - 1)
-    pauses = list(trees.making_tree(boxes))
-    made, same = finish(trees.making_tree(boxes))
+    whole, items = finish(kernel_trees.making_tree(boxes))
+    monkeypatch.setattr(kernel_trees, "LARGE", N - 1)
+    pauses = list(kernel_trees.making_tree(boxes))
+    made, same = finish(kernel_trees.making_tree(boxes))
     assert pauses
     assert np.array_equal(made.kept[0], whole.kept[0])
     assert np.array_equal(same, items)
-    unwanted = trees.making_tree(boxes)
+    unwanted = kernel_trees.making_tree(boxes)
     next(unwanted)
     unwanted.close()
 
@@ -37,7 +37,7 @@ def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
 def test_no_tree_is_too_deep():
     """A ray keeps 256 boxes in mind at the most (tree.h), however uneven they are."""
     at = 10.0 ** -np.random.default_rng(0).uniform(0, 150, (N, 3))
-    nodes = finish(trees.making_tree(np.stack([at, at], axis=1)))[0].kept[0]
+    nodes = finish(kernel_trees.making_tree(np.stack([at, at], axis=1)))[0].kept[0]
     todo = [(0, 1)]
     most = 0
     while todo:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import interpolation
 from kiriko.core.map.pieces import SWING, quads_of

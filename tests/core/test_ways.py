@@ -10,12 +10,11 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
 from kiriko.core.light.light_paths import NOTHING, Tails, following
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace
 from kiriko.core.native import loading
-from kiriko.core.rig.kinds import Kind
-from kiriko.core.rig.rig import Blocker, Mirror
+from kiriko.core.rig.rig import Blocker, Kind, Mirror
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.closed_forms import snell, unit

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.map import kernel_width
 from kiriko.core.map.kernel_width import SAMPLES_AT_ONCE, WIDTHS
 from kiriko.core.map.points import Points

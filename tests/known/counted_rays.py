@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.light.native.kernel_tracer import Kernel
+from kiriko.core.light.kernel_tracer import Kernel
 from kiriko.core.light.plan import Ends, Halving
 from kiriko.core.rig.rig import Viewer
 

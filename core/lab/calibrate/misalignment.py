@@ -14,9 +14,9 @@ from ...base.arrays import Floats
 from ...base.steps import finish
 from ...bench.offset import Parameter, parameters, with_part
 from ...light.compile_plan import make_plan
-from ...light.landings import Words, main_landings
 from ...light.mesh_cache import Kept
 from ...light.plan import Plan
+from ...light.rays import Words, main_landings
 from ...light.trace import trace_all
 from ...rig.rig import Rig
 from ...rig.settings import Settings

@@ -13,8 +13,8 @@ from ...base.errors import RigError
 from ...base.vectors import dot
 from ...glass.meshes import areas_of
 from ...glass.quartics import grid
-from ...light.landings import main_landings
 from ...light.plan import Plan
+from ...light.rays import main_landings
 from ...light.trace import trace_all
 
 

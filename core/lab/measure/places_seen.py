@@ -27,8 +27,8 @@ from ...base.arrays import Bools, Floats, Ints
 from ...base.steps import Pauses
 from ...image.flat_picture import view_of_picture
 from ...image.inverse_lookup import Way, mapped, way_of
-from ...light.landings import Reason
 from ...light.plan import Plan
+from ...light.rays import Reason
 from ...map.points import Tracer, tracer, tracer_of
 from ...rig.rig import PicturePlace
 from ...rig.viewer import Viewer

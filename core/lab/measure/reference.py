@@ -20,8 +20,8 @@ from ...files.encoding import encode
 from ...image.picture import of_square, picture_from_view
 from ...image.seen_image import lattice_shift
 from ...light.compile_plan import make_plan
-from ...light.landings import main_landings
 from ...light.plan import Plan
+from ...light.rays import main_landings
 from ...light.trace import trace_all
 from ...map.view_map import MapError
 from ...rig.rig import Display, PicturePlace, Rig

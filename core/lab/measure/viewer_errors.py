@@ -20,7 +20,7 @@ from ...image.pyramid import Pyramid
 from ...image.pyramids import pyramids_of
 from ...image.reads import reads_at
 from ...image.source_image import Painting, find_strokes
-from ...light.landings import main_landings
+from ...light.rays import main_landings
 from ...light.trace import trace_all
 from ...rig.rig import Rig
 from ...rig.settings import Settings

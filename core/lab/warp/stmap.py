@@ -17,7 +17,7 @@ from ...files import disk
 from ...image.flat_picture import flat_way
 from ...image.ghosts import NO_PATH
 from ...image.picture import picture_from_view
-from ...light.landings import Reason
+from ...light.rays import Reason
 from ...map.points import is_in_image, trace_points, tracer
 from ...rig.rig import PicturePlace
 from ...rig.viewer import Viewer

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kiriko.core.base.errors import KirikoError
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Landings
+from kiriko.core.light.rays import Landings
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Glass, Mesh, Rig
 from kiriko.core.rig.settings import Settings

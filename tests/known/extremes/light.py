@@ -8,8 +8,8 @@ import numpy as np
 from kiriko.core.base.steps import finish
 from kiriko.core.base.vectors import dot
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
 from kiriko.core.light.optics import refract
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import tracing
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.rig.settings import Settings

@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import Settings

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.landings import Reason
+from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
 from kiriko.core.rig.settings import Settings

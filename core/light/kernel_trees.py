@@ -9,18 +9,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Floats, taken
-from ...base.products import combine
-from ...base.steps import Pauses, finish
-from ...base.vectors import length_of
-from ...glass.curved import CurvedFaces
-from ...glass.meshes import Frames, boxes_of
-from ...glass.quartics import LOWER, N_TERMS, TO_BEZIER
-from ...native.loading import loaded, n_threads
-from ...native.structures import NODE, GrowthStructure, HullStructure, Made, TreeStructure
-from ..engine_triangles import Asked
-from ..engines import Found
-from ..ray_engine import Layer
+from ..base.arrays import Floats, taken
+from ..base.products import combine
+from ..base.steps import Pauses, finish
+from ..base.vectors import length_of
+from ..glass.curved import CurvedFaces
+from ..glass.meshes import Frames, boxes_of
+from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
+from ..native.loading import loaded, n_threads
+from ..native.structures import NODE, GrowthStructure, HullStructure, Made, TreeStructure
+from .engines import Found
+from .ray_engine import Asked, Layer
 
 LARGE = 1 << 17  # boxes: a tree over more, which takes over 0.06 s, has a thread of its own
 PAUSE_S = 0.005

@@ -1,0 +1,492 @@
+"""The compiled kernel as a tracer: it follows rays to their ends and bisects edges, one by one. It
+reads plans and layers, and reads and writes rays, as pointers to the arrays of numpy.
+"""
+
+import ctypes
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ..base.arrays import Floats, Ints, taken
+from ..base.messages import Message
+from ..base.steps import Pauses, finish
+from ..glass.curved import CurvedFaces
+from ..glass.quartics import LOWER, TO_BEZIER
+from ..native.loading import MOST_LAYERS, library, loaded, n_threads
+from ..native.structures import (
+    ArrayStructure,
+    CurvedStructure,
+    HalvingStructure,
+    LayerStructure,
+    Made,
+    PlanStructure,
+    RayStateStructure,
+)
+from ..rig.viewer import Viewer
+from .kernel_trees import frames_of, has_face_tree, kept, making_face_tree, making_hull
+from .layer_hits import count_starts
+from .plan import Ends, Halving, Plan, PlannedLayer
+from .plate import ArrayFrame
+from .ray_engine import Layer
+from .rays import Rays, ReachedError, Step
+from .trace import by_events
+
+_faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
+
+
+def _make_whole(curved: CurvedFaces) -> Made:
+    made = Made(CurvedStructure)
+    for name in ("corners", "coefficients", "vertex_normal"):
+        made.point(name, getattr(curved, name), float)
+    for name in ("row", "neighbour", "neighbour_edge", "vertex", "normal_row"):
+        made.point(name, getattr(curved, name), np.int64)
+    if curved.has_given_normals:
+        made.point("normal_terms", curved.normal_terms, float)
+    made.point("to_bezier", TO_BEZIER, float)
+    return made
+
+
+def _make_curved(curved: CurvedFaces) -> Made:
+    whole = kept(_faces, curved.whole, lambda: _make_whole(curved.whole))
+    if curved is curved.whole:
+        return whole
+
+    made = Made(CurvedStructure)
+    made.structure = CurvedStructure.from_buffer_copy(whole.structure)
+    made.keep(whole)
+    made.point("normal_row", curved.normal_row, np.int64)
+    made.point("lower", LOWER[curved.degree], float)
+
+    return made
+
+
+def growing_trees(layer: Layer) -> Pauses[None]:
+    """Make the trees that every ray asks for in a layer."""
+    if layer.has_engine and has_face_tree(layer):
+        yield from making_face_tree(layer)
+        yield 0
+    if layer.curved is not None:
+        yield from making_hull(layer.asked)
+        yield 0
+
+
+def growing_faces(layer: Layer, made: Made) -> Pauses[None]:
+    """Let a layer point to the tree over its faces, which is made if need be."""
+    tree, facets = yield from making_face_tree(layer)
+    made.set(over_faces=tree.structure)
+    made.point("facets", facets, float)
+    made.keep(tree)
+
+
+def make_layer(held: PlannedLayer, part: Ints) -> Made:
+    """A layer with its triangles' numbers in the plan, and the bits of its solids.
+
+    part : (t,) of all triangles of the plan
+    """
+    made = Made(LayerStructure)
+    layer = held.layer
+    frames = layer.frames
+    curved = layer.curved
+    made.point("frames", frames_of(frames), float)
+    made.point("numbers", held.numbers, np.int64)
+    made.point("closed_bits", held.closed_bits, np.uint64)
+    made.point("solid_bits", held.solid_bits, np.uint64)
+
+    if layer.motion is not None:
+        made.point("rotation", layer.motion.rotation, float)
+        made.set(shift=layer.motion.shift)
+
+    own = part[held.numbers]
+    made.set(
+        n_triangles=layer.n_triangles,
+        only_part=own[0] if (own == own[0]).all() else -1,
+        low=layer.bounds[0],
+        high=layer.bounds[1],
+        centre=layer.centre,
+        radius=layer.radius,
+        tolerance=layer.tolerance,
+        has_engine=layer.has_engine,
+        n_starts=count_starts(layer.n_triangles),
+    )
+
+    if layer.has_engine and has_face_tree(layer):
+        finish(growing_faces(layer, made))
+
+    if curved is not None:
+        faces = _make_curved(curved)
+        hull = finish(making_hull(layer.asked))
+        made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
+        made.keep(faces, hull)
+
+    return made
+
+
+FOR_EVER = 1 << 31  # events
+LAST_KIND = 5  # of those in kiriko.h: numpy follows rays that may meet others
+LAYOUTS = "crossed", "holes", "radial"
+_plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
+
+
+def _make_array(frame: ArrayFrame) -> Made:
+    made = Made(ArrayStructure)
+    array = frame.array
+    made.set(
+        centre=frame.centre,
+        axes=frame.axes,
+        phase=np.array(array.phase, float),
+        layout=LAYOUTS.index(array.layout),
+        **{
+            name: getattr(array, name)
+            for name in ("pitch", "height", "thickness", "ior", "reflectance")
+        },
+        **{name: getattr(array, name) for name in ("crossing_error", "has_fresnel")},
+    )
+    return made
+
+
+def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
+    """Why the kernel does not follow rays in a plan of these layers and parts of kinds (p,); None
+    where it does.
+    """
+    return Message("it is not there") if library() is None else _unknown(layers, kind)
+
+
+def _unknown(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
+    if len(layers) > MOST_LAYERS:
+        return Message("more than {n} layers", n=MOST_LAYERS)
+    if kind.max() > LAST_KIND or any(
+        type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
+        for held in layers
+    ):
+        return Message("faces of another kind")
+    return None
+
+
+def _make_plan(plan: Plan) -> Made | None:
+    if _unknown(plan.layers, plan.parts.kind) is not None:
+        return None
+
+    made = Made(PlanStructure)
+    _point_to_tables(made, plan)
+    _point_to_elements(made, plan)
+    _point_to_layers(made, plan)
+    settings = plan.settings
+    display = plan.rig.display
+    plane = plan.display.plane
+    made.set(
+        n_triangles=len(plan.triangles),
+        merge_distance=plan.merge_distance,
+        max_events=min(settings.max_events, FOR_EVER),
+        only_through_glass=bool(settings.only_through_glass),
+        needs_plate=plan.needs_plate,
+        looks_beside=bool(settings.looks_beside),
+        brightness=bool(settings.brightness),
+        has_plane=plane is not None,
+        is_by_glass=plan.display.is_by_glass,
+        display_start=plan.display.start,
+        display_size=np.array([display.width, display.height], float),
+    )
+
+    if plane is not None:
+        made.set(
+            plane_corner=plane.corner,
+            plane_normal=plane.normal,
+            plane_pixels=plane.pixels,
+            plane_origin=plane.origin,
+        )
+
+    return made
+
+
+# columns of a plan's tables, and the kernel's types of them
+OF_TRIANGLES = {
+    "normals": float,
+    "corner_normals": float,
+    "is_bent": np.uint8,
+    "patch": np.int64,
+    "part": np.int64,
+}
+OF_PARTS = {
+    "kind": np.int64,
+    "cluster": np.int64,
+    "sheet": np.int64,
+    "is_closed": np.uint8,
+    "is_clear": np.uint8,
+    "bit": np.uint64,
+}
+
+
+def _point_to_tables(made: Made, plan: Plan) -> None:
+    """Let a plan point to its tables of triangles and parts, media and boxes."""
+    for table, columns in ((plan.triangles, OF_TRIANGLES), (plan.parts, OF_PARTS)):
+        for name, dtype in columns.items():
+            made.point(name, getattr(table, name), dtype)
+
+    made.point("indices", plan.media.indices, float)
+    made.point("open_part", np.array([part.number for part in plan.open_parts]), np.int64)
+    open_boxes = np.array([part.box for part in plan.open_parts]).reshape(-1, 2, 3)
+    made.point("open_box", open_boxes, float)
+    made.point("aside_box", plan.aside.boxes, float)
+    made.point("display_uv", plan.rig.display.mesh.uv, float)
+    made.set(n_open=len(plan.open_parts), n_aside=len(plan.aside.boxes))
+
+
+# of elements that an interaction of the kernel reads; the others are NULL to it
+ELEMENTS = {ArrayFrame: _make_array}
+
+
+def _point_to_elements(made: Made, plan: Plan) -> None:
+    """Let a plan point to the numbers of each part."""
+    addresses = np.zeros(len(plan.parts), np.uintp)
+    for number, element in enumerate(plan.parts.elements):
+        if type(element) in ELEMENTS:
+            one = ELEMENTS[type(element)](element)
+            made.keep(one)
+            addresses[number] = ctypes.addressof(one.structure)
+    made.point("elements", addresses, np.uintp)
+
+
+def _point_to_layers(made: Made, plan: Plan) -> None:
+    """Let a plan point to its layers, and to the order in which they are asked."""
+    layers = [make_layer(held, plan.triangles.part) for held in plan.layers]
+    structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
+    made.keep(layers, structures)
+    made.layers = layers
+    made.set(n_layers=len(layers), layers=ctypes.addressof(structures))
+    # glass comes first: most of what else there is lies beyond, and then need not be asked
+    order = np.argsort([not held.layer.has_engine for held in plan.layers], kind="stable")
+    made.point("order", order, np.int64)
+
+
+def making(plan: Plan) -> Pauses[None]:
+    """Make a plan ready as `made_of` does, but with pauses."""
+    if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
+        for held in plan.layers:
+            yield from growing_trees(held.layer)
+
+
+def making_whole(plan: Plan) -> Pauses[None]:
+    """Make the trees that only lost rays ask for, and let a plan that is made point to them."""
+    made = made_of(plan)
+    structures = (LayerStructure * len(made.layers)).from_address(made.structure.layers)
+    for number, (held, layer) in enumerate(zip(plan.layers, made.layers, strict=True)):
+        if held.layer.has_engine and not layer.structure.over_faces.nodes:
+            yield from growing_faces(held.layer, layer)
+            structures[number] = layer.structure
+
+
+def is_whole(made: Made) -> bool:
+    """Has a plan all trees that any ray may ask for?"""
+    return all(
+        layer.structure.over_faces.nodes or not layer.structure.has_engine for layer in made.layers
+    )
+
+
+def made_of(plan: Plan) -> Made | None:
+    """A plan as the kernel reads it, made once; None where it does not know it."""
+    return kept(_plans, plan, lambda: _make_plan(plan))
+
+
+# events, rays and edges between two pauses: less than 0.1 s of work
+EVENTS_AT_ONCE = 1 << 16
+LEAST_AT_ONCE = 64
+LEAST_EDGES_AT_ONCE = 8
+# bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
+MOST_RECORDED = 1 << 26
+PLACE, WORD = 32, 8  # bytes of an event of a ray, in its way and in its course
+
+LIGHTS = "imaged", "folded", "reflected"
+STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
+    **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
+    **dict.fromkeys(("mask", "branch"), np.uint64),
+    **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),
+    **dict.fromkeys(("reason", "plate_path"), np.uint8),
+    **dict.fromkeys(("has_met_glass", "has_met_plate", "is_astray", "has_ended"), np.bool_),
+    "is_begun": np.bool_,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """What n rays met at m events at the most.
+
+    places (m, n, 3) m; met (m, n) triangles, by their numbers + 1, 0 after the last; left_at (n,),
+    the event at which a ray met nothing more, -1 where it ended otherwise
+    """
+
+    places: Floats
+    met: Ints
+    left_at: Ints
+
+    @classmethod
+    def none(cls, n: int, m: int) -> "Ways":
+        """Ways of which nothing is known yet."""
+        # most rays meet few things, so that most of the zeros are never fetched
+        return cls(np.empty((m, n, 3)), np.zeros((m, n), np.int64), np.full(n, -1, np.int64))
+
+    def begin_again(self, some: slice) -> None:
+        """Forget what is known of some rays."""
+        self.met[:, some] = 0
+        self.left_at[some] = -1
+
+
+def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
+    """State of rays as the kernel reads and writes it."""
+    made = Made(RayStateStructure)
+    for name, dtype in STATE.items():
+        given = getattr(rays, name)
+        # not by `is`: an array that was pickled has a type of its own, though an equal one
+        if made.point(name, given, dtype).ctypes.data != given.ctypes.data:
+            raise TypeError(f"{name} is no array of {np.dtype(dtype)} in one piece")
+
+    if rays.course is not None:
+        rays.course = made.point("course", rays.course, np.uint64)
+        made.set(width=rays.course.shape[1])
+
+    if ways is not None:
+        made.point("places", ways.places, float)
+        made.point("met", ways.met, np.int64)
+        made.point("left_at", ways.left_at, np.int64)
+        made.set(n_rays=ways.met.shape[1], n_steps=len(ways.met))
+
+    made.point("is_reached", is_reached, np.uint8)
+    made.set(n_asked=rays.n_asked, n_copies=rays.n_copies)
+    made.set(is_recorded=rays.is_recorded, light=LIGHTS.index(rays.light))
+    return made
+
+
+class Kernel:
+    """Follows rays by the compiled kernel, which bisects edges, too."""
+
+    left_out = staticmethod(left_out)
+
+    def rays_at_once(self, plan: Plan, most: int) -> int:
+        """How many rays, up to `most`, are followed at once when their ways or courses are
+        recorded.
+        """
+        return min(most, max(1, MOST_RECORDED // (PLACE * (plan.settings.max_events + 1))))
+
+    def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
+        """Follow rays to their ends, all of which are under way."""
+        yield from making(plan)
+        has_ways = steps is not None
+        per_event = PLACE * has_ways + WORD * rays.is_recorded
+        if len(rays.mask) * per_event * (plan.settings.max_events + 1) > MOST_RECORDED:
+            yield from by_events(plan, rays, steps)
+            return
+
+        n = len(rays.live)
+        n_events = plan.settings.max_events
+        if rays.is_recorded:
+            rays.course = np.zeros((len(rays.mask), n_events + 1), np.uint64)
+
+        ways = Ways.none(n, n_events) if has_ways else None
+
+        is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
+        made = state_of(rays, ways, is_reached)
+        is_unready = made.point("is_unready", np.zeros(1, np.uint8), np.uint8)
+        of_plan = made_of(plan)
+        structures = ctypes.addressof(of_plan.structure), ctypes.addressof(made.structure)
+
+        kernel = loaded()
+        at_once = max(LEAST_AT_ONCE, EVENTS_AT_ONCE // n_events)
+        for first in range(0, n, at_once):
+            last = min(first + at_once, n)
+            some = slice(first, last)
+            if not is_whole(of_plan):
+                begun = rays.positions[some].copy(), rays.directions[some].copy()
+                reached = is_reached.copy()
+            kernel.kiriko_follow(*structures, first, last, n_threads())
+            if is_unready[0]:
+                # a ray was lost behind a hull: all of them go once more, with all faces to ask
+                yield from making_whole(plan)
+                rays.begin_again(some, *begun)
+                if ways is not None:
+                    ways.begin_again(some)
+                is_reached[:], is_unready[0] = reached, 0
+                kernel.kiriko_follow(*structures, first, last, n_threads())
+            yield last - first
+
+        rays.live = rays.live[:0]
+        if is_reached.any():
+            raise ReachedError(set(np.flatnonzero(is_reached).tolist()))
+        if has_ways:
+            steps += _steps_of(plan, rays, ways)
+
+    def bisect(self, plan: Plan, edges: Halving) -> Pauses[Ends]:
+        """Bisect edges; yields how many rays were traced since.
+
+        Raises
+        ------
+        ReachedError : a ray comes near glass that stands aside
+        """
+        yield from making(plan)
+        n = len(edges.start)
+        rays = Rays(np.zeros((n, 3)), np.zeros((n, 3)), edges.course, is_recorded=False)
+        is_reached = np.zeros(len(plan.aside.boxes), np.uint8)
+        state = state_of(rays, None, is_reached)
+        is_unready = state.point("is_unready", np.zeros(1, np.uint8), np.uint8)
+
+        ends = Ends(*(np.array(values, order="C") for values in edges.begun))
+        made = _made_of(plan.viewer, edges, ends)
+        structures = [ctypes.addressof(one.structure) for one in (made_of(plan), state, made)]
+        n_digits = max(1, int(np.ceil(-np.log2(edges.least))))
+        at_once = max(LEAST_EDGES_AT_ONCE, EVENTS_AT_ONCE // (plan.settings.max_events * n_digits))
+
+        for first in range(0, n, at_once):
+            some = slice(first, min(first + at_once, n))
+            loaded().kiriko_bisect(*structures, some.start, some.stop, n_threads())
+            if is_unready[0]:
+                # a ray was lost behind a hull: all go once more, with all faces to ask
+                yield from making_whole(plan)
+                for values, before in zip(ends, edges.begun, strict=True):
+                    values[some] = before[some]
+                is_unready[0] = 0
+                loaded().kiriko_bisect(*structures, some.start, some.stop, n_threads())
+            yield int(ends.n_tried[some].sum())
+
+        if is_reached.any():
+            raise ReachedError(set(np.flatnonzero(is_reached).tolist()))
+        return ends
+
+
+def _steps_of(plan: Plan, rays: Rays, ways: Ways) -> Iterator[Step]:
+    """The rays at each event, from their ways."""
+    for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
+        some = np.flatnonzero(met)
+        left = np.flatnonzero(ways.left_at == event)
+        if not len(some) + len(left):
+            return
+
+        triangle = met[some] - 1
+        yield Step(
+            rays=some,
+            place=taken(places, some),
+            patch=plan.triangles.patch[triangle],
+            triangle=triangle,
+            left=left,
+            start=taken(rays.positions, left),
+            direction=taken(rays.directions, left),
+        )
+
+
+def _made_of(viewer: Viewer, edges: Halving, ends: Ends) -> Made:
+    """Edges as the kernel reads them, and their ends, which it writes where they are."""
+    made = Made(HalvingStructure)
+    made.point("start", edges.start, float)
+    made.point("way", edges.way, float)
+    made.point("branch", edges.branch, np.uint64)
+    for name, values in zip(Ends._fields, ends, strict=True):
+        made.point(name, values, values.dtype)
+
+    made.set(
+        least=edges.least,
+        position=viewer.position,
+        axes=viewer.axes,
+        window=np.array(viewer.window, float),
+        size=np.array([viewer.width, viewer.height], float),
+        is_orthographic=viewer.projection == "orthographic",
+    )
+    return made

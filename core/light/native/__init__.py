@@ -1,1 +1,0 @@
-"""Rays by the compiled kernel, as `trace.py` follows them, to the same slacks."""
