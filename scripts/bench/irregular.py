@@ -18,40 +18,40 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.trace import trace_all
-from kiriko.core.rig.rig import Mesh, SurfaceChoice
+from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.tessellation import tessellation
-from known.reference_rigs import icosphere, mean_normals, rig, torus, uv_ellipsoid
+from known.judged_meshes import (
+    BALLS,
+    CHOICES,
+    KINDS,
+    MESHES,
+    OPTIONS,
+    SEED,
+    SHAPES,
+    TORI,
+    coarse,
+    disturbed,
+    drawn,
+    errors,
+    hull,
+    rms_error,
+    sheared,
+)
+from known.reference_rigs import icosphere, rig, torus
 
 from .runner import Bench, Row, run
-from .surface import (
-    BALL,
-    BLENDERS,
-    BLENDERS_TORUS,
-    ELLIPSOID,
-    KINDS,
-    LENTIL,
-    OPTIONS,
-    SHAPES,
-    TORUS,
-    drawn,
-    judged,
-)
-from .surface import errors as rms_of
 
 Floats = NDArray[np.float64]
 
-CHOICES: tuple[SurfaceChoice, ...] = ("facets", "smooth", "automatic")
 # of an edge along the surface, of the size off it
 DISTURBED = (
     *((aside, 0.0) for aside in (0.0, 0.1, 0.2, 0.3)),
@@ -59,35 +59,11 @@ DISTURBED = (
     *((0.2, 1e-5), (0.2, 1e-3)),
 )
 SEGMENTS = 32, 64, 128, 256
-SEED = 6
 THINNED = {"kind": "DECIMATE", "ratio": 1 / 16}
 VOXELS = {"kind": "REMESH", "mode": "VOXEL", "voxel_size": 0.0015, "use_smooth_shade": True}
 
 
-def onto_ball(places: Floats) -> Floats:
-    """The nearest places on the ball."""
-    return BALL[0] * places / np.linalg.norm(places, axis=1, keepdims=True)
-
-
-def onto_torus(places: Floats) -> Floats:
-    """The nearest places on the torus around the y axis."""
-    major, minor = TORUS
-    ring = places * [1, 0, 1]
-    ring *= major / np.linalg.norm(ring, axis=1, keepdims=True)
-    out = places - ring
-    return ring + minor * out / np.linalg.norm(out, axis=1, keepdims=True)
-
-
-MESHES: dict[str, tuple[str, Callable[[], Mesh], Callable[[Floats], Floats]]] = {
-    "ball, 1280": ("ball", lambda: icosphere(BALL[0], 3), onto_ball),
-    "ball, 5120": ("ball", lambda: icosphere(BALL[0], 4), onto_ball),
-    "torus, 4096": ("torus", lambda: torus(*TORUS, 64, 32), onto_torus),
-}
-
-
 FINE, MEDIUM = 6, 4  # times that a ball of 20 triangles is divided, or tori are as fine
-TORI = {"torus": (TORUS, 4, 2), "Blender's torus": (BLENDERS_TORUS, 6, 1.5)}
-BALLS = {"ball": BALL, "ellipsoid": ELLIPSOID, "lentil": LENTIL}
 
 
 def divided(shape: str, times: int) -> Mesh:
@@ -132,77 +108,6 @@ COARSE: dict[str, tuple[int | tuple[int, int], ...]] = {
 }
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of one choice of surface, display px, over the rays that arrived.
-
-    rest : rms without the ten worst; lost : rays that did not; curved : share, 0..1, of the
-        triangles that are followed as curved
-    """
-
-    median: float
-    rms: float
-    rest: float
-    p99: float
-    lost: int
-    curved: float
-
-
-def disturbed(name: str, aside: float, noise: float) -> Mesh:
-    """A mesh whose vertices were moved on its surface and off it; mean normals."""
-    _, make, onto = MESHES[name]
-    mesh = make()
-    random = np.random.default_rng(SEED)
-    edge = np.linalg.norm(mesh.corners[:, 1] - mesh.corners[:, 0], axis=1).mean()
-    places = onto(mesh.vertices + aside * edge * random.uniform(-1, 1, mesh.vertices.shape))
-    away = noise * np.ptp(mesh.bounds, axis=0).max() / 2
-    normals = mesh.vertices.copy()
-    normals[mesh.triangles] = mesh.corner_normals
-    return mean_normals(
-        replace(mesh, vertices=places + away * random.normal(size=(len(places), 1)) * normals)
-    )
-
-
-def hull(shape: str, n: int, noise: float, seed: int = SEED) -> Mesh:
-    """The convex hull of so many random places on a shape, and
-    then off it by a part of the size; mean normals.
-    """
-    random = np.random.default_rng(seed)
-    places = random.normal(size=(n, 3))
-    places /= np.linalg.norm(places, axis=1, keepdims=True)
-    away = 1 + noise * random.normal(size=(n, 1))
-    triangles = hull_of(places)
-    corner_normals = np.zeros((len(triangles), 3, 3))
-    is_smooth = np.ones(len(triangles), bool)
-    return mean_normals(Mesh(away * places * BALLS[shape], triangles, corner_normals, is_smooth))
-
-
-def hull_of(places: Floats) -> NDArray[np.int64]:
-    """Triangles (t, 3) of the convex hull of places (n, 3) on the unit sphere, four of the first
-    of them around its middle: each place takes away those that it sees, and joins their outline.
-    """
-    first = next(
-        four
-        for four in combinations(range(len(places)), 4)
-        if (np.linalg.solve(np.c_[places[list(four)], np.ones(4)].T, [0, 0, 0, 1]) > 0).all()
-    )
-    triangles = np.array([list(three) for three in combinations(first, 3)])
-    around = np.cross(*(places[triangles[:, k]] - places[triangles[:, 0]] for k in (1, 2)))
-    is_inward = (around * places[triangles[:, 0]]).sum(axis=1) < 0
-    triangles[is_inward] = triangles[is_inward][:, ::-1]
-
-    for place in np.setdiff1d(np.arange(len(places)), first):
-        at = places[triangles]
-        around = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
-        is_seen = ((places[place] - at[:, 0]) * around).sum(axis=1) > 0
-        edges = triangles[is_seen][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        outline = edges[~np.isin(edges @ [len(places), 1], edges @ [1, len(places)])]
-        added = np.c_[outline, np.full(len(outline), place)]
-        triangles = np.concatenate([triangles[~is_seen], added])
-
-    return triangles
-
-
 def rebuilt(name: str) -> Mesh:
     """A fine mesh, made anew by one of Blender's modifiers."""
     # needs Blender, which tests of core that read this file do without
@@ -213,40 +118,6 @@ def rebuilt(name: str) -> Mesh:
     random = np.random.default_rng(SEED)
     away = noise * np.ptp(fine.bounds, axis=0).max() / 2 * random.normal(size=fine.vertices.shape)
     return glasses.rebuilt(replace(fine, vertices=fine.vertices + away), **options)
-
-
-def coarse(shape: str, segments: int | tuple[int, int]) -> Mesh:
-    """A regular mesh of so many segments around, or segments and rings, with mean normals."""
-    if isinstance(segments, int):
-        return mean_normals((SHAPES | BLENDERS)[shape].mesh(segments))
-    return mean_normals(
-        uv_ellipsoid(BALLS[shape], *segments)
-        if shape in BALLS
-        else torus(*TORI[shape][0], *segments)
-    )
-
-
-def sheared(shape: str, segments: int, rings: int) -> Mesh:
-    """A torus whose rings go on a segment further each, so that its quads are sheared."""
-    plain = coarse(shape, (segments, rings))
-    ring, segment = np.divmod(plain.triangles, segments)
-
-    # a triangle that joins the last ring to the first goes once around the tube
-    ring = np.where((ring == 0) & (ring.max(axis=1, keepdims=True) > 1), rings, ring)
-    turned = ring % rings * segments + (segment + ring) % segments
-    return mean_normals(replace(plain, triangles=turned))
-
-
-def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
-    """How far a mesh that stands for a shape is off by one choice of surface."""
-    rays = judged(shape)
-    plan = make_plan(rig(replace(mesh, surface=choice), **OPTIONS), Settings())
-    px = np.linalg.norm(trace_all(plan, rays.origins, rays.directions).xy - rays.xy, axis=1)
-    arrived = np.sort(px[np.isfinite(px)])
-    rms, rest = (float(np.sqrt((x**2).mean())) for x in (arrived, arrived[:-10]))
-    median, p99 = (float(np.quantile(arrived, q)) for q in (0.5, 0.99))
-    curved = sum(plan.counts.n_curved) / len(mesh.triangles)
-    return Errors(median, rms, rest, p99, len(px) - len(arrived), curved)
 
 
 Meshes = Iterator[tuple[str, str, Mesh]]  # what was done, shape, mesh
@@ -290,7 +161,9 @@ def measure_regular(shape: str, kinds: tuple[str, ...], _: argparse.Namespace) -
     """The errors of finer and finer meshes."""
     for segments in SEGMENTS:
         n_triangles = len(drawn(shape, segments, kinds[0]).glasses[0].mesh.triangles)
-        yield {"triangles": n_triangles} | {kind: rms_of(shape, segments, kind) for kind in kinds}
+        yield {"triangles": n_triangles} | {
+            kind: rms_error(shape, segments, kind) for kind in kinds
+        }
 
 
 CASES = {

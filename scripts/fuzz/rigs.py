@@ -19,8 +19,10 @@ from mathutils import Euler, Matrix
 from kiriko.core.base.arrays import Floats
 from kiriko.core.bench.placement import Placement, Wishes, place, propose_behind
 from kiriko.core.blender.shaders import show_picture
+from known import reference_rigs
 
-from .shapes import BROUGHT, fitting, mesh_of
+from .shapes import BROUGHT, fitting, mesh_of, prism
+from .shapes import add as add_modifier
 
 Thing = TypeVar("Thing")
 
@@ -94,47 +96,29 @@ def hull(dice: Dice) -> bpy.types.Mesh:
 
 def torus(dice: Dice) -> bpy.types.Mesh:
     """A ring."""
-    n = int(dice.rng.integers(3, 16))
-    m = int(dice.rng.integers(3, 10))
+    n, m = (int(dice.rng.integers(3, most)) for most in (16, 10))
     thick = dice.rng.uniform(0.05, 0.24)
-    u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
-    across = 0.5 - thick + thick * np.cos(v)
-    points = np.stack([across * np.cos(u), across * np.sin(u), thick * np.sin(v)], axis=-1).reshape(
-        -1, 3
-    )
-    index = np.arange(n * m).reshape(n, m)
-    right = np.roll(index, -1, axis=0)
-    up = np.roll(index, -1, axis=1)
-    faces = np.stack([index, right, np.roll(right, -1, axis=1), up], axis=-1).reshape(-1, 4)
+    mesh = reference_rigs.torus(0.5 - thick, thick, n, m)
+    return from_arrays(mesh.vertices, mesh.triangles.tolist())
 
-    return from_arrays(points, faces.tolist())
+
+def uv_sphere(dice: Dice) -> bpy.types.Mesh:
+    """A ball of longitudes and latitudes."""
+    u, v = (int(dice.rng.integers(3, most)) for most in (24, 12))
+    return mesh_of("uvsphere", u_segments=u, v_segments=v, radius=0.5)
+
+
+def cone(dice: Dice, top: float) -> bpy.types.Mesh:
+    """A cylinder or a cone."""
+    return prism(int(dice.rng.integers(3, 40)), radius1=0.5, radius2=top)
 
 
 SHAPES: tuple[Callable[[Dice], bpy.types.Mesh], ...] = (
     lambda dice: mesh_of("cube", size=1.0),
-    lambda dice: mesh_of(
-        "uvsphere",
-        u_segments=int(dice.rng.integers(3, 24)),
-        v_segments=int(dice.rng.integers(3, 12)),
-        radius=0.5,
-    ),
+    uv_sphere,
     lambda dice: mesh_of("icosphere", subdivisions=int(dice.rng.integers(1, 4)), radius=0.5),
-    lambda dice: mesh_of(
-        "cone",
-        cap_ends=True,
-        segments=int(dice.rng.integers(3, 40)),
-        radius1=0.5,
-        radius2=0.5,
-        depth=1.0,
-    ),
-    lambda dice: mesh_of(
-        "cone",
-        cap_ends=True,
-        segments=int(dice.rng.integers(3, 24)),
-        radius1=0.5,
-        radius2=0.0,
-        depth=1.0,
-    ),
+    lambda dice: cone(dice, 0.5),
+    lambda dice: cone(dice, 0.0),
     hull,
     torus,
 )
@@ -161,74 +145,71 @@ def arrays_of(mesh: bpy.types.Mesh) -> tuple[Floats, list[list[int]]]:
     ]
 
 
+# powers of ten by which coordinates of a mesh may be too large or too small
+POWERS = {"huge": (5, 38), "tiny": (-30, -5), "denormal": (-45, -38)}
 # faults of a mesh of any shape
 FLAWS = (
-    "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", "huge", "tiny",
+    "open", "duplicated faces", "extra fin", "zero area", "sliver", "nan", "inf", *POWERS,
     "inverted", "some inverted", "crumpled", "no faces", "no vertices", "loose edges",
-    "single triangle", "one point", "doubled", "split", "flat", "denormal",
+    "single triangle", "one point", "doubled", "split", "flat",
 )  # fmt: skip
 
 
 def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:  # noqa: C901 - a case each flaw
     """The mesh with one flaw."""
     points, faces = arrays_of(mesh)
-    rng = dice.rng
-    edges = []
-    n = len(points)
+    rng, edges, n = dice.rng, [], len(points)
     flaw = dice.pick(FLAWS)
     dice.told.append(f"mesh: {flaw}")
     some = [k for k in range(len(faces)) if rng.random() < 0.2] or [0]
     at = int(rng.integers(n))
+    a, b, *_ = faces[0]
 
-    if flaw == "open":
-        faces = [face for k, face in enumerate(faces) if k not in some] or faces[:1]
-    elif flaw == "duplicated faces":
-        faces += [faces[k] if dice.chance(0.5) else faces[k][::-1] for k in some]
-    elif flaw == "extra fin":
-        points = np.concatenate([points, rng.uniform(-1, 1, (1, 3))])
-        faces.append([faces[0][0], faces[0][1], n])
-    elif flaw == "zero area":
-        points = np.concatenate(
-            [points, points[faces[0][:2]].mean(axis=0, keepdims=True), points[:1], points[:1]]
-        )
-        faces += [[faces[0][0], faces[0][1], n], [0, n + 1, n + 2]]
-    elif flaw == "sliver":
-        a, b, *_ = faces[0]
-        points[b] = points[a] + 10.0 ** rng.uniform(-8, -3) * (points[b] - points[a])
-    elif flaw in ("nan", "inf"):
-        points[at, rng.integers(3)] = float(flaw) * dice.pick((1, -1))
-    elif flaw in ("huge", "tiny", "denormal"):
-        power = {"huge": (5, 38), "tiny": (-30, -5), "denormal": (-45, -38)}[flaw]
-        which = slice(None) if dice.chance(0.5) else slice(at, at + 1)
-        points[which] *= 10.0 ** rng.uniform(*power)
-    elif flaw == "inverted":
-        faces = [face[::-1] for face in faces]
-    elif flaw == "some inverted":
-        faces = [face[::-1] if k in some else face for k, face in enumerate(faces)]
-    elif flaw == "crumpled":
-        points += rng.normal(0, dice.log(1e-3, 1), points.shape)
-    elif flaw == "no faces":
-        edges = [(face[0], face[1]) for face in faces]
-        faces = []
-    elif flaw == "no vertices":
-        points = points[:0]
-        faces = []
-    elif flaw == "loose edges":
-        points = np.concatenate([points, rng.uniform(-1, 1, (4, 3))])
-        edges = [(n, n + 1), (0, n + 2)]
-    elif flaw == "single triangle":
-        faces = [faces[0][:3]]
-    elif flaw == "one point":
-        points[:] = points[at]
-    elif flaw == "doubled":
-        faces += [[v + n for v in face] for face in faces]
-        points = np.concatenate([points, points])
-    elif flaw == "split":
-        points = np.concatenate([points[face] for face in faces])
-        starts = np.cumsum([0, *(len(face) for face in faces)])
-        faces = [list(range(a, b)) for a, b in pairwise(starts)]
-    elif flaw == "flat":
-        points[:, 2] = 0.0
+    match flaw:
+        case "open":
+            faces = [face for k, face in enumerate(faces) if k not in some] or faces[:1]
+        case "duplicated faces":
+            faces += [faces[k] if dice.chance(0.5) else faces[k][::-1] for k in some]
+        case "extra fin":
+            points = np.concatenate([points, rng.uniform(-1, 1, (1, 3))])
+            faces.append([a, b, n])
+        case "zero area":
+            middle = points[[a, b]].mean(axis=0, keepdims=True)
+            points = np.concatenate([points, middle, points[:1], points[:1]])
+            faces += [[a, b, n], [0, n + 1, n + 2]]
+        case "sliver":
+            points[b] = points[a] + 10.0 ** rng.uniform(-8, -3) * (points[b] - points[a])
+        case "nan" | "inf":
+            points[at, rng.integers(3)] = float(flaw) * dice.pick((1, -1))
+        case "huge" | "tiny" | "denormal":
+            which = slice(None) if dice.chance(0.5) else slice(at, at + 1)
+            points[which] *= 10.0 ** rng.uniform(*POWERS[flaw])
+        case "inverted":
+            faces = [face[::-1] for face in faces]
+        case "some inverted":
+            faces = [face[::-1] if k in some else face for k, face in enumerate(faces)]
+        case "crumpled":
+            points += rng.normal(0, dice.log(1e-3, 1), points.shape)
+        case "no faces":
+            edges, faces = [(face[0], face[1]) for face in faces], []
+        case "no vertices":
+            points, faces = points[:0], []
+        case "loose edges":
+            points = np.concatenate([points, rng.uniform(-1, 1, (4, 3))])
+            edges = [(n, n + 1), (0, n + 2)]
+        case "single triangle":
+            faces = [faces[0][:3]]
+        case "one point":
+            points[:] = points[at]
+        case "doubled":
+            faces += [[v + n for v in face] for face in faces]
+            points = np.concatenate([points, points])
+        case "split":
+            points = np.concatenate([points[face] for face in faces])
+            starts = np.cumsum([0, *(len(face) for face in faces)])
+            faces = [list(range(first, last)) for first, last in pairwise(starts)]
+        case "flat":
+            points[:, 2] = 0.0
 
     return from_arrays(points, faces, edges)
 
@@ -251,12 +232,7 @@ def hollow(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:
 
 def glass_mesh(dice: Dice) -> bpy.types.Mesh:
     """A shape about one unit across."""
-    # Suzanne, open and cut by her own eyes, is slow
-    mesh = (
-        mesh_of("monkey", matrix=Matrix.Scale(0.4, 4))
-        if dice.chance(0.02)
-        else dice.pick(SHAPES)(dice)
-    )
+    mesh = dice.pick(SHAPES)(dice)
     if dice.chance(0.15):
         mesh = hollow(dice, mesh)
     if dice.wild(0.3, "broken glass"):
@@ -270,31 +246,23 @@ def modify(dice: Dice, thing: bpy.types.Object) -> None:
     """Give an object a modifier."""
     if len(thing.data.polygons) > MOST_FACES:
         return
-    kind = dice.pick(
-        (
-            "SUBSURF",
-            "SUBSURF",
-            "BEVEL",
-            "SOLIDIFY",
-            "DECIMATE",
-            "ARRAY",
-            "MIRROR",
-            "TRIANGULATE",
-            "CAST",
-        )
-    )
+    rng = dice.rng
+    kinds: dict[str, Callable[[], dict[str, object]]] = {
+        "SUBSURF": lambda: {
+            "levels": int(rng.integers(1, 3)),
+            "use_limit_surface": rng.random() < 0.7,
+        },
+        "BEVEL": lambda: {"width": dice.log(1e-4, 1)},
+        "SOLIDIFY": dict,
+        "DECIMATE": lambda: {"ratio": rng.uniform(0.0, 1.0)},
+        "ARRAY": lambda: {"relative_offset_displace": rng.uniform(-1, 1, 3).tolist()},
+        "MIRROR": dict,
+        "TRIANGULATE": dict,
+        "CAST": dict,
+    }
+    kind = dice.pick(("SUBSURF", *kinds))
     dice.told.append(f"modifier {kind}")
-    modifier = thing.modifiers.new(kind, kind)
-
-    if kind == "SUBSURF":
-        modifier.levels = int(dice.rng.integers(1, 3))
-        modifier.use_limit_surface = dice.chance(0.7)
-    elif kind == "BEVEL":
-        modifier.width = dice.log(1e-4, 1)
-    elif kind == "DECIMATE":
-        modifier.ratio = dice.rng.uniform(0.0, 1.0)
-    elif kind == "ARRAY":
-        modifier.relative_offset_displace = dice.rng.uniform(-1, 1, 3).tolist()
+    add_modifier(thing, kind, **kinds[kind]())
 
 
 def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
@@ -303,14 +271,9 @@ def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
     Wild ones are bent, or their UV map is no good.
     """
     n = dice.pick((1, 1, 1, 2, 5))
-    x, y = (c.ravel() for c in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
+    x, y = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(0, 1, n + 1)]))
     points = np.stack([x - 0.5, y - 0.5, 0 * x], axis=1)
-    index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    faces = (
-        np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
-        .reshape(-1, 4)
-        .tolist()
-    )
+    faces = [[k, k + 1, k + n + 2, k + n + 1] for k in range(n * (n + 1)) if k % (n + 1) < n]
     if dice.wild(0.1, f"bent {role}"):
         points[:, 2] = dice.pick((1, -1)) * dice.log(1e-7, 1) * (x - 0.5) ** 2
     mesh = from_arrays(points, faces)
@@ -331,60 +294,37 @@ def rectangle(dice: Dice, role: str) -> bpy.types.Mesh:
     return mesh
 
 
-def folded(dice: Dice) -> bpy.types.Mesh:
-    """A display of two panels that meet at an angle, with or
-    without a gap between their halves of the image.
-    """
-    angle = dice.rng.uniform(0.2, 1.5)
-    gap = dice.pick((0.0, 0.1))
-    x = np.array([-0.5, 0.0, 0.0, 0.5 * np.cos(angle)])
-    points = np.array(
-        [
-            (a, y, z)
-            for y in (-0.5, 0.5)
-            for a, z in zip(x, (0, 0, 0, 0.5 * np.sin(angle)), strict=True)
-        ]
-    )
-    is_one = dice.chance(0.5)  # do the panels share the vertices of the edge at which they meet?
-    mesh = from_arrays(points, [[0, 1, 5, 4], [1 if is_one else 2, 3, 7, 5 if is_one else 6]])
-    across = np.array([0, 0.5 - gap / 2, 0.5 - gap / 2, 0, 0.5 + gap / 2, 1, 1, 0.5 + gap / 2])
-    up = np.tile([0, 0, 1, 1], 2)
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set(
-        "vector", np.stack([across, up], axis=1).astype(np.float32).ravel()
-    )
-
+def panels(x: Floats, z: Floats, u: Floats) -> bpy.types.Mesh:
+    """A strip of panels, one unit high, along places (n,); u : (n - 1, 2) of the ends of each."""
+    n = len(x)
+    points = np.concatenate([np.stack([x, 0 * x + y, z], axis=1) for y in (-0.5, 0.5)])
+    mesh = from_arrays(points, [[k, k + 1, n + k + 1, n + k] for k in range(n - 1)])
+    uv = [(u[k, i], j) for k in range(n - 1) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    layer = mesh.uv_layers.new(name="UVMap")
+    layer.uv.foreach_set("vector", np.array(uv, np.float32).ravel())
     return mesh
+
+
+def folded(dice: Dice) -> bpy.types.Mesh:
+    """A display of two panels that meet at an angle, with or without a gap in the image."""
+    angle, gap = dice.rng.uniform(0.2, 1.5), dice.pick((0.0, 0.05))
+    x, z = np.array([-0.5, 0.0, 0.5 * np.cos(angle)]), np.array([0, 0, 0.5 * np.sin(angle)])
+    return panels(x, z, np.array([[0, 0.5 - gap], [0.5 + gap, 1]]))
 
 
 def rolled(dice: Dice) -> bpy.types.Mesh:
-    """A display bent to a part of a cylinder, hollow or bulging.
-
-    Its UV map goes evenly around it.
-    """
+    """A display bent to a part of a cylinder, hollow or bulging; its UV map goes evenly around."""
     turn = dice.pick((1, -1)) * dice.rng.uniform(0.2, 2.5)
-    n = int(dice.rng.integers(2, 12))
-    u = np.linspace(0, 1, n + 1)
+    u = np.linspace(0, 1, int(dice.rng.integers(2, 12)) + 1)
     angle = turn * (u - 0.5)
-    points = np.concatenate(
-        [np.stack([np.sin(angle), 0 * u + y, 1 - np.cos(angle)], axis=1) for y in (0, 0)]
-    )
-    points[:, [0, 2]] /= turn
-    points[: n + 1, 1], points[n + 1 :, 1] = -0.5, 0.5
-    mesh = from_arrays(points, [[k, k + 1, n + k + 2, n + k + 1] for k in range(n)])
-    uv = [(u[k + i], j) for k in range(n) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.array(uv, np.float32).ravel())
-
-    return mesh
+    ends = np.stack([u[:-1], u[1:]], axis=1)
+    return panels(np.sin(angle) / turn, (1 - np.cos(angle)) / turn, ends)
 
 
 def strange_uv(dice: Dice, uv: Floats) -> Floats:
     """UV coordinates (l, 2) that are none, or not those of the whole image."""
-    kind = dice.pick(
-        ("zero", "line", "nan", "huge", "part", "beyond", "mirrored", "skewed", "noise", "islands")
-    )
-    dice.told.append(f"UV {kind}")
     rng = dice.rng
-    return {
+    kinds: dict[str, Callable[[], Floats]] = {
         "zero": lambda: 0 * uv,
         "line": lambda: uv * [1, 0],
         "nan": lambda: np.where(rng.random(uv.shape) < 0.3, np.nan, uv),
@@ -395,9 +335,12 @@ def strange_uv(dice: Dice, uv: Floats) -> Floats:
         "skewed": lambda: uv @ [[1, 0.3], [0, 1]],
         "noise": lambda: uv + rng.normal(0, 0.2, uv.shape),
         "islands": lambda: (
-            uv / 2 + np.repeat(rng.integers(0, 2, (-(-len(uv) // 4), 2)) / 2, 4, axis=0)[: len(uv)]
+            uv / 2 + rng.integers(0, 2, (-(-len(uv) // 4), 2)).repeat(4, 0)[: len(uv)] / 2
         ),
-    }[kind]()
+    }
+    kind = dice.pick([*kinds])
+    dice.told.append(f"UV {kind}")
+    return kinds[kind]()
 
 
 # Parts
@@ -406,34 +349,24 @@ def strange_uv(dice: Dice, uv: Floats) -> Floats:
 def displaced(dice: Dice, matrix: Floats, size: float, role: str) -> Matrix:
     """A place near this one, or a wild one."""
     there = Matrix(np.asarray(matrix, float).tolist())
+    rng = dice.rng
     if dice.wild(0.12, f"{role} somewhere"):
-        return (
-            Matrix.Translation((dice.rng.normal(0, dice.log(0.1, 10), 3) * size).tolist())
-            @ there
-            @ dice.turn()
-        )
-
+        far = rng.normal(0, dice.log(0.1, 10), 3) * size
+        return Matrix.Translation(far.tolist()) @ there @ dice.turn()
     if dice.wild(0.05, f"{role} edge-on"):
-        return there @ Matrix.Rotation(
-            np.pi / 2 + dice.pick((0.0, 0.0, 1e-9, 1e-4)), 4, dice.pick("XY")
-        )
-
+        angle = np.pi / 2 + dice.pick((0.0, 0.0, 1e-9, 1e-4))
+        return there @ Matrix.Rotation(angle, 4, dice.pick("XY"))
     if dice.wild(0.04, f"{role} turned away"):
         return there @ Matrix.Rotation(np.pi, 4, "X")
     if dice.wild(0.04, f"{role} sheared"):
-        return there @ Matrix.Shear("XY", 4, dice.rng.uniform(-3, 3, 2).tolist())
-
+        return there @ Matrix.Shear("XY", 4, rng.uniform(-3, 3, 2).tolist())
     if dice.wild(0.03, f"{role} without scale"):
-        return there @ Matrix.Diagonal(
-            [*dice.pick(((0, 0, 0), (1, 1, 0), (1, 0, 1), (1e-20, 1, 1))), 1.0]
-        )
+        scales = dice.pick(((0, 0, 0), (1, 1, 0), (1, 0, 1), (1e-20, 1, 1)))
+        return there @ Matrix.Diagonal([*scales, 1.0])
 
-    tilt = (
-        Euler(dice.rng.normal(0, 0.01 if role == "viewer" else 0.05, 3).tolist())
-        .to_matrix()
-        .to_4x4()
-    )
-    return Matrix.Translation((dice.rng.normal(0, 0.05, 3) * size).tolist()) @ there @ tilt
+    tilt = Euler(rng.normal(0, 0.01 if role == "viewer" else 0.05, 3).tolist())
+    aside = Matrix.Translation((rng.normal(0, 0.05, 3) * size).tolist())
+    return aside @ there @ tilt.to_matrix().to_4x4()
 
 
 def scaled(frame: Matrix, size: Sequence[float] | float) -> Matrix:
@@ -443,7 +376,7 @@ def scaled(frame: Matrix, size: Sequence[float] | float) -> Matrix:
 
 def glass_material(dice: Dice) -> bpy.types.Material | None:
     """A material that refracts, or one that does not."""
-    kind = dice.pick(("none", "glass", "glass", "refraction", "principled", "diffuse"))
+    kind = dice.pick(("none", "Glass", "Glass", "Refraction", "Principled", "Diffuse"))
     if kind == "none":
         return None
     material = bpy.data.materials.new(kind)
@@ -451,20 +384,12 @@ def glass_material(dice: Dice) -> bpy.types.Material | None:
         material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
-    node = tree.nodes.new(
-        {
-            "glass": "ShaderNodeBsdfGlass",
-            "refraction": "ShaderNodeBsdfRefraction",
-            "diffuse": "ShaderNodeBsdfDiffuse",
-        }.get(kind, "ShaderNodeBsdfPrincipled")
-    )
-
+    node = tree.nodes.new(f"ShaderNodeBsdf{kind}")
     if "IOR" in node.inputs:
         node.inputs["IOR"].default_value = dice.rng.uniform(1.2, 2.0)
         if dice.wild(0.1, "odd index"):
             node.inputs["IOR"].default_value = dice.pick((0.0, 0.5, 1.0, 1 + 1e-6, 4.0, 1000.0))
-
-    if kind == "principled":
+    if kind == "Principled":
         node.inputs["Transmission Weight"].default_value = 1.0
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(node.outputs[0], output.inputs["Surface"])
@@ -543,27 +468,27 @@ def add_instances(dice: Dice, thing: bpy.types.Object, size: float) -> None:
 
 def add_odd_object(dice: Dice, size: float) -> None:
     """An object that is no mesh, with a role."""
-    kind = dice.pick(("curve", "text", "metaball", "empty", "lattice", "light"))
+    data = bpy.data
+    kinds: dict[str, Callable[[], bpy.types.ID | None]] = {
+        "curve": lambda: data.curves.new("Curve", "CURVE"),
+        "text": lambda: data.curves.new("Text", "FONT"),
+        "metaball": lambda: data.metaballs.new("Ball"),
+        "empty": lambda: None,
+        "lattice": lambda: data.lattices.new("Lattice"),
+        "light": lambda: data.lights.new("Light", "POINT"),
+    }
+    kind = dice.pick([*kinds])
     dice.told.append(f"{kind} with a role")
-    if kind == "curve":
-        data = bpy.data.curves.new("Curve", "CURVE")
-        data.dimensions, data.bevel_depth = "3D", 0.1
-        data.splines.new("BEZIER").bezier_points.add(2)
-    elif kind == "text":
-        data = bpy.data.curves.new("Text", "FONT")
-        data.body, data.extrude = "K", 0.1
+    made = kinds[kind]()
+    if kind == "text":
+        made.body, made.extrude = "K", 0.1
     elif kind == "metaball":
-        data = bpy.data.metaballs.new("Ball")
-        data.elements.new()
-    elif kind == "empty":
-        data = None
-    elif kind == "lattice":
-        data = bpy.data.lattices.new("Lattice")
-    else:
-        data = bpy.data.lights.new("Light", "POINT")
-
+        made.elements.new()
+    elif kind == "curve":
+        made.dimensions, made.bevel_depth = "3D", 0.1
+        made.splines.new("BEZIER").bezier_points.add(2)
     role = dice.pick(("GLASS", "PLATE", "DISPLAY", "PICTURE", "MIRROR", "BLOCKER"))
-    add(data, scaled(displaced(dice, np.eye(4), size, role), size), role)
+    add(made, scaled(displaced(dice, np.eye(4), size, role), size), role)
 
 
 def add_plate(dice: Dice, frame: Floats, size: float) -> None:

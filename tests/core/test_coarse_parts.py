@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.irregular import coarse, disturbed, errors, hull
-from bench.surface import OPTIONS, judged
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.plan import Counts
 from kiriko.core.map.view_map import NO_ERROR
@@ -16,6 +14,7 @@ from kiriko.core.solve.accuracy import measure
 from kiriko.core.solve.coarse_parts import coarsest, followed
 from kiriko.core.solve.remarks import remarks_on
 from kiriko.core.solve.tessellation import tessellation
+from known.judged_meshes import OPTIONS, coarse, disturbed, errors, hull, judged
 from known.reference_rigs import rig
 from known.work import drain
 

@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from bench.irregular import CHOICES, MESHES, coarse, disturbed, errors
 from kiriko.core.base.steps import finish
 from kiriko.core.glass import vertex_fields
 from kiriko.core.glass.curved import CurvedFaces
@@ -27,6 +26,7 @@ from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from known import lathes
 from known.closed_forms import unit
+from known.judged_meshes import CHOICES, MESHES, coarse, disturbed, errors
 from known.reference_rigs import (
     cube_rig,
     icosphere,

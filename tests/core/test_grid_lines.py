@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.irregular import CHOICES, coarse, errors, sheared
 from kiriko.core.base.steps import finish
 from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.surfaces import make_surface
@@ -19,6 +18,7 @@ from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
 from known.catmull_clark import limit_mesh, ring_cage, uneven_profile
+from known.judged_meshes import CHOICES, coarse, errors, sheared
 from known.on_limits import vertices_and_edges
 from known.reference_rigs import mean_normals, rig, smooth_mesh, split_quads, torus, uv_ellipsoid
 

@@ -8,7 +8,6 @@ extremes` asks all of the larger meshes, here a part.
 import numpy as np
 import pytest
 
-from bench.judge import SHAPES, START, aims_at, leak_cases, leaks_of
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.solids import contains
 from kiriko.core.light import layer_hits
@@ -18,6 +17,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
+from known.leaks import SHAPES, START, aims_at, leak_cases, leaks_of
 from known.reference_rigs import icosphere, rig
 
 EVERY = {0: 1, 1: 16}  # of the targets of the smaller and larger meshes

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.irregular import CHOICES, disturbed, errors
 from kiriko.core.glass import trust
 from kiriko.core.glass.agreement import Trial
 from kiriko.core.glass.partly import PART, weights
 from kiriko.core.glass.surfaces import make_surface
+from known.judged_meshes import CHOICES, disturbed, errors
 from known.reference_rigs import torus
 
 

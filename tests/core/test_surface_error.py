@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.surface import FLOOR, SHAPES, drawn, errors, order
+from known.judged_meshes import FLOOR, SHAPES, drawn, order
+from known.judged_meshes import rms_error as errors
 
 SEGMENTS = 32, 64, 128
 MEASURED = Path(__file__).resolve().parents[2] / "docs" / "measured.md"

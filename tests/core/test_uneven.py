@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.irregular import BALLS, CHOICES, errors, hull, hull_of
 from kiriko.core.glass import surface_fit
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.native import loading
 from known.closed_forms import unit
+from known.judged_meshes import BALLS, CHOICES, errors, hull, hull_of
 
 SEEDS = (0, 1)
 
