@@ -174,19 +174,9 @@ def set_up(name: str, python: Path) -> Path:
         run([python, "-m", "venv", "--clear", folder])
 
     print(f"Installing the packages of {folder} ...", flush=True)
-    quiet = [] if sys.stdout.isatty() else ["--quiet"]
-    run(
-        [
-            interpreter,
-            "-m",
-            "pip",
-            "install",
-            "--disable-pip-version-check",
-            *quiet,
-            "-r",
-            requirements,
-        ]
-    )
+    silent = [] if sys.stdout.isatty() else ["--quiet"]
+    pip = [interpreter, "-m", "pip", "install", "--disable-pip-version-check"]
+    run([*pip, *silent, "-r", requirements])
     if name in BLENDERS:
         provide_libraries(interpreter)
     if name == BENCH:

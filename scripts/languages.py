@@ -16,13 +16,7 @@ from messages import TEMPLATES, constant, name_of
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = "core", "operators", "panels"
-SHOWN = {
-    "text",
-    "heading",
-    "title",
-    "message",
-    "confirm_text",
-}  # keywords with a text that is shown
+SHOWN = {"text", "heading", "title", "message", "confirm_text"}  # keywords of texts that are shown
 # the command line, drawings and reports, which are English: scripts and others read them
 ENGLISH = {
     "core/lab/drawing",
@@ -30,13 +24,7 @@ ENGLISH = {
     "operators/cli/command_line.py",
     "operators/cli/to_folder.py",
 }
-MAKERS = {
-    "Workbench",
-    "rectangle",
-    "camera",
-    "material",
-    "data_name",
-}  # of a rig's parts, which have names
+MAKERS = {"Workbench", "rectangle", "camera", "material", "data_name"}  # of parts with names
 GRAMMAR = {"s"}  # endings of English plurals, which other languages do without
 
 

@@ -69,14 +69,8 @@ def emblem(size: int = 256) -> np.ndarray:
     light += ((radius > 0.5) & (radius < 0.75))[..., None] * hue
     light += (radius < 0.2)[..., None] * np.array([1.0, 0.9, 0.6])
     corner = (np.abs(x) > 0.78) & (np.abs(y) > 0.78)
-    light[corner] = np.where(x < 0, 0.9, 0.1)[corner, None] * [1, 0, 0] + np.where(y < 0, 0.9, 0.1)[
-        corner, None
-    ] * [
-        0,
-        0,
-        1,
-    ]
-
+    red, blue = (np.where(a < 0, 0.9, 0.1)[corner, None] for a in (x, y))
+    light[corner] = red * [1, 0, 0] + blue * [0, 0, 1]
     return light.astype(np.float32)
 
 

@@ -38,13 +38,11 @@ def star_pattern(size: int = 1024) -> np.ndarray:
 
     for k in range(6):
         angle = np.pi * k / 6
-        across = (x * np.cos(angle) + y * np.sin(angle)) / (
-            0.3 if k % 2 else 0.3 * 3**0.5 / 2 / 1.5
-        )
-        away = np.abs(across - np.rint(across)) * (0.3 if k % 2 else 0.3 * 3**0.5 / 2 / 1.5)
-        light = np.maximum(
-            light, np.clip((0.012 - away) * size / 3, 0, 1) * (0.55 if k % 2 else 1.0)
-        )
+        step = 0.3 if k % 2 else 0.3 * 3**0.5 / 2 / 1.5
+        across = (x * np.cos(angle) + y * np.sin(angle)) / step
+        away = np.abs(across - np.rint(across)) * step
+        line = np.clip((0.012 - away) * size / 3, 0, 1) * (0.55 if k % 2 else 1.0)
+        light = np.maximum(light, line)
 
     to_edge = np.maximum(np.abs(x), np.abs(y))
     light = np.maximum(
@@ -66,13 +64,8 @@ def light_the_glass() -> None:
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("Room")
     scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (
-        0.012,
-        0.014,
-        0.02,
-        1,
-    )
-
+    dim = 0.012, 0.014, 0.02, 1
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = dim
     for x, size, power in ((-0.6, 0.4, 0.9), (0.7, 0.25, 0.35)):
         light = bpy.data.objects.new("Window", bpy.data.lights.new("Window", "AREA"))
         light.data.size, light.data.energy = size, power

@@ -22,7 +22,7 @@ from environments import as_module, machine, quiet
 from kiriko.core.native import loading
 
 Row = dict[str, Any]
-MISSED = "MISSED"  # a row with this value in it ends the bench with 1
+MISSED = "MISSED"  # a row with this value in it, or WRONG, ends the bench with 1
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ def run(about: str, module: str, main: Bench, *options: tuple, **tables: Bench) 
     parser.add_argument("--threads", type=int, default=0, help="of the kernel; 0: all")
     parser.add_argument("--numpy", action="store_true", help="without the compiled kernel")
     parser.add_argument("--json", action="store_true", help="a line of JSON for each row")
+    parser.add_argument("--markdown", action="store_true", help="as the tables in docs/")
     for name in tables:
         parser.add_argument(
             f"--{name.replace('_', '-')}", action="store_true", help="this table instead"
@@ -75,8 +76,8 @@ def run(about: str, module: str, main: Bench, *options: tuple, **tables: Bench) 
     loading.use_threads(arguments.threads)
     with loading.off() if arguments.numpy else nullcontext():
         rows = measured(bench, module, names, arguments)
-        shown = print_json(rows) if arguments.json else print_table(bench, rows)
-    sys.exit(any(MISSED in row.values() for row in shown))
+        shown = print_json(rows) if arguments.json else print_table(bench, rows, arguments.markdown)
+    sys.exit(any({MISSED, "WRONG"} & {*map(str, row.values())} for row in shown))
 
 
 def chosen(cases: Mapping[str, Any], words: list[str]) -> list[str]:
@@ -109,20 +110,25 @@ def print_json(rows: Iterable[Row]) -> list[Row]:
     return shown
 
 
-def print_table(bench: Bench, rows: Iterable[Row]) -> list[Row]:
+def print_table(bench: Bench, rows: Iterable[Row], in_markdown: bool) -> list[Row]:
     """Print the rows under their heads; all of them."""
     first = max(map(len, [*bench.cases, bench.mean])) + 2
 
     def show(row: Row) -> None:
-        cells = ((head, form, written(row.get(head), form)) for head, form in bench.columns.items())
+        cells = {head: written(row.get(head), form) for head, form in bench.columns.items()}
+        if in_markdown:
+            print(f"| {' | '.join([row['case'], *cells.values()])} |", flush=True)
+            return
         line = "".join(
-            f"{cell:>{max(len(head), 7) + 2}}" if form else f"  {cell:<36}"
-            for head, form, cell in cells
+            f"{cell:>{max(len(head), 7) + 2}}" if bench.columns[head] else f"  {cell:<36}"
+            for head, cell in cells.items()
         )
         print(f"{row['case']:{first}}{line}".rstrip(), flush=True)
 
-    print(f"{machine()}.")
+    print(f"{machine()}.\n")
     show({"case": "", **{head: head for head in bench.columns}})
+    if in_markdown:
+        print("|" + "---|" * (1 + len(bench.columns)))
     shown = []
     for row in rows:
         shown.append(row)

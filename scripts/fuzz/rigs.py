@@ -429,11 +429,8 @@ def add_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     thing = add(mesh, scaled(displaced(dice, at, size, "glass"), aspect * size), "GLASS")
 
     if dice.wild(0.12, "glass beneath a sheared parent"):
-        parent = add(
-            None, Matrix.Diagonal([*dice.rng.uniform(0.3, 2, 3).tolist(), 1.0]) @ dice.turn()
-        )
-        thing.parent = parent
-
+        scales = dice.rng.uniform(0.3, 2, 3).tolist()
+        thing.parent = add(None, Matrix.Diagonal([*scales, 1.0]) @ dice.turn())
     if dice.wild(0.2, "modified glass"):
         modify(dice, thing)
     material = glass_material(dice)
@@ -493,9 +490,8 @@ def add_odd_object(dice: Dice, size: float) -> None:
 
 def add_plate(dice: Dice, frame: Floats, size: float) -> None:
     """A plate, of mirrors or ideal."""
-    thing = add(
-        rectangle(dice, "plate"), scaled(displaced(dice, frame, size, "plate"), 10 * size), "PLATE"
-    )
+    at = scaled(displaced(dice, frame, size, "plate"), 10 * size)
+    thing = add(rectangle(dice, "plate"), at, "PLATE")
     ours = thing.kiriko.plate
     ours.model = dice.pick(("IDEAL", *MODELS)) if not dice.is_tame else "IDEAL"
 
@@ -511,8 +507,7 @@ def add_plate(dice: Dice, frame: Floats, size: float) -> None:
 
 def picture_image(dice: Dice) -> bpy.types.Image:
     """A small image of any shape."""
-    width = dice.pixels()
-    height = dice.pixels()
+    width, height = dice.pixels(), dice.pixels()
     if dice.wild(0.15, "picture of one pixel or one row"):
         width, height = dice.pick(((1, 1), (1, 64), (64, 1)))
     image = bpy.data.images.new(
@@ -531,10 +526,8 @@ def picture_image(dice: Dice) -> bpy.types.Image:
 
 def add_picture(dice: Dice, frame: Floats, size: float) -> None:
     """The picture plane."""
-    at = scaled(
-        displaced(dice, frame, size, "picture"),
-        np.array([1, dice.rng.uniform(0.5, 2), 1]) * 0.6 * size,
-    )
+    sides = np.array([1, dice.rng.uniform(0.5, 2), 1]) * 0.6 * size
+    at = scaled(displaced(dice, frame, size, "picture"), sides)
     thing = add(rectangle(dice, "picture"), at, "PICTURE")
     if dice.wild(0.04, "picture without image"):
         return
@@ -549,18 +542,14 @@ def add_picture(dice: Dice, frame: Floats, size: float) -> None:
 
 def add_display(dice: Dice, frame: Floats, size: float) -> None:
     """The display."""
-    width = dice.pixels()
-    height = dice.pixels()
+    width, height = dice.pixels(), dice.pixels()
     if dice.wild(0.08, "display of one pixel or one row"):
         width, height = dice.pick(((1, 1), (1, 96), (96, 1)))
     across = (2 if dice.is_tame else dice.log(0.5, 20)) * size
     at = scaled(displaced(dice, frame, size, "display"), (across, across * height / width, across))
-    make = (
-        dice.pick((folded, rolled))
-        if dice.chance(0.2)
-        else (lambda dice: rectangle(dice, "display"))
-    )
-    thing = add(make(dice), at, "DISPLAY")
+    is_bent = dice.chance(0.2)
+    mesh = dice.pick((folded, rolled))(dice) if is_bent else rectangle(dice, "display")
+    thing = add(mesh, at, "DISPLAY")
     thing.kiriko.resolution = (width, height)
     if dice.chance(0.3):
         thing.data.materials.append(bpy.data.materials.new("Screen"))
@@ -620,28 +609,18 @@ def add_viewer(dice: Dice, frame: Floats, size: float, distance: float) -> None:
 
 def add_extras(dice: Dice, frames: Sequence[Floats], size: float) -> None:
     """Mirrors and blockers, and parts of which there should be one only."""
-    for share, role in (
-        (0.12, "MIRROR"),
-        (0.12, "BLOCKER"),
-        (0.04, "DISPLAY"),
-        (0.04, "PICTURE"),
-        (0.08, "PLATE"),
-    ):
-        if dice.wild(share, f"another {role.lower()}"):
-            at = scaled(
-                displaced(dice, dice.pick(frames), 3 * size, role.lower()), dice.log(0.1, 10) * size
-            )
-            mesh = rectangle(dice, role.lower()) if dice.chance(0.6) else glass_mesh(dice)
-            add(mesh, at, role)
+    shares = {"mirror": 0.12, "blocker": 0.12, "display": 0.04, "picture": 0.04, "plate": 0.08}
+    for role, share in shares.items():
+        if dice.wild(share, f"another {role}"):
+            at = displaced(dice, dice.pick(frames), 3 * size, role)
+            mesh = rectangle(dice, role) if dice.chance(0.6) else glass_mesh(dice)
+            add(mesh, scaled(at, dice.log(0.1, 10) * size), role.upper())
 
     if dice.wild(0.05, "mirrors face to face"):
         for z, turn in ((-1, 0.0), (1, np.pi)):
             at = Matrix(np.asarray(frames[1]).tolist()) @ Matrix.Translation((0, 0, z * size))
-            add(
-                rectangle(dice, "mirror"),
-                scaled(at @ Matrix.Rotation(turn, 4, "X"), 3 * size),
-                "MIRROR",
-            )
+            at = scaled(at @ Matrix.Rotation(turn, 4, "X"), 3 * size)
+            add(rectangle(dice, "mirror"), at, "MIRROR")
 
 
 def set_up(dice: Dice, scene: bpy.types.Scene) -> None:
@@ -690,43 +669,32 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
     """Make a random rig in the scene, which is empty; the choices that were drawn."""
     dice = Dice(rng)
     scene = bpy.context.scene
-    units = scene.unit_settings
-    size = SIZE
-    centre = np.zeros(3)
-
+    units, size, centre = scene.unit_settings, SIZE, np.zeros(3)
     if dice.chance(0.4):
-        units.system, units.scale_length = dice.pick(
-            (("METRIC", 1e-3), ("IMPERIAL", 0.0254), ("NONE", 5.0))
-        )
+        systems = ("METRIC", 1e-3), ("IMPERIAL", 0.0254), ("NONE", 5.0)
+        units.system, units.scale_length = dice.pick(systems)
         size /= 1.0 if units.system == "NONE" else units.scale_length
-
     if dice.wild(0.1, "odd unit"):
-        units.system = "METRIC"
-        units.scale_length = dice.log(1e-5, 1e5)
-
+        units.system, units.scale_length = "METRIC", dice.log(1e-5, 1e5)
     if dice.wild(0.15, "odd size"):
         size = dice.log(1e-4, 1e4)
     if dice.wild(0.12, "far away"):
         centre = dice.rng.normal(size=3) * dice.log(1e-1, 1e5)
     distance = dice.rng.uniform(5, 25) * size
-    stand = place(
-        centre, 3 * size, dice.rng.uniform(0.5, 1.1), distance, dice.rng.uniform(0, 2 * np.pi)
-    )
+    tilt, azimuth = dice.rng.uniform(0.5, 1.1), dice.rng.uniform(0, 2 * np.pi)
+    stand = place(centre, 3 * size, tilt, distance, azimuth)
     stand = behind_glass(dice, centre, size, distance) or stand
 
     if not dice.wild(0.03, "no glass"):
         n_glasses = dice.pick((1, 1, 1, 1, 1, 2, 2, 3, 5))
-        glasses = [
-            add_glass(dice, centre, size * dice.rng.uniform(0.3, 1.3)) for _ in range(n_glasses)
-        ]
+        sizes = size * dice.rng.uniform(0.3, 1.3, n_glasses)
+        glasses = [add_glass(dice, centre, float(one)) for one in sizes]
         if dice.chance(0.05) or dice.wild(0.1, "instances"):
             add_instances(dice, glasses[0], size)
         if dice.chance(0.06) and stand.plate is not None:
             dice.told.append("glass behind the plate")
-            behind = (
-                stand.plate[:3, 3]
-                + dice.rng.uniform(0.3, 0.7) * (stand.display - stand.plate)[:3, 3]
-            )
+            part = dice.rng.uniform(0.3, 0.7)
+            behind = (1 - part) * stand.plate[:3, 3] + part * stand.display[:3, 3]
             add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))
 
     if stand.plate is not None and not dice.wild(0.03, "no plate"):

@@ -123,12 +123,8 @@ def told_of(value: Any, depth: int = 4) -> Any:
         return repr(value)
 
     if isinstance(value, bpy.types.bpy_prop_collection):
-        return (
-            [told_of(item, depth - 1) for item in value]
-            if depth and len(value) <= 1000
-            else len(value)
-        )
-
+        is_short = depth and len(value) <= 1000
+        return [told_of(item, depth - 1) for item in value] if is_short else len(value)
     return np.array(value).tobytes() if hasattr(value, "__len__") else repr(value)
 
 
@@ -157,9 +153,8 @@ def inventory() -> dict[str, dict[str, Any]]:
                 told["vertices"] = column(block.vertices, "co", 3, np.float32)
                 told["corners"] = column(block.loops, "vertex_index", 1, np.int32)
                 told["smooth"] = column(block.polygons, "use_smooth", 1, np.bool_)
-                told["uv"] = [
-                    column(layer.uv, "vector", 2, np.float32) for layer in block.uv_layers
-                ]
+                layers = block.uv_layers
+                told["uv"] = [column(layer.uv, "vector", 2, np.float32) for layer in layers]
             else:
                 told = properties(block)
             if group == "images" and block.size[0] * block.size[1] > 0:
@@ -284,29 +279,16 @@ def check_result(scene: bpy.types.Scene) -> np.ndarray:
     pixels = pixels_from_image(result.source)[..., :3]
     need(np.isfinite(pixels).all(), "the source image has pixels that are not finite")
     need((pixels >= 0).all(), f"the source image has negative pixels: {pixels.min()}")
-    need(
-        pixels.shape[1::-1] == tuple(details["resolution"]),
-        f"the source image has the size {pixels.shape}",
-    )
-    need(
-        tuple(details["resolution"]) in {tuple(o.kiriko.resolution) for o in bpy.data.objects},
-        "another resolution",
-    )
-    shares = [
-        result.coverage,
-        details["view_coverage"],
-        details["display_coverage"],
-        *details["misses"].values(),
-    ]
+    size = tuple(details["resolution"])
+    need(pixels.shape[1::-1] == size, f"the source image has the size {pixels.shape}")
+    need(size in {tuple(o.kiriko.resolution) for o in bpy.data.objects}, "another resolution")
+    coverage = result.coverage, details["view_coverage"], details["display_coverage"]
+    shares = [*coverage, *details["misses"].values()]
     need(are_shares(shares), f"shares beyond 0..1: {shares}")
     whole = details["picture_coverage"] + sum(details["misses"].values())
     need(abs(whole - 1) < ROUNDING, f"coverage and reasons sum to {whole}")
-    need(
-        result.summary.endswith(".") and not NONSENSE.search(QUOTED.sub("", result.summary)),
-        result.summary,
-    )
-    for note in result.notes.splitlines():
-        need(note.endswith(".") and not NONSENSE.search(QUOTED.sub("", note)), f"the note: {note}")
+    for text in (result.summary, *result.notes.splitlines()):
+        need(text.endswith(".") and not NONSENSE.search(QUOTED.sub("", text)), f"the note: {text}")
 
     return pixels
 
@@ -319,29 +301,19 @@ def check_solution(
     """
     ours = scene.kiriko
     names = (
-        "tolerance",
-        "max_events",
-        "effort",
-        "only_through_glass",
-        "only_through_plate",
-        "brightness",
-        "margin",
-        "suppress_glare",
-    )
+        "tolerance", "max_events", "effort", "only_through_glass", "only_through_plate",
+        "brightness", "margin", "suppress_glare",
+    )  # fmt: skip
     settings = Settings(**{name: getattr(ours, name) for name in names}, ghosts=ours.ghosts.lower())
     solution = finish(Session().solve(reading.rig, settings))
     need(np.array_equal(solution.source, source), "core alone comes to another source image")
     need(are_shares(solution.display_coverage), "display coverage beyond 0..1")
     need(are_shares(solution.first.view_coverage), "view coverage beyond 0..1")
-    need(
-        np.isfinite(solution.weight).all() and (solution.weight >= 0).all(),
-        "weights that cannot be",
-    )
-    is_seen = solution.weight > 0
-    need(
-        not (is_seen & (solution.display_coverage <= 0)).any(),
-        "display pixels are seen that are not covered",
-    )
+    weight = solution.weight
+    need(np.isfinite(weight).all() and (weight >= 0).all(), "weights that cannot be")
+    is_seen = weight > 0
+    is_bare = solution.display_coverage <= 0
+    need(not (is_seen & is_bare).any(), "display pixels are seen that are not covered")
     if not ours.margin:
         need(not source[~is_seen].any(), "display pixels shine that are not seen")
     seen = solution.seen()
@@ -354,13 +326,10 @@ def check_kernel(rig: Rig, settings: Settings) -> None:
     size = rig.viewer.width, rig.viewer.height
     plan = make_plan(rig, settings)
     if kernel_tracer.left_out(plan.layers, plan.parts.kind) is None:
-        found = find_parted(
-            plan, *rig.viewer.rays(np.random.default_rng(0).random((BOTH_WAYS, 2)) * size)
-        )
-        need(
-            found.n_wrong == 0,
-            f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face",
-        )
+        places = np.random.default_rng(0).random((BOTH_WAYS, 2)) * size
+        found = find_parted(plan, *rig.viewer.rays(places))
+        told = f"of {found.n_rays} rays the kernel leads {found.n_wrong} past a face"
+        need(found.n_wrong == 0, told)
 
 
 # Cycles as judge
@@ -427,12 +396,10 @@ def judge(scene: bpy.types.Scene, reading: blender_scene.Reading) -> dict[str, f
 def how_far(is_ours: np.ndarray, is_theirs: np.ndarray, off: np.ndarray) -> dict[str, float] | None:
     """Median and 95 % of those that arrive in both, and shares; None where none does in Cycles."""
     off = off[is_ours & is_theirs]
+    if not is_theirs.any():
+        return None
     if not len(off):
-        return (
-            None
-            if not is_theirs.any()
-            else {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
-        )
+        return {"median": math.nan, "most": math.nan, "only_theirs": 1.0, "both": 0.0}
 
     only_theirs = (is_theirs & ~is_ours).sum()
     return {

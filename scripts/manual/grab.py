@@ -22,18 +22,10 @@ class XImage(ctypes.Structure):
     """The beginning of Xlib's structure of that name."""
 
     _fields_ = (
-        ("width", ctypes.c_int),
-        ("height", ctypes.c_int),
-        ("xoffset", ctypes.c_int),
-        ("format", ctypes.c_int),
+        *((name, ctypes.c_int) for name in ("width", "height", "xoffset", "format")),
         ("data", ctypes.POINTER(ctypes.c_ubyte)),
-        ("byte_order", ctypes.c_int),
-        ("bitmap_unit", ctypes.c_int),
-        ("bitmap_bit_order", ctypes.c_int),
-        ("bitmap_pad", ctypes.c_int),
-        ("depth", ctypes.c_int),
+        *((name, ctypes.c_int) for name in ("byte_order", "unit", "bit_order", "pad", "depth")),
         ("bytes_per_line", ctypes.c_int),
-        ("bits_per_pixel", ctypes.c_int),
     )
 
 

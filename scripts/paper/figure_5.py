@@ -90,19 +90,8 @@ def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
 
 def figure_5(rig: Rig, spp: int, out: Path) -> Table:
     """The ball's source image by each plate and each way: pictures into `out`, and the table."""
-    table = [
-        [
-            "plate",
-            "way",
-            "rays",
-            "seconds",
-            "processor s",
-            "RMSE",
-            "of it noise",
-            "shared by all runs",
-            "holes",
-        ]
-    ]
+    head = "plate|way|rays|seconds|processor s|RMSE|of it noise|shared by all runs|holes"
+    table = [head.split("|")]
     for name, array in {"ideal plate": None, "mirror array": PRESETS["ASKA3D-488"]}.items():
         print(
             f"ball, {name}: solving, and {spp} + {max(spp // 4, 1)} samples a pixel by splat ...",

@@ -57,17 +57,8 @@ def sensitivities(bench: Bench) -> dict[str, Table]:
     tolerances = tolerances_of(bench)
     wanted = PAPER_DX[SOURCE]
 
-    rows = [
-        [
-            "off by one unit",
-            "mean dx px",
-            "mean dy px",
-            "mean px",
-            "to expect",
-            "px",
-            f"alone makes the paper's {wanted} px of dx",
-        ]
-    ]
+    head = "off by one unit|mean dx px|mean dy px|mean px|to expect|px"
+    rows = [[*head.split("|"), f"alone makes the paper's {wanted} px of dx"]]
     for k in np.argsort(-np.linalg.norm(d, axis=2).mean(axis=1) * tolerances):
         parameter = bench.parameters[k]
         moved = d[k]

@@ -10,7 +10,6 @@ import argparse
 from pathlib import Path
 
 from environments import machine
-from kiriko.core.files import disk
 
 from .published import SPP, markdown
 
@@ -45,10 +44,9 @@ def main() -> None:
 
 def show_cube(out: Path) -> None:
     """Measure the lattice in the cube in each condition."""
-    from .figures_7_and_8 import figures_7_and_8, lattice_table, points_csv
+    from .figures_7_and_8 import figures_7_and_8, lattice_table
 
     conditions = figures_7_and_8(out)
-    disk.write_text(out / "lattice.csv", points_csv(conditions))
     print(f"\n{markdown(lattice_table(conditions))}", flush=True)
 
 

@@ -44,7 +44,7 @@ def test_eye_box_and_pictures_of_random_rigs_end_so_too(fuzz, monkeypatch):
     """On a rig that is solved, and on two that are refused, one of which sees nothing."""
     monkeypatch.setattr(fuzz, "ON_RESULT", {})
     monkeypatch.setattr(fuzz, "ANYWAY", {fuzz.eye_box: 1.0, fuzz.render_pictures: 1.0})
-    outcomes = [fuzz.try_rig(SEED, k) for k in (40, 36, 7)]
+    outcomes = [fuzz.try_rig(SEED, k) for k in (13, 6, 7)]
     assert [(o.k, o.text) for o in outcomes if o.verdict == "failed"] == []
     assert [bool(o.also["eye_box"]) for o in outcomes] == [False, True, True]
     assert [o.also["render_pictures"] for o in outcomes] == ["", "", ""]

@@ -1,10 +1,11 @@
 """The extreme cases of `dev.py extremes` at small size, each within its own bound."""
 
 import sys
+from dataclasses import replace
 
 import pytest
 
-from bench import extremes
+from bench import extremes, runner
 from known.extremes.cases import (
     LIMIT,
     REFUSED,
@@ -49,11 +50,14 @@ def test_what_is_off_is_wrong():
 @pytest.mark.parametrize(("error", "code"), [(2.0, True), (0.5, False)], ids=["wrong", "right"])
 def test_the_command_fails_when_an_expectation_does(error, code, monkeypatch, capsys):
     """Exit code 1 and the word WRONG for a row off its bound, 0 without one."""
-    monkeypatch.setattr(
-        extremes, "CASES", [Case("group", "name", lambda quick: iter([within("it", error, 1.0)]))]
-    )
+    case = Case("group", "name", lambda quick: iter([within("it", error, 1.0)]))
     monkeypatch.setattr(sys, "argv", ["extremes.py"])
     with pytest.raises(SystemExit) as ended:
-        extremes.main()
+        runner.run(
+            "",
+            "",
+            replace(extremes.BENCH, cases={"it": case}),
+            runner.option("--quick", default=True),
+        )
     assert bool(ended.value.code) == code
     assert (WRONG in capsys.readouterr().out) == code
