@@ -40,23 +40,12 @@ static int64_t split(Ray *ray) {
     rays->is_begun[to] = true;
     copy(rays->positions + 3 * i, rays->positions + 3 * to);
     copy(rays->directions + 3 * i, rays->directions + 3 * to);
-    for (int k = 0; k < 2; k++) rays->xy[2 * to + k] = rays->xy[2 * i + k];
-    rays->mask[to] = rays->mask[i];
-    rays->cluster[to] = rays->cluster[i];
-    rays->reason[to] = rays->reason[i];
-    rays->branch[to] = rays->branch[i];
-    rays->throughput[to] = rays->throughput[i];
-    rays->n_events[to] = rays->n_events[i];
-    rays->has_met_glass[to] = rays->has_met_glass[i];
-    rays->has_met_plate[to] = rays->has_met_plate[i];
-    rays->plate_path[to] = rays->plate_path[i];
-    rays->last_part[to] = rays->last_part[i];
-    rays->leak[to] = rays->leak[i];
-    rays->n_words[to] = rays->n_words[i];
-    rays->is_astray[to] = rays->is_astray[i];
-    rays->has_ended[to] = rays->has_ended[i];
-    if (rays->is_recorded)
-        for (int64_t k = 0; k < rays->width; k++) rays->course[to * rays->width + k] = rays->course[i * rays->width + k];
+#define TAKE(column) rays->column[to] = rays->column[i]
+    TAKE(mask), TAKE(cluster), TAKE(branch), TAKE(throughput), TAKE(n_events), TAKE(n_words);
+    TAKE(has_met_glass), TAKE(has_met_plate), TAKE(plate_path), TAKE(last_part), TAKE(leak), TAKE(is_astray);
+#undef TAKE
+    for (int64_t k = 0; rays->is_recorded && k < rays->width; k++)
+        rays->course[to * rays->width + k] = rays->course[i * rays->width + k];
     return to;
 }
 
