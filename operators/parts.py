@@ -87,14 +87,8 @@ class KIRIKO_OT_show_part(NamesPart, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             thing = self.found(context)
-            switched = show(thing, context.scene, context.view_layer)
-            text = (
-                Message(
-                    "'{name}' is shown: {switched}.", name=thing.name, switched=", ".join(switched)
-                )
-                if switched
-                else Message("'{name}' was shown already.", name=thing.name)
-            )
+            show(thing, context.scene, context.view_layer)
+            text = Message("'{name}' is shown in viewport and renders.", name=thing.name)
             telling.report(self, "INFO", text)
             return {"FINISHED"}
 

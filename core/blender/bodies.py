@@ -74,42 +74,19 @@ def on_no_place(name: str) -> Message:
 def tools_of(things: list[bpy.types.Object]) -> dict[bpy.types.Object, bpy.types.BooleanModifier]:
     """Objects that are no bodies of their own, but cut or complete others among these by a Boolean
     modifier, and the modifier of each. Wine that is cut out of its glass is a body: it is rendered,
-    and no mere outline in the viewport. Of bodies that cut each other none is a mere tool.
+    and no mere outline in the viewport.
     """
-    used = {}
-    for whole in things:
-        for modifier in whole.modifiers:
-            if modifier.type != "BOOLEAN" or not modifier.show_viewport:
-                continue
-            is_one = modifier.operand_type == "OBJECT"
-            group = modifier.collection
-            tools = [modifier.object] if is_one else (group.all_objects if group else [])
-            for tool in tools:
-                is_tool = tool in things and tool.kiriko.role == "NONE"
-                if is_tool and (tool.hide_render or tool.display_type in OUTLINES):
-                    used.setdefault(tool, {})[whole] = modifier
-
-    # one whose every use ends at itself is a body
-    ends = {tool: _served(tool, used) for tool in used}
-    return {
-        tool: next(iter(wholes.values()))
-        for tool, wholes in used.items()
-        if not (tool in ends[tool] and ends[tool] <= used.keys())
-    }
-
-
-def _served(
-    tool: bpy.types.Object,
-    used: dict[bpy.types.Object, dict[bpy.types.Object, bpy.types.BooleanModifier]],
-) -> set[bpy.types.Object]:
-    """All that a tool has a part in, by way of other tools, too."""
-    found: set[bpy.types.Object] = set()
-    todo = [tool]
-    while todo:
-        new = used.get(todo.pop(), {}).keys() - found
-        found |= new
-        todo += new
-    return found
+    used: dict[bpy.types.Object, bpy.types.BooleanModifier] = {}
+    for modifier in (one for whole in things for one in whole.modifiers):
+        if modifier.type != "BOOLEAN" or not modifier.show_viewport:
+            continue
+        group = modifier.collection
+        is_one = modifier.operand_type == "OBJECT"
+        for tool in [modifier.object] if is_one else (group.all_objects if group else []):
+            is_tool = tool in things and tool.kiriko.role == "NONE"
+            if is_tool and (tool.hide_render or tool.display_type in OUTLINES):
+                used.setdefault(tool, modifier)
+    return used
 
 
 def use_of(modifier: bpy.types.BooleanModifier) -> Message:

@@ -608,34 +608,6 @@ def test_a_mesh_is_looked_at_once(
     assert looked_at[before:] == [glass]
 
 
-def test_objects_are_asked_for_once_however_many(
-    look: Callable[[], list],
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A whole look asks for the scene's parts as often at 20 glasses as at 2: each time is as long
-    as there are objects.
-    """
-    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
-    parts, n_asked = needed.parts, []
-
-    def counted(*args: object, **options: object) -> object:
-        n_asked.append(1)
-        return parts(*args, **options)
-
-    monkeypatch.setattr(needed, "parts", counted)
-    counts = []
-    small_rig()
-    for n in (1, 18):
-        for _ in range(n):
-            new_object(primitive("cube", size=SIDE), "GLASS")
-        n_asked.clear()
-        look()
-        counts.append(len(n_asked))
-    assert counts[0] == counts[1] > 0
-
-
 @pytest.fixture
 def in_window(
     kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
@@ -762,27 +734,6 @@ def test_a_look_that_fails_is_not_waited_for(
     look_over.tick()
     assert not look_over.is_looking(scene)
     assert "no such mesh" in "".join(capfd.readouterr())
-
-
-def test_glass_of_modifiers_is_not_flat_after_undo(
-    look: Callable[[], list], drawn: Callable[..., Layout]
-) -> None:
-    """A profile that is turned, and thickened: undo leaves the object the box of the profile."""
-    mesh = bpy.data.meshes.new("profile")
-    mesh.from_pydata([(0.01, 0, -0.02), (0.02, 0, 0), (0.02, 0, 0.02)], [(0, 1), (1, 2)], [])
-    glass = glass_of(mesh)
-    glass.modifiers.new("Screw", "SCREW")
-    glass.modifiers.new("Solidify", "SOLIDIFY").thickness = 0.002
-    name = glass.name
-    bpy.context.view_layer.update()
-    bpy.ops.ed.undo_push(message="Glass")
-    glass.location.x = 0.001
-    bpy.ops.ed.undo_push(message="Move")
-    bpy.ops.ed.undo()
-    glass = bpy.data.objects[name]
-    assert not any("flat" in text for text in told(look()))
-    shown = drawn("object", "VIEW3D_PT_kiriko_object", glass, bpy.context.scene)
-    assert "flat" not in " ".join(shown.texts)
 
 
 @pytest.mark.parametrize("kind", ["IN_GLASS", "BEHIND_GLASS"])

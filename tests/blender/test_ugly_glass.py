@@ -406,21 +406,6 @@ def test_flipped_faces_are_told_and_turned(look: Callable[[], list], edge: float
     assert np.allclose(solved, wanted, atol=1e-4)  # the vertices' order in a face is another
 
 
-def test_faces_turned_round_by_a_modifier_are_told(look: Callable[[], list]) -> None:
-    """There is nothing to turn in the mesh itself then."""
-    glass = ball_turned(lambda face: False, is_smooth=True)
-    group = bpy.data.node_groups.new("flip", "GeometryNodeTree")
-    for way in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    begin, end = (group.nodes.new(f"NodeGroup{way}") for way in ("Input", "Output"))
-    flip, index = map(group.nodes.new, ("GeometryNodeFlipFaces", "GeometryNodeInputIndex"))
-    group.links.new(index.outputs[0], flip.inputs["Selection"])  # all but the face 0
-    group.links.new(begin.outputs[0], flip.inputs["Mesh"])
-    group.links.new(flip.outputs[0], end.inputs[0])
-    glass.modifiers.new("flip", "NODES").node_group = group
-    assert labels_of(look(), "has 1 flipped face:") == ["Select Part"]
-
-
 def test_sculpted_glass_is_waited_for(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
     """Blender's evaluated mesh is that of before until the mode is left: Solve is grey, and Live
     tells not to be up to date. What is sculpted beside the rig is no matter.
@@ -464,22 +449,6 @@ def test_a_tool_that_cuts_glass_is_no_part_of_it(look: Callable[[], list], drawn
     cut.object, cut.operation = tool, "DIFFERENCE"
     found = any("refracts within the glass" in text for text in told(look()))
     assert found == (drawn_as == "TEXTURED")
-
-
-def test_only_what_bends_light_is_looked_for_within_glass(kiriko, look, monkeypatch):
-    """The boxes of thousands of other objects take seconds."""
-    small_rig()
-    mesh = primitive("cube", size=0.01)
-    for _ in range(20):
-        bpy.context.scene.collection.objects.link(bpy.data.objects.new("Other", mesh))
-    asked = []
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.inspect_scene")
-    own = module.box_of
-    monkeypatch.setattr(
-        module, "box_of", lambda scene, thing: asked.append(thing) or own(scene, thing)
-    )
-    look()
-    assert {thing.kiriko.role for thing in asked} == {"GLASS"}
 
 
 def set_by_nodes(thing: bpy.types.Object, material: bpy.types.Material) -> None:
@@ -605,23 +574,6 @@ def test_a_tool_that_is_left_out_is_told(
     assert told in capfd.readouterr().out
     assert told in scene.kiriko.result.summary
     assert [thing.kiriko.role for thing in (glass, tool)] == ["GLASS", "NONE"]
-
-
-@pytest.mark.usefixtures("no_remedies")
-def test_bodies_that_cut_each_other_are_glass(scene: bpy.types.Scene) -> None:
-    """Each is the other's tool, and none a mere tool; one that cuts a tool of glass is one."""
-    first, second, third, last = (new_object(primitive("cube", size=0.02)) for _ in range(4))
-    for k, (thing, tool) in enumerate(((first, second), (second, first), (second, third))):
-        thing.modifiers.new("Cut", "BOOLEAN").object = tool
-        thing.location.x = 0.015 * k
-    third.modifiers.new("Cut", "BOOLEAN").object = last
-    for thing in (first, second, third, last):
-        thing.display_type = "WIRE"
-        thing.select_set(True)
-    small = {"viewer_resolution": 32, "display_resolution": (32, 32)}
-    assert bpy.ops.kiriko.add_rig(**small) == {"FINISHED"}
-    roles = [thing.kiriko.role for thing in (first, second, third, last)]
-    assert roles == ["GLASS", "GLASS", "NONE", "NONE"]
 
 
 @pytest.mark.usefixtures("no_remedies")
