@@ -1,20 +1,282 @@
 """Where rays meet curved faces, as seen from the side that they come from.
 
-Roots are followed from where the ray engine found the hull (`curved_roots`). Where a root is of the
-side that cannot be, the other one of the two is looked for: first by the ray's own course along the
-face, then from many places on the faces around.
+A ray meets point(u, v) where the part of point(u, v) - origin across the ray is 0. Newton's method
+begins where the ray engine found the hull. A root beyond an edge of its face lies on the neighbour,
+if anywhere: there the method begins once more. Near a turning point the matrix is singular: such
+rays do not converge, and count as no hit. Where a root is of the side that cannot be, the other one
+of the two is looked for: first by the ray's own course along the face, then from many places on the
+faces around.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats, Ints, taken
 from ..base.products import combine
 from ..base.vectors import dot
 from .curved import EDGE, FACES_AT_ONCE, CurvedFaces
-from .curved_roots import ROOTS, Lines, Roots, Spots, follow
-from .quartics import TO_BEZIER, cross, tangents, value_and_slopes
+from .quartics import TO_BEZIER, cross, product, tangents, value_and_slopes
+
+
+@dataclass(frozen=True)
+class RootKnobs:
+    """How roots are looked for; the kernel's curved.c has the same numbers.
+
+    Tuned where rays graze and chords are short (tests/core/test_curved.py, "Silhouettes"), and
+    for time.
+
+    Parameters
+    ----------
+    iterations : of Newton's method
+    patience, hopeless : after so many it is given up for rays whose steps in u, v are still larger
+    converged : step in u, v after which it ends: the rest is less than the step's square
+    longest_step : in u, v
+    aside : in u, v: a root is not looked for further than this beyond an edge, but on the next face
+    walks : faces that a root may wander over
+    last_walks : the same where all faces near the ray are asked anyway
+    corner_turns : faces around each corner of one, either way, that are searched for another root
+    starts : u, v from which a face is searched for a root
+    few_starts : of these, for a ray of which no root was found: most often there is none
+    searched_at_once : rays for which the faces around are searched together, 50 roots each
+    course_step : of u, v along the ray's course over a face, by which its turn is measured
+    """
+
+    iterations: int = 12
+    patience: int = 6
+    hopeless: float = 0.05
+    converged: float = 3e-6
+    longest_step: float = 0.5
+    aside: float = 0.6
+    walks: int = 8
+    last_walks: int = 2
+    corner_turns: int = 32
+    starts: tuple[tuple[float, float], ...] = ((1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8))
+    few_starts: int = 2
+    searched_at_once: int = 1 << 8
+    course_step: float = 1e-3
+
+
+ROOTS = RootKnobs()
+
+
+class Lines(NamedTuple):
+    """Rays: origins (n, 3) m, and unit directions (n, 3)."""
+
+    origins: Floats
+    directions: Floats
+
+    def at(self, i: Ints | Bools | slice) -> "Lines":
+        """Some of the rays."""
+        if isinstance(i, slice):
+            return Lines(self.origins[i], self.directions[i])
+        return Lines(taken(self.origins, i), taken(self.directions, i))
+
+
+class Spots(NamedTuple):
+    """Places u, v (n,) on the curved faces of triangles (n,)."""
+
+    triangle: Ints
+    u: Floats
+    v: Floats
+
+    def at(self, i: Ints | Bools | slice) -> "Spots":
+        """Some of the places."""
+        return Spots(self.triangle[i], self.u[i], self.v[i])
+
+
+class Roots(NamedTuple):
+    """Where n rays meet curved faces.
+
+    triangle (n,), u (n,), v (n,); distance (n,) m; enters (n,) the ray comes from the front;
+    facing (n, 3), normal to the face, not unit; is_met (n,): whether there is a root at all
+    """
+
+    triangle: Ints
+    u: Floats
+    v: Floats
+    distance: Floats
+    enters: Bools
+    facing: Floats
+    is_met: Bools
+
+    @property
+    def spots(self) -> Spots:
+        """The places on the faces."""
+        return Spots(self.triangle, self.u, self.v)
+
+    def put(self, rays: Ints, others: "Roots", chosen: Bools | Ints | slice = slice(None)) -> None:
+        """Replace those of some rays by the chosen ones of others."""
+        for mine, theirs in zip(self, others, strict=True):
+            mine[rays] = theirs[chosen]
+
+
+def follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
+    """Roots of whichever side, each followed over so many faces."""
+    n = max(len(spots.triangle), 1)
+    some = [slice(first, first + FACES_AT_ONCE) for first in range(0, n, FACES_AT_ONCE)]
+    parts = [_follow(faces, spots.at(part), lines.at(part), walks) for part in some]
+    if len(parts) == 1:
+        return parts[0]
+    return Roots(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
+    # near a turning point the matrix is singular: such
+    # rays do not converge, and count as no hit
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        way = _Way(faces, spots, lines)
+        live = np.arange(len(way.k))
+        goes_on = _goes_on(way.u, way.v, way.size, way.n_steps)
+        while True:
+            through = live[~goes_on]
+            if len(through):
+                live = np.concatenate([live[goes_on], way.step_over(through, walks)])
+            if not len(live):
+                return way.roots()
+            goes_on = way.step(live)
+
+
+class _Way:
+    """Newton's method on the part of point(u, v) - origin across rays, face by face.
+
+    Rays step together, though one may be on its third face while another is on its first: a step
+    of few takes nearly as long as one of many. Steps and range are limited.
+    """
+
+    def __init__(self, faces: CurvedFaces, spots: Spots, lines: Lines) -> None:
+        self.faces, self.lines = faces, lines
+        self.k = k = spots.triangle.copy()
+        self.c, self.away = _seen_from(faces, k, lines.origins)
+        self.d = lines.directions.T.copy()
+        self.u, self.v, self.size = spots.u.copy(), spots.v.copy(), np.ones(len(k))
+        self.n_steps = np.zeros(len(k), np.int64)
+        self.n_faces = np.ones(len(k), np.int64)
+
+        # two steps of all rays: hardly any is done sooner
+        for _ in range(2):
+            self.u, self.v, self.size = _step(self.c, self.away, self.d, self.u, self.v)
+            self.n_steps += 1
+
+    def step(self, some: Ints) -> Bools:
+        """Take a step of some rays (m,); which of them go on on their faces."""
+        u, v, size = _step(
+            self.c.take(some, axis=2),
+            self.away.take(some, axis=1),
+            self.d.take(some, axis=1),
+            self.u[some],
+            self.v[some],
+        )
+        n_steps = self.n_steps[some] + 1
+        self.u[some], self.v[some], self.size[some], self.n_steps[some] = u, v, size, n_steps
+        return _goes_on(u, v, size, n_steps)
+
+    def step_over(self, some: Ints, walks: int) -> Ints:
+        """Those of some rays, through with their faces, that go on on the next one, of so many in
+        all: there a root may lie that is beyond an edge, or is looked for far beyond it.
+        """
+        u, v = self.u[some], self.v[some]
+        outside = _outside(u, v)
+        far = np.flatnonzero((self.size[some] < ROOTS.converged) | (outside <= -ROOTS.aside))
+        row = self.faces.row[self.k[some[far]]]
+        is_beyond = ~(outside[far] >= -self.faces.slack(row))
+        is_beyond &= self.n_faces[some[far]] < walks
+        if not is_beyond.any():
+            return some[:0]
+
+        # the next faces
+        left, row = far[is_beyond], row[is_beyond]
+        u, v = u[left], v[left]
+        edge = np.stack([v, 1 - u - v, u]).argmin(axis=0)
+        following = self.faces.neighbour[row, edge]
+        has_next = following >= 0
+        on, following = some[left[has_next]], following[has_next]
+        if len(on):
+            row, edge, u, v = row[has_next], edge[has_next], u[has_next], v[has_next]
+            self.k[on] = following
+            self.u[on], self.v[on] = _step_over(self.faces, row, edge, u, v)
+            origins = self.lines.origins.take(on, axis=0)
+            self.c[..., on], self.away[:, on] = _seen_from(self.faces, following, origins)
+            self.n_steps[on] = 0
+            self.n_faces[on] += 1
+        return on
+
+    def roots(self) -> Roots:
+        """What the rays have come to."""
+        at, by_u, by_v = value_and_slopes(self.c, self.u, self.v)
+        at += self.away
+        facing = cross(by_u, by_v)
+        is_within = _outside(self.u, self.v) >= -self.faces.slack(self.faces.row[self.k])
+        return Roots(
+            triangle=self.k,
+            u=self.u,
+            v=self.v,
+            distance=product(self.d, at),
+            enters=product(self.d, facing) < 0,
+            facing=facing.T,
+            is_met=is_within & (self.size < ROOTS.converged),
+        )
+
+
+def _outside(u: Floats, v: Floats) -> Floats:
+    """How far (n,), barycentric, places are from the edge that
+    is nearest, or if below 0 furthest beyond one.
+    """
+    return np.minimum(np.minimum(v, 1 - u - v), u)
+
+
+def _seen_from(faces: CurvedFaces, k: Ints, origins: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (14, 3, n) of the faces of triangles k (n,), and where
+    (3, n) their first corners are as seen from the rays' origins (n, 3).
+    """
+    return faces.terms(k), (faces.corners[k, 0] - origins).T.copy()
+
+
+def _step_over(
+    faces: CurvedFaces, row: Ints, edge: Ints, u: Floats, v: Floats
+) -> tuple[Floats, Floats]:
+    """Places on the neighbours across edges next to where u, v left their faces."""
+    along = np.choose(edge, [u, v, 1 - u - v])  # weight of the corner in which the edge ends
+    along = np.minimum(np.maximum(along, 0.0), 1.0)
+    # it runs the other way there
+    back = 1 - along
+    theirs = faces.neighbour_edge[row, edge]
+    return np.choose(theirs, [back, along, 0.0]), np.choose(theirs, [0.0, back, along])
+
+
+def _step(
+    terms: Floats, away: Floats, directions: Floats, u: Floats, v: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """The next u, v (n,) by Newton's method, and the step's size before it was limited."""
+    at, by_u, by_v = value_and_slopes(terms, u, v)
+    at += away
+
+    # at + du by_u + dv by_v is along the ray: multiplied by the
+    # ray and one of by_u and by_v, the other one is left
+    across = cross(at, directions)
+    inverse = 1.0 / product(directions, cross(by_u, by_v))
+    du = product(across, by_v) * inverse
+    dv = -product(across, by_u) * inverse
+    size = np.maximum(np.abs(du), np.abs(dv))
+    limit = np.fmin(ROOTS.longest_step / size, 1.0)
+
+    # fmax and fmin put a number in the place of NaN
+    return (
+        np.fmin(np.fmax(u + limit * du, -1.0), 2.0),
+        np.fmin(np.fmax(v + limit * dv, -1.0), 2.0),
+        size,
+    )
+
+
+def _goes_on(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
+    """Are roots (n,) to be followed further on their faces, after
+    so many steps there, the last of them of some size, to u, v?
+    """
+    is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.aside
+    is_hopeful = (n_steps <= ROOTS.patience) | (size < ROOTS.hopeless)
+    is_open = ~(size < ROOTS.converged) & is_near & is_hopeful & (n_steps < ROOTS.iterations)
+    return is_open | (n_steps < 2)
 
 
 def find_roots(

@@ -21,13 +21,22 @@ from ..base.vectors import dot, length_of, normalise
 from ..native import loading
 from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
 from .curved import CurvedFaces
-from .exact_limit import Known, looking_for_known
-from .fitted_faces import Faces, fit_faces, made_to_meet
+from .fitted_faces import (
+    RIDGE,
+    STIFFER,
+    Faces,
+    Fields,
+    fit_faces,
+    fitting_fields,
+    gradients,
+    made_to_meet,
+    system,
+    tangent_planes,
+)
 from .meshes import Edges, areas_of, components
-from .partly import in_parts
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, N_TERMS, NODES, by_term
-from .trust import Doubts, Parts, how_far_trusted, whole_shells
-from .vertex_fields import RIDGE, STIFFER, Fields, fitting_fields, gradients, system, tangent_planes
+from .subdivided import Known, looking_for_known
+from .trust import Doubts, Parts, how_far_trusted, in_parts, whole_shells
 from .vertices import Vertices, find_vertices, seen_across
 
 

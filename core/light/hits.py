@@ -7,7 +7,7 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, taken
 from ..glass.curved import EDGE, CurvedFaces
-from ..glass.curved_roots import Lines
+from ..glass.curved_hits import Lines
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ from ..base.products import combine
 from ..base.steps import Pauses, finish
 from ..base.vectors import dot
 from ..glass.curved import FACES_AT_ONCE
-from ..glass.curved_hits import are_in_boxes, pass_by
-from ..glass.curved_roots import ROOTS, Lines, Spots
+from ..glass.curved_hits import ROOTS, Lines, Spots, are_in_boxes, pass_by
 from ..glass.meshes import spheres_of
 from .engines import Found
 from .hits import Accept, Hits, Question, Search, is_within, slab

@@ -17,8 +17,7 @@ from ..base.steps import Pauses, finish
 from ..base.vectors import dot, normalise
 from ..glass.bounding_shell import Hull, making_hull
 from ..glass.curved import CurvedFaces
-from ..glass.curved_hits import find_roots
-from ..glass.curved_roots import Lines, Spots
+from ..glass.curved_hits import Lines, Spots, find_roots
 from ..glass.meshes import Frames, box_of, interpolate
 from ..glass.motion import Motion
 from ..glass.quartics import product

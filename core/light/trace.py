@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, taken
 from ..base.steps import Pauses, finish
-from ..glass.curved_roots import Lines
+from ..glass.curved_hits import Lines
 from ..rig.rig import Kind
 from . import layer_hits
 from .hits import Accept, Hits, Search, slab

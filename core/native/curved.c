@@ -1,4 +1,4 @@
-/* Curved faces: where rays meet them. Ray by ray what core/glass/curved_hits.py and curved_roots.py do for many at once. */
+/* Curved faces: where rays meet them. Ray by ray what core/glass/curved_hits.py does for many at once. */
 
 #include <string.h>
 

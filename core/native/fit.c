@@ -1,13 +1,13 @@
-/* Fits curved faces: vertex by vertex and face by face what vertex_fields.py, vertex_normals.py and surface_fit.py
-   of core/glass do for many at once. */
+/* Fits curved faces: vertex by vertex and face by face what fitted_faces.py and surface_fit.py of core/glass
+   do for many at once. */
 
 #include <string.h>
 
 #include "kiriko.h"
 
-#define FITTED_AT_ONCE 256 /* vertices or faces, as in fitting.py */
+#define FITTED_AT_ONCE 256 /* vertices or faces, as in native_fit.py */
 #define N_NODES 12
-#define LEAST_UPRIGHT 0.2 /* as in vertex_fields.py, like the next */
+#define LEAST_UPRIGHT 0.2 /* as in fitted_faces.py, like the next */
 #define LEAST_DISTANCE 1e-12
 #define STEPS 2 /* as in fitted_faces.py */
 

@@ -29,7 +29,7 @@
 #define WIDER 1e-6          /* for a ray that met nothing, as in layer_hits.py */
 #define FLOAT32 0x1p-23     /* spacing of float32 numbers just above 1 */
 
-/* u, v from which a face is searched for a root, as in curved_roots.py */
+/* u, v from which a face is searched for a root, as in curved_hits.py */
 #define N_STARTS 4
 static const double STARTS[N_STARTS][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
 

@@ -10,7 +10,7 @@ from ..base.arrays import Floats
 from ..base.steps import Pauses, at, within
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
-from ..glass.partly import PART
+from ..glass.trust import PART
 from ..light import kernel_trees
 from ..light.compile_plan import planning
 from ..light.plan import Plan, PlannedLayer

@@ -84,7 +84,7 @@ class Row:
     def is_fit(self) -> bool:
         """Does it only count where surfaces are fitted to meshes?"""
         _, module = self.changes[0].target.split(".")[:2]
-        return self.room == "glass" and module not in ("bounding_shell", "curved_roots")
+        return self.room == "glass" and module not in ("bounding_shell", "curved_hits")
 
     @contextmanager
     def off(self) -> Iterator[None]:
@@ -207,25 +207,25 @@ def _option_rows(
 TAIL = [
     Row(
         "Known limit of Subdivision",
-        (instead("glass.exact_limit.MOST_TRIANGLES", -1),),
+        (instead("glass.subdivided.MOST_TRIANGLES", -1),),
         "no mesh is small enough to be looked at",
         "meant: wine glass, bottle and rings by one level",
     ),
     Row(
         "Known splines",
-        (instead("glass.exact_limit.looking_for_splines", _giving(None)),),
+        (instead("glass.subdivided.looking_for_splines", _giving(None)),),
         "no grid is taken for splines",
         "meant: wine glass by one level",
     ),
     Row(
         "Known limit around poles",
-        (instead("glass.exact_limit.looking_for_subdivided", _giving(None)),),
+        (instead("glass.subdivided.looking_for_subdivided", _giving(None)),),
         "no quads around poles are taken for subdivided ones",
         "meant: bodies that end on their axis",
     ),
     Row(
         "Faces trusted in part",
-        (options("glass.partly.PART", irregular=INF),),
+        (options("glass.trust.PART", irregular=INF),),
         "no face is irregular, so that each is curved or drawn",
         "irregular: noisy, decimated and scanned meshes",
     ),
@@ -457,7 +457,7 @@ GLASS = [
         straight=(0.0, "no line is straight"),
     ),
     *_option_rows(
-        "glass.partly.PART",
+        "glass.trust.PART",
         "In part",
         protects="irregular: noisy and scanned meshes",
         least=(0.0, "any weight counts"),
@@ -470,7 +470,7 @@ GLASS = [
         halvings_at_edges=(0, "faces at straight edges are divided as others are"),
     ),
     *_option_rows(
-        "glass.curved_roots.ROOTS",
+        "glass.curved_hits.ROOTS",
         "Roots",
         protects="tests/core/test_curved.py: silhouettes",
         by_numpy=True,

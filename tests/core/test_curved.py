@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.glass import vertex_fields
+from kiriko.core.glass import fitted_faces
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.quartics import grid
@@ -512,7 +512,7 @@ def test_a_surface_is_the_same_however_often_its_making_pauses(has_kernel, monke
     mesh = mean_normals(torus(0.04, 0.015, 24, 12))
     with nullcontext() if has_kernel else loading.off():
         whole = finish(making_surface(mesh)).curved
-        monkeypatch.setattr(vertex_fields, "VERTICES_AT_ONCE", 7)
+        monkeypatch.setattr(fitted_faces, "VERTICES_AT_ONCE", 7)
         n_pauses, found = counted(making_surface(mesh))
         found = found.curved
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
+from kiriko.core.glass.fitted_faces import tangent_planes
 from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.glass.vertex_fields import tangent_planes
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading

@@ -18,15 +18,14 @@ from kiriko.core.base.arrays import frozen
 from kiriko.core.base.steps import finish
 from kiriko.core.glass import (
     curved,
-    curved_roots,
+    curved_hits,
     fitted_faces,
     native_fit,
     quartics,
-    vertex_fields,
 )
+from kiriko.core.glass.fitted_faces import RIDGE
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.glass.vertex_fields import RIDGE
 from kiriko.core.glass.vertices import Vertices
 from kiriko.core.image import native_paint, outline, picture, reads, source_image
 from kiriko.core.image.picture import of_square
@@ -1226,7 +1225,7 @@ def test_the_environment_switches_it_off():
 SHARING = (
     *(
         curved,
-        curved_roots,
+        curved_hits,
         native_fit,
         loading,
         media,
@@ -1235,7 +1234,7 @@ SHARING = (
         reads,
     ),
     *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, near_misses),
-    *(ray_engine, reads, vertex_fields, source_image),
+    *(ray_engine, reads, source_image),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

@@ -1,4 +1,4 @@
-"""Faces between curved and as drawn, where a mesh is irregular (core/glass/partly.py)."""
+"""Faces between curved and as drawn, where a mesh is irregular (core/glass/trust.py)."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ import pytest
 
 from kiriko.core.glass import trust
 from kiriko.core.glass.agreement import Trial
-from kiriko.core.glass.partly import PART, weights
 from kiriko.core.glass.surfaces import make_surface
+from kiriko.core.glass.trust import PART, weights
 from known.judged_meshes import CHOICES, disturbed, errors
 from known.reference_rigs import torus
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.glass.curved_roots import Lines
+from kiriko.core.glass.curved_hits import Lines
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light import layer_hits
 from kiriko.core.light.hits import Hits, Question

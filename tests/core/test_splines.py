@@ -7,8 +7,7 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.glass import surface_fit
-from kiriko.core.glass.quad_lines import find_quad_lines
-from kiriko.core.glass.splines import looking_for_splines
+from kiriko.core.glass.splines import find_quad_lines, looking_for_splines
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all

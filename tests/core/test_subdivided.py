@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.glass import exact_limit as known_module
-from kiriko.core.glass.exact_limit import looking_for_known
+from kiriko.core.glass import subdivided
 from kiriko.core.glass.quartics import AT_NODES
+from kiriko.core.glass.subdivided import looking_for_known
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh
@@ -154,9 +154,9 @@ def test_a_ring_needs_no_more_than_splines():
 
 def test_a_large_mesh_is_judged_as_any_other(monkeypatch):
     mesh = mean_normals(limit_mesh(lathe_cage(LATHE, 12), 1))
-    monkeypatch.setattr(known_module, "MOST_TRIANGLES", len(mesh.triangles))
+    monkeypatch.setattr(subdivided, "MOST_TRIANGLES", len(mesh.triangles))
     assert looked_for(mesh)[1] is not None
-    monkeypatch.setattr(known_module, "MOST_TRIANGLES", len(mesh.triangles) - 1)
+    monkeypatch.setattr(subdivided, "MOST_TRIANGLES", len(mesh.triangles) - 1)
     assert looked_for(mesh)[1] is None
 
 

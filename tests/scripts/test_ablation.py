@@ -118,7 +118,7 @@ def test_the_verdict_is_that_of_the_rule(
 
 def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
     """Without a judge a glass does not count: a distance from today's image is no gain."""
-    fit = Row("row", (instead("glass.exact_limit.MOST_TRIANGLES", -1),), "")
+    fit = Row("row", (instead("glass.subdivided.MOST_TRIANGLES", -1),), "")
     drawn = Row("row", (instead("map.samples.FAINT", 0),), "")
     better = [[0.2, 0.01, 1000, 1.0, 0.05, 0.005], [0.1, 0.01, 1000, 1.0, 0.1, 0.01]]
     found = {"vase": [WORSE, SAME], "cube": [SAME, SAME], "ball": better}
