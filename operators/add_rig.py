@@ -12,7 +12,8 @@ from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import within
 from ..core.base.words import listed, percent, summary
-from ..core.bench.initial_placement import SEARCH, Request, settle
+from ..core.bench.initial_placement import Request, settle
+from ..core.bench.largest_square import ENOUGH
 from ..core.bench.picture_light import MOST, Spread, part_of_picture
 from ..core.bench.placement import Proposal, Wishes, propose, propose_behind, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
@@ -234,7 +235,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         _tell(record, scene, text, remarks, for_most, legibility_numbers(*seen))
         if not bpy.app.background:
             _show(context, record, glasses)
-        is_short = sum(spread.unseen.values()) > 1 - SEARCH.enough
+        is_short = sum(spread.unseen.values()) > 1 - ENOUGH
         self.level = "WARNING" if is_short or remarks else "INFO"
 
         return joined([text, *remarks, *_on_camera(scene)])

@@ -279,7 +279,7 @@ _taken: automatic.Taken = {}
 
 
 class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
-    """Find where the most of the picture arrives with the least blur; you see the gain first"""
+    """Find where most of the picture arrives; you see the gain first"""
 
     bl_idname = "kiriko.best_place"
     bl_label = "Best Place"

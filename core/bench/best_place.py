@@ -1,23 +1,20 @@
 """The best place for a picture, and turns of its glass: most of the picture arrives.
 
-Which rays arrive depends on the glass alone. So the light around the picture is traced once, with
-the derivatives of its landings, and all places and turns within the limits are compared by it, in
-ever finer steps around the best. The same is done within ever smaller parts of the limits, and
-without a turn, and a fine trace finds the best of these places: a wider limit is no loss. A display
-pixel is seen blurred if the map from viewer to display is flat: its size is divided by the map's
-smallest stretch.
+Which rays arrive depends on the glass alone. So the light around the picture is traced once, and
+all places and turns within the limits are compared by it, in ever finer steps around the best. A
+fine trace then decides whether the best place gains enough to move, and the turn enough to turn.
 
 Turned glass must be prepared anew. To the light it is the same whether the glass turns or all else
 turns the other way about it; so the glass stays while turns are compared.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints
+from ..base.arrays import Bools, Floats
 from ..base.errors import RigError
 from ..base.steps import at, within
 from ..base.vectors import normalise
@@ -25,8 +22,8 @@ from ..glass.motion import Motion
 from ..rig.rig import ROLES, Rig
 from .largest_square import grid_over
 from .offset import moved, turned
-from .part_sizes import ROOM, Plane, plane_of
-from .picture_light import Light, PlanOf, Traced, light_of, traced
+from .part_sizes import ROOM_SPARE, Plane, plane_of
+from .picture_light import PlanOf, Traced, light_of, traced
 
 
 def glass_middle(rig: Rig) -> Floats:
@@ -73,6 +70,21 @@ def light_turned(
     return (yield from traced(with_rest_turned(rig, turn), plan_of, n_grid))
 
 
+N_RAYS = 241  # along each side of all places that a picture may take: the grid of the light
+N_POINTS = 24  # of a picture, along each side, that are looked up in that grid
+N_FIRST = 25, 25, 9  # shifts along each side, and turns, that are compared at first
+N_ROUNDS = 4  # of three each, in half the step
+N_GRID = 24  # points along each edge of a triangle of the picture, for turns of the glass
+N_HALVINGS = 6  # of the step between turns of the glass
+MOTION_WEIGHT = 2e-4  # of a motion to its limit, as a share: of equal places the nearest is taken
+WORTH_MOVING = 1e-3  # gain in the picture's share for which it is moved
+WORTH_TURNING = 5e-3  # gain for which it, or its glass, is turned
+STEP_RAD = np.radians(2)  # between angles of a turn that brings lost light back
+TILTS_RAD = 0.35, 0.17  # by which the best axis of an angle is tilted
+ROUNDING = 1e-9  # of the limit
+ENOUGH = 0.95  # share of the lost light that has to come back
+
+
 @dataclass(frozen=True)
 class Limits:
     """How far a picture may move in its plane, m, and turn there, and its glass may turn, rad."""
@@ -82,41 +94,6 @@ class Limits:
     glass: float = 0.0
 
 
-@dataclass(frozen=True)
-class PlaceSearch:
-    """How places are compared.
-
-    n_rays : along each side of all that the picture may take
-    n_points : of a picture, along each side
-    n_first : places along each way, and turns, at first; n_rounds : of three, in half the step
-    n_limits : of the shift, each half of the one before
-    n_grid : points along each edge of a triangle of the picture, for turns of the glass
-    n_halvings : of the step of these turns
-    blur_weight : of its doubling, as a share of the picture
-    motion_weight : of a motion to its limit, the same: of equal places the nearest is taken
-    worth_it : gain in the picture's share for which it is moved; turn_worth_it : turned, too;
-        glass_worth_it : glass, too
-    most_blur : that is told apart
-    """
-
-    n_rays: int = 121
-    n_points: int = 24
-    n_first: tuple[int, int, int] = (25, 25, 9)
-    n_rounds: int = 4
-    n_limits: int = 4
-    n_grid: int = 24
-    n_halvings: int = 4
-    blur_weight: float = 1e-3
-    motion_weight: float = 2e-4
-    worth_it: float = 1e-3
-    turn_worth_it: float = 5e-3
-    glass_worth_it: float = 5e-3
-    most_blur: float = 32.0
-
-
-PLACE_SEARCH = PlaceSearch()
-
-
 @dataclass(frozen=True, eq=False)
 class BestPlace:
     """Where a picture, and its glass, are to go.
@@ -124,7 +101,6 @@ class BestPlace:
     motion : of the picture; shift : (2,) m along its sides, turn : rad in its plane
     glass_turn : (3,) rad about its direction through the glass's middle
     before, after : shares of the picture that arrive; lost : shares that still do not, by reason
-    blur_before, blur_after : how many times as large as it is a display's pixel is seen, on average
     """
 
     motion: Motion
@@ -134,57 +110,11 @@ class BestPlace:
     before: float
     after: float
     lost: dict[str, float]
-    blur_before: float
-    blur_after: float
 
     @property
     def is_better(self) -> bool:
         """Is it worth the motion?"""
-        gain = self.after - self.before
-        sharper = np.log2(self.blur_before / self.blur_after)
-        return bool(gain + PLACE_SEARCH.blur_weight * sharper > PLACE_SEARCH.worth_it)
-
-
-@dataclass(frozen=True, eq=False)
-class _Field:
-    """The light around a picture: of rays on a grid (n, n) about its middle, rows going up.
-
-    is_good : does it arrive? log_blur : as a power of two; half : m, to the last ray each way
-    """
-
-    is_good: Floats
-    log_blur: Floats
-    half: Floats
-
-    def scores(self, points: Floats, ways: list[Floats], limits: Floats) -> Floats:
-        """Shares (a, b, t) of a picture with points (k, 2) that arrive, less its blur.
-
-        ways : shifts, m, along its sides (a,) and (b,), and turns, rad, (t,)
-        limits : (3,) of these
-        """
-        moves = np.stack(np.meshgrid(*ways, indexing="ij"), axis=-1) / limits
-        scores = -PLACE_SEARCH.motion_weight * np.linalg.norm(moves, axis=-1)
-        blur = self.is_good * self.log_blur
-        for n, turn in enumerate(ways[2]):
-            rotated = _rotated(points, turn)
-            columns = self._nearest(rotated[:, 0] + ways[0][:, None], 0)
-            rows = self._nearest(rotated[:, 1] + ways[1][:, None], 1)
-            at = columns[:, None] + len(self.is_good) * rows
-            share = self.is_good.take(at).mean(axis=-1)
-            cost = blur.take(at).sum(axis=-1) / np.maximum(share * len(points), 1)
-            scores[..., n] += share - PLACE_SEARCH.blur_weight * cost
-        return scores
-
-    def _nearest(self, places: Floats, axis: int) -> Ints:
-        """Columns (axis 0) or rows (1) of the rays nearest to places, m, along it."""
-        n = len(self.is_good)
-        return np.rint((places / self.half[axis] + 1) * (n - 1) / 2).astype(int).clip(0, n - 1)
-
-    def blur(self, places: Floats) -> float:
-        """The mean blur of a picture whose points are at places (k, 2), m."""
-        at = self._nearest(places[:, 1], 1), self._nearest(places[:, 0], 0)
-        values = self.log_blur[at][self.is_good[at] > 0]
-        return float(2.0 ** values.mean()) if len(values) else PLACE_SEARCH.most_blur
+        return self.after - self.before > WORTH_MOVING
 
 
 def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, None, BestPlace]:
@@ -205,65 +135,45 @@ def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, No
         return still
     changed = with_glass_turned(rig, turn)
     other = yield from within(_placed(changed, plan_of, limits, before, turn), 0.8, 1.0)
-    if other.after - still.after <= PLACE_SEARCH.glass_worth_it:
-        return still
-    return replace(other, blur_before=still.blur_before)
+    return other if other.after - still.after > WORTH_TURNING else still
 
 
 def _placed(
     rig: Rig, plan_of: PlanOf, limits: Limits, before: Traced, glass_turn: Floats
 ) -> Generator[float, None, BestPlace]:
-    """The picture's best place in glass as it stands, settled by fine traces."""
+    """The picture's best place in glass as it stands, settled by fine traces: as it is, moved, or
+    turned, too, where each has to be worth it.
+    """
     plane = plane_of(rig)
-    found = yield from within(_candidates(rig, plan_of, plane, limits), 0.0, 0.5)
-    best, most, blur_before = None, -np.inf, found[0][1]
-
-    for n, (place, blur) in enumerate(found):
+    best = None
+    places = yield from within(_candidates(rig, plan_of, plane, limits), 0.0, 0.4)
+    for n, place in enumerate(places):
         motion = _motion(plane, place)
         changed = replace(rig, pictures=(moved(rig.picture_place, motion),))
-        done = (0.5 + 0.5 * (n + k) / len(found) for k in range(2))
-        after = yield from within(traced(changed, plan_of), *done)
-        # a further one has to be worth it
-        value = after.share - PLACE_SEARCH.blur_weight * np.log2(blur)
-        is_turned = place[2] != 0 and not (best and best.turn)
-        if value <= most + (PLACE_SEARCH.turn_worth_it if is_turned else PLACE_SEARCH.worth_it):
-            continue
-        most = value
-        best = BestPlace(
-            motion=motion,
-            shift=place[:2],
-            turn=float(place[2]),
-            glass_turn=glass_turn,
-            before=before.share,
-            after=after.share,
-            lost=after.lost,
-            blur_before=blur_before,
-            blur_after=blur,
-        )
+        after = yield from within(traced(changed, plan_of), 0.4 + 0.2 * n, 0.6 + 0.2 * n)
+        gain = WORTH_TURNING if place[2] else WORTH_MOVING
+        if best is None or after.share > best.after + gain:
+            best = BestPlace(
+                motion, place[:2], place[2], glass_turn, before.share, after.share, after.lost
+            )
     return best
 
 
 def _candidates(
     rig: Rig, plan_of: PlanOf, plane: Plane, limits: Limits
-) -> Generator[float, None, list[tuple[Floats, float]]]:
-    """Places (3,) that may be the best, as shifts, m, and turn, rad, with their blur: the present
-    one, then those that are not turned, the nearest first, then the others.
-    """
+) -> Generator[float, None, list[Floats]]:
+    """Places (3,) that may be the best, as shifts, m, and turn, rad: as it is, moved, turned."""
     sizes = np.linalg.norm(plane.sides, axis=1)
-    line = np.linspace(-0.5, 0.5, PLACE_SEARCH.n_points) * ROOM.spare
-    points = np.stack(np.meshgrid(*(line * size for size in sizes)), axis=-1).reshape(-1, 2)
-    found = []
-    for n in range(PLACE_SEARCH.n_limits):
-        shift = limits.shift / 2**n
-        done = n / PLACE_SEARCH.n_limits, (n + 1) / PLACE_SEARCH.n_limits
-        field = yield from within(_field(rig, plan_of, plane, shift), *done)
-        for turn in sorted({0.0, limits.turn}):
-            place = _best(field, points, replace(limits, shift=shift, turn=turn))
-            found.append((place, field.blur(_rotated(points, place[2]) + place[:2])))
+    reach = np.full(2, np.linalg.norm(sizes) / 2 + limits.shift)
+    grid, step = grid_over(reach, N_RAYS)
+    light = yield from light_of(plan_of(rig), plane.middle + grid @ (plane.sides / sizes[:, None]))
+    arrives = light.has_arrived.reshape(N_RAYS, N_RAYS)
 
-    found = [one for one in found if one[0].any()]
-    found.sort(key=lambda one: (one[0][2] != 0, np.linalg.norm(one[0][:2])))
-    return [(np.zeros(3), field.blur(points)), *found]
+    line = np.linspace(-0.5, 0.5, N_POINTS) * ROOM_SPARE
+    points = np.stack(np.meshgrid(*(line * size for size in sizes)), axis=-1).reshape(-1, 2)
+    turns = sorted({0.0, limits.turn})
+    found = [_best(arrives, step, points, (limits.shift, limits.shift, turn)) for turn in turns]
+    return [np.zeros(3), *(place for place in found if place.any())]
 
 
 def _motion(plane: Plane, place: Floats) -> Motion:
@@ -273,51 +183,39 @@ def _motion(plane: Plane, place: Floats) -> Motion:
     return Motion(about.rotation, about.shift + place[:2] @ axes)
 
 
-def _field(rig: Rig, plan_of: PlanOf, plane: Plane, shift: float) -> Generator[float, None, _Field]:
-    """The light of all places that a picture may take."""
-    sizes = np.linalg.norm(plane.sides, axis=1)
-    reach = np.full(2, np.linalg.norm(sizes) / 2 + shift)
-    places, step = grid_over(reach, PLACE_SEARCH.n_rays)
-    points = plane.middle + places @ (plane.sides / sizes[:, None])
-    light = yield from light_of(plan_of(rig), points)
-    n = PLACE_SEARCH.n_rays
-    is_good = light.has_arrived.reshape(n, n).astype(float)
-    return _Field(is_good, _log_blur(light, n, step), reach - step / 2)
+def _best(
+    arrives: Bools, step: float, points: Floats, limits: tuple[float, float, float]
+) -> Floats:
+    """The shifts, m, and turn, rad, (3,) by which most of a picture arrives.
 
-
-def _log_blur(light: Light, n: int, step: float) -> Floats:
-    """How large a display's pixel is seen (n, n), as a power of two, by the landings' slopes."""
-    landed = np.where(light.has_arrived[:, None], light.positions, np.nan).reshape(n, n, 3)
-    up, right = np.gradient(landed, step, axis=(0, 1))
-    a, b, c = ((p * q).sum(axis=-1) for p, q in ((right, right), (right, up), (up, up)))
-    # the smaller eigenvalue of the metric
-    least = (a + c) / 2 - np.sqrt(((a - c) / 2) ** 2 + b**2)
-    worst = np.log2(PLACE_SEARCH.most_blur)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        blur = -0.5 * np.log2(np.maximum(least, 0.0))
-    return np.nan_to_num(blur, nan=0.0, posinf=worst).clip(-worst, worst)
-
-
-def _rotated(points: Floats, turn: float) -> Floats:
-    """Points (k, 2) of a picture that is turned by rad."""
-    sine, cosine = np.sin(turn), np.cos(turn)
-    return points @ np.array([[cosine, sine], [-sine, cosine]])
-
-
-def _best(field: _Field, points: Floats, limits: Limits) -> Floats:
-    """The best shifts, m, and turn, rad, (3,) of a picture with points (k, 2)."""
-    reach = np.array([limits.shift, limits.shift, limits.turn])
-    counts = PLACE_SEARCH.n_first
+    Parameters
+    ----------
+    arrives : (n, n) of rays on a grid about the picture's middle, `step` m apart, rows going up
+    points : (k, 2) of the picture, m
+    """
+    reach = np.array(limits)
+    counts = np.array(N_FIRST)
     ways = [np.linspace(-r, r, n) if r else np.zeros(1) for r, n in zip(reach, counts, strict=True)]
-    step = 2 * reach / (np.array(counts) - 1)
+    apart = 2 * reach / (counts - 1)
 
-    for _ in range(1 + PLACE_SEARCH.n_rounds):
-        scores = field.scores(points, ways, np.where(reach > 0, reach, 1.0))
+    for _ in range(1 + N_ROUNDS):
+        moves = np.stack(np.meshgrid(*ways, indexing="ij"), axis=-1)
+        scores = -MOTION_WEIGHT * np.linalg.norm(moves / np.where(reach > 0, reach, 1.0), axis=-1)
+        for n, turn in enumerate(ways[2]):
+            sine, cosine = np.sin(turn), np.cos(turn)
+            x, y = (points @ np.array([[cosine, sine], [-sine, cosine]])).T
+            column, row = (
+                np.rint(places / step + (N_RAYS - 1) / 2).astype(int).clip(0, N_RAYS - 1)
+                for places in (x + ways[0][:, None], y + ways[1][:, None])
+            )
+            scores[..., n] += arrives.take(column[:, None] + N_RAYS * row).mean(axis=-1)
         at = np.unravel_index(scores.argmax(), scores.shape)
         best = np.array([way[n] for way, n in zip(ways, at, strict=True)])
-        step = step / 2
-        nearby = (best + step * np.arange(-1, 2)[:, None]).clip(-reach, reach)
-        ways = [np.unique(way) for way in nearby.T]
+        apart = apart / 2
+        ways = [
+            np.unique(way)
+            for way in (best + apart * np.array([[-1], [0], [1]])).clip(-reach, reach).T
+        ]
     return best
 
 
@@ -325,54 +223,21 @@ def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, Non
     """The turn (3,) of the glass, up to a limit, rad, by which most of the picture arrives."""
 
     def score(turn: Floats) -> Generator[float, None, float]:
-        light = yield from light_turned(rig, turn, plan_of, PLACE_SEARCH.n_grid)
-        return light.share - PLACE_SEARCH.motion_weight * float(np.linalg.norm(turn)) / limit
+        if np.linalg.norm(turn) > limit:
+            return -np.inf
+        light = yield from light_turned(rig, turn, plan_of, N_GRID)
+        return light.share - MOTION_WEIGHT * float(np.linalg.norm(turn)) / limit
 
     best = np.zeros(3)
     most = yield from at(0.0, score(best))
-    step = limit / 2
-    for n in range(1 + PLACE_SEARCH.n_halvings):
-        ways = axes_around()
+    ways = axes_around()
+    for n in range(N_HALVINGS):
         for k, way in enumerate(ways):
-            done = (n + k / len(ways)) / (1 + PLACE_SEARCH.n_halvings)
-            turn = best + step * way
-            if np.linalg.norm(turn) > limit:
-                continue
-            value = yield from at(done, score(turn))
+            turn = best + limit / 2 ** (n + 1) * way
+            value = yield from at((n + k / len(ways)) / N_HALVINGS, score(turn))
             if value > most:
                 best, most = turn, value
-        step /= 2
     return best
-
-
-@dataclass(frozen=True)
-class TurnSearch:
-    """How turns are tried.
-
-    step : between angles, rad; n_halvings : of the first that does it
-    n_best : axes that are tilted at each angle, n_tilted : times; by tilt, rad, and half of it each
-        time
-    tilts_rad : of the axis that does it, one after the other
-    n_grid, n_fine : points along each edge of a triangle of the picture, and to settle it
-    enough : share of the lost light that has to come back
-    n_growths, growth : how often, and how much, an angle grows that the finer trace finds too small
-    """
-
-    step: float = np.radians(2)
-    n_halvings: int = 6
-    n_best: int = 2
-    n_tilted: int = 2
-    tilt: float = np.radians(20)
-    tilts_rad: tuple[float, ...] = (0.35, 0.17, 0.09, 0.04)
-    n_grid: int = 24
-    n_fine: int = 64
-    enough: float = 0.95
-    n_growths: int = 5
-    growth: float = 1.03
-
-
-TURN_SEARCH = TurnSearch()
-ROUNDING = 1e-9  # of the limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,19 +247,27 @@ class TurnBack:
     turn : (3,) rad about its direction, world
     brought : share of the lost light that comes back
     before, after : shares of the picture that arrive
-    does_it : does enough come back? Else it is the turn that brings back most
     """
 
     turn: Floats
     brought: float
     before: float
     after: float
-    does_it: bool
 
     @property
     def angle(self) -> float:
         """Rad."""
         return float(np.linalg.norm(self.turn))
+
+    @property
+    def does_it(self) -> bool:
+        """Does enough come back, and more of the picture arrive?"""
+        return self.gain >= ENOUGH
+
+    @property
+    def gain(self) -> float:
+        """Share of the lost light that comes back; below 0 if no more of the picture arrives."""
+        return self.brought if self.after > self.before else self.brought - 2.0
 
 
 def axes_around() -> Floats:
@@ -406,78 +279,53 @@ def axes_around() -> Floats:
 def turn_back(
     rig: Rig, plan_of: PlanOf, limit: float = np.radians(30)
 ) -> Generator[float, None, TurnBack]:
-    """Find the smallest turn, of up to `limit` rad, that brings the lost
-    light of the picture back; yields progress 0..1. A turn that helps within a few degrees of
-    axis or angle only may be missed.
+    """Find the smallest turn, of up to `limit` rad, that brings the lost light of the picture back;
+    yields progress 0..1. A turn that helps within a few degrees of axis or angle may be missed.
+
+    Axes all around are tried by angles that grow, and the best one of each angle is tilted. The
+    first turn that does it is then made smaller by steps to all sides.
 
     Raises
     ------
     RigError : no light is lost
     """
-    search = _Search(rig, plan_of, TURN_SEARCH.n_grid)
-    yield from within(search.begin(), 0.0, 0.05)
-    low, kept = 0.0, list[Floats]()
+    before = yield from light_turned(rig, np.zeros(3), plan_of, N_GRID)
+    is_lost = before.light.is_seen & ~before.light.has_arrived
+    if not before.weight[is_lost].sum() > 0:
+        raise RigError("All of the picture arrives: there is nothing to bring back.")
 
-    while low < limit * (1 - ROUNDING):
-        high = min(low + TURN_SEARCH.step, limit)
-        done = 0.05 + 0.7 * low / limit
-        found, kept = yield from at(done, _of_angle(search, kept, high))
-        if found:
-            turn = yield from at(done, _smallest(search, found, (low, high), limit))
-            if turn.does_it:
-                return turn
-        low = high
+    def tried(axes: Iterable[Floats], angle: float) -> Generator[float, None, TurnBack]:
+        """The best turn about some axes."""
+        found = []
+        for axis in axes:
+            light = yield from light_turned(rig, angle * axis, plan_of, N_GRID)
+            weight = light.weight[is_lost]
+            brought = float(weight[light.light.has_arrived[is_lost]].sum() / weight.sum())
+            found.append(TurnBack(angle * axis, brought, before.share, light.share))
+        return max(found, key=lambda one: one.gain)
 
-    return (yield from within(search.told(search.best, False), 0.9, 1.0))
+    best = TurnBack(np.zeros(3), 0.0, before.share, before.share)
+    angle = 0.0
+    while not best.does_it and angle < limit * (1 - ROUNDING):
+        angle = min(angle + STEP_RAD, limit)
+        done = 0.7 * angle / limit
+        there = yield from at(done, tried(axes_around(), angle))
+        for tilt in TILTS_RAD:
+            tilted = yield from at(done, tried(_tilted(there.turn / angle, tilt), angle))
+            there = max(there, tilted, key=lambda one: one.gain)
+        best = max(best, there, key=lambda one: one.gain)
 
-
-def _of_angle(
-    search: "_Search", kept: list[Floats], angle: float
-) -> Generator[float, None, tuple[list[Floats], list[Floats]]]:
-    """Axes that do it by an angle, the best first; and the best ones, whether they do or not.
-
-    kept : the best ones of the angle before
-    """
-    tried: list[tuple[float, bool, Floats]] = []
-    ways = [*kept, *axes_around()]
-    for n in range(1 + TURN_SEARCH.n_tilted):
-        for axis in ways:
-            does = yield from search.does(axis, angle)
-            tried.append((search.gain, does, axis))
-        tried.sort(key=lambda one: -one[0])
-        best = [axis for _, _, axis in tried[: TURN_SEARCH.n_best]]
-        ways = [way for axis in best for way in _tilted(axis, TURN_SEARCH.tilt / 2**n)]
-
-    return [axis for _, does, axis in tried if does], best
-
-
-def _smallest(
-    search: "_Search", axes: list[Floats], between: tuple[float, float], limit: float
-) -> Generator[float, None, TurnBack]:
-    """The smallest turn about axes that do it by the larger of two angles, rad."""
-    low, high = between
-    angles = []
-    for axis in axes:
-        angles.append((yield from at(0.8, search.halved(axis, low, high))))
-    angle = min(angles)
-    axis = axes[angles.index(angle)]
-
-    for tilt in TURN_SEARCH.tilts_rad:
-        for way in _tilted(axis, tilt):
-            less = angle * (1 - 0.2 * tilt)
-            if (yield from at(0.85, search.does(way, less))):
-                angle = yield from at(0.85, search.halved(way, low * 0.8, less))
-                axis = way
-
-    # a finer trace may find some light that needs more
-    fine = _Search(search.rig, search.plan_of, TURN_SEARCH.n_fine)
-    yield from at(0.9, fine.begin())
-    for _ in range(TURN_SEARCH.n_growths):
-        does = yield from at(0.95, fine.does(axis, angle))
-        if does or angle >= limit:
-            break
-        angle = min(angle * TURN_SEARCH.growth, limit)
-    return (yield from within(fine.told(angle * axis, does), 0.97, 1.0))
+    step = 2 * STEP_RAD if best.does_it else 0.0
+    for n in range(N_HALVINGS):
+        for way in axes_around():
+            turn = best.turn + step * way
+            angle = float(np.linalg.norm(turn))
+            if angle < best.angle:
+                done = 0.7 + 0.3 * n / N_HALVINGS
+                smaller = yield from at(done, tried([turn / angle], angle))
+                best = smaller if smaller.does_it else best
+        step /= 2
+    return best
 
 
 def _tilted(axis: Floats, tilt: float) -> Iterator[Floats]:
@@ -485,53 +333,3 @@ def _tilted(axis: Floats, tilt: float) -> Iterator[Floats]:
     side = normalise(np.cross(axis, np.eye(3)[np.abs(axis).argmin()]))
     for way in (side, -side, np.cross(axis, side), -np.cross(axis, side)):
         yield normalise(axis + np.tan(tilt) * way)
-
-
-class _Search:
-    """The light of a rig whose glass is turned, and the turn that brought back most so far."""
-
-    def __init__(self, rig: Rig, plan_of: PlanOf, n_grid: int) -> None:
-        self.rig = rig
-        self.plan_of = plan_of
-        self.n_grid = n_grid
-        self.best = np.zeros(3)
-        self.gain = -1.0
-        self._most = -1.0
-
-    def begin(self) -> Generator[float, None, None]:
-        """Note the light that is lost."""
-        before = yield from self._light(np.zeros(3))
-        self.lost: Bools = before.light.is_seen & ~before.light.has_arrived
-        self.before = before.share
-        if not before.weight[self.lost].sum() > 0:
-            raise RigError("All of the picture arrives: there is nothing to bring back.")
-
-    def does(self, axis: Floats, angle: float) -> Generator[float, None, bool]:
-        """Does a turn bring the lost light back, and lose no more elsewhere?"""
-        light = yield from self._light(angle * axis)
-        brought = self.brought(light)
-        gain = min(brought, 1.0 + light.share - self.before)
-        self.gain = gain if light.share > self.before else gain - 1.0
-        if light.share > self.before and gain > self._most:
-            self._most, self.best = gain, angle * axis
-        return brought >= TURN_SEARCH.enough and light.share > self.before
-
-    def halved(self, axis: Floats, low: float, high: float) -> Generator[float, None, float]:
-        """The smallest angle between two that does it, where `high` does."""
-        for _ in range(TURN_SEARCH.n_halvings):
-            middle = (low + high) / 2
-            does = yield from self.does(axis, middle)
-            low, high = (low, middle) if does else (middle, high)
-        return high
-
-    def brought(self, light: Traced) -> float:
-        """The share of the lost light that arrives."""
-        weight = light.weight[self.lost]
-        return float(weight[light.light.has_arrived[self.lost]].sum() / weight.sum())
-
-    def told(self, turn: Floats, does_it: bool) -> Generator[float, None, TurnBack]:
-        light = yield from self._light(turn)
-        return TurnBack(turn, self.brought(light), self.before, light.share, does_it)
-
-    def _light(self, turn: Floats) -> Generator[float, None, Traced]:
-        return (yield from light_turned(self.rig, turn, self.plan_of, self.n_grid))

@@ -20,9 +20,22 @@ from ..base.steps import within
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..rig.rig import Rig, Viewer
-from .largest_square import SEARCH, Bundle, best_place, best_place_for, grid_over, largest_about
+from .largest_square import (
+    ENOUGH,
+    WORTH_MOVING,
+    Bundle,
+    best_place,
+    best_place_for,
+    grid_over,
+    largest_about,
+)
 from .picture_light import Light, Spread, light_of, points_of, spread_in
 from .placement import REFERENCE_BENCH, Proposal, Wishes, rig_of
+
+N_RAYS = 47  # along the glass's longer side, as the viewer sees it
+LEAST, MOST = 0.25, 0.5  # side of a picture, of the glass's smaller side
+ROOM = 0.98  # a picture's side, of the largest that gets through: benches are off by a little
+N_ROUNDS = 4  # in which a picture is made smaller and traced again, at the most
 
 
 class Standing(NamedTuple):
@@ -50,7 +63,7 @@ def seek(
     frame = proposal.placement.picture
     middle = bounds.mean(axis=0)
     half = _half_of_view(bounds, proposal)
-    at, step = grid_over(half, SEARCH.n_rays)
+    at, step = grid_over(half, N_RAYS)
     light = yield from light_of(plan, middle + at @ frame[:3, :2].T)
 
     image = proposal.placement.display
@@ -64,7 +77,7 @@ def seek(
 
     place, side = _best(bundle, side)
     depth = _depth(light, at, place, side, frame, middle)
-    if abs(depth) < SEARCH.worth_moving * _half_size(bounds, frame[None, :3, 2])[0]:
+    if abs(depth) < WORTH_MOVING * _half_size(bounds, frame[None, :3, 2])[0]:
         depth = 0.0
 
     # the plane's own place and size, nearer to the viewer or farther than the glass's middle
@@ -77,11 +90,11 @@ def _best(bundle: Bundle, side: float) -> tuple[Floats, float]:
     """The best place (2,) of a bundle, and the side of the picture there."""
     smaller = 2 * float(bundle.half.min())
     if not side:
-        most = SEARCH.most * smaller / SEARCH.room
+        most = MOST * smaller / ROOM
         place, found = best_place(bundle, most)
-        if found * SEARCH.room >= SEARCH.least * smaller:
-            return place, SEARCH.room * found
-        side = SEARCH.least * smaller
+        if found * ROOM >= LEAST * smaller:
+            return place, ROOM * found
+        side = LEAST * smaller
 
     return best_place_for(bundle, side), side
 
@@ -137,23 +150,21 @@ def settle(
         steps = seek(plan_of(request.rig(proposal)), request.bounds, proposal, wishes.picture)
         standing = yield from within(steps, 0.0, 0.3)
 
-    least = 2 * SEARCH.least * float(_half_of_view(request.bounds, proposal).min())
+    least = 2 * LEAST * float(_half_of_view(request.bounds, proposal).min())
 
-    for n in range(SEARCH.n_rounds):
+    for n in range(N_ROUNDS):
         proposal = stood(proposal, standing, wishes)
         plan = plan_of(request.rig(proposal))
         points, uv, area = points_of(plan.rig.picture_place)
-        start = 0.3 + 0.7 * n / SEARCH.n_rounds
-        light = yield from within(light_of(plan, points), start, start + 0.7 / SEARCH.n_rounds)
+        start = 0.3 + 0.7 * n / N_ROUNDS
+        light = yield from within(light_of(plan, points), start, start + 0.7 / N_ROUNDS)
 
         spread = spread_in(light, uv, area, proposal.placement.display)
-        is_whole = sum(spread.lost.values()) <= 1 - SEARCH.enough
+        is_whole = sum(spread.lost.values()) <= 1 - ENOUGH
         if wishes.picture or is_whole or standing.side <= least:
             break
         share = largest_about(np.full(2, 0.5), uv, light.is_seen & ~light.has_arrived, area)
-        standing = Standing(
-            standing.middle, max(least, SEARCH.room * standing.side * min(share, 1.0))
-        )
+        standing = Standing(standing.middle, max(least, ROOM * standing.side * min(share, 1.0)))
 
     return proposal, spread
 

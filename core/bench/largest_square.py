@@ -12,33 +12,10 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats
 
-
-@dataclass(frozen=True)
-class Search:
-    """How a place is sought; tuned on the glasses of `dev.py bench`, with lengths as shares.
-
-    n_rays : along the glass's longer side, as the viewer sees it
-    n_places : compared at first, along each side; odd, so that the middle is one of them
-    enough : of a picture's light, that has to arrive
-    least, most : side of a picture, of the glass's smaller side
-    most_display : width of a display, of the picture's, up to which light counts as arriving
-    room : a picture's side, of the largest that gets through: benches are off by a little
-    worth_moving : by which another place has to be better than the middle of the glass
-    n_rounds : in which a picture is made smaller and traced again, at the most
-    """
-
-    n_rays: int = 47
-    n_places: int = 17
-    enough: float = 0.999
-    least: float = 0.25
-    most: float = 0.5
-    most_display: float = 2.0
-    room: float = 0.98
-    worth_moving: float = 0.1
-    n_rounds: int = 4
-
-
-SEARCH = Search()
+N_PLACES = 17  # compared at first, along the longer side; odd: the middle is one of them
+ENOUGH = 0.999  # of a picture's light, that has to arrive
+FARTHEST = 2.0  # widths of a picture: light that lands farther out does not count as arriving
+WORTH_MOVING = 0.1  # by which another place has to be better than the middle of the glass
 ROUNDING = 1e-6  # of the step between rays: nearer distances are the same
 
 
@@ -57,7 +34,7 @@ class Bundle:
     is_good: Bools
     step: float
     half: Floats
-    enough: float = SEARCH.enough
+    enough: float = ENOUGH
 
     def largest(self, places: Floats, most: float) -> Floats:
         """Sides (m,) of the largest squares around places (m, 2) that get through, up to `most`."""
@@ -70,7 +47,7 @@ class Bundle:
 
         edge = (self.half - np.abs(places)).min(axis=1)
         is_whole = np.cumsum(is_bad, axis=1) <= (1 - self.enough) * n
-        is_near = spread <= SEARCH.most_display * distance
+        is_near = spread <= FARTHEST * distance
         is_within = distance <= np.minimum(edge, most / 2)[:, None] + self.step / 2
         is_ring = np.diff(distance, axis=1, append=np.inf) > self.step * ROUNDING
         fits = is_whole & is_near & is_within & is_ring
@@ -130,7 +107,7 @@ def _refined(
 
     whole : by whose shares places are compared; 0: the best value
     """
-    places, step = grid_over(bundle.half, SEARCH.n_places)
+    places, step = grid_over(bundle.half, N_PLACES)
     centre = np.zeros(2)
     best = centre
     for _ in range(3):
@@ -146,13 +123,13 @@ def _refined(
     x, y = best
     candidates = np.array([[0, 0], [0, y], [x, 0], [x, y]])
     values = value(candidates)
-    good = values >= values.max() - SEARCH.worth_moving * (whole or values.max())
+    good = values >= values.max() - WORTH_MOVING * (whole or values.max())
     first = int(good.argmax())
     return candidates[first], float(values[first])
 
 
 def largest_about(
-    middle: Floats, uv: Floats, is_lost: Bools, weight: Floats, share: float = SEARCH.enough
+    middle: Floats, uv: Floats, is_lost: Bools, weight: Floats, share: float = ENOUGH
 ) -> float:
     """Side, of the picture's, of the largest part of it about a place (2,) of which so much
     arrives, by the light of places uv (n, 2) that stand for parts of it (n,).

@@ -2,9 +2,9 @@
 
 The light of the picture is traced with the display or plate as large as it may be; the part must
 reach the places where that light meets it. Which rays arrive does not depend on the picture, so the
-light of twice its size is traced once, its largest part around a place ends at the nearest lost
-ray, and the border between is found by halving. The answer is settled by tracing the rig with the
-size that was found. The light of all viewers counts.
+light of twice its size is traced once, and its largest part around a place ends at the nearest lost
+ray. The answer is settled by tracing the rig with the size that was found. The light of all viewers
+counts.
 """
 
 from collections.abc import Generator
@@ -40,7 +40,7 @@ class Wanted:
 
     share : of the light that could arrive, that has to
     moves : may the part's middle move in its plane?
-    most : times its present size that a part may have; 0: `ROOM`'s
+    most : times its present size that a part may have; 0: the largest by default
     n_grid : points along each edge of a triangle of the picture; 0: as many as Add Rig takes
     """
 
@@ -50,23 +50,10 @@ class Wanted:
     n_grid: int = 0
 
 
-@dataclass(frozen=True)
-class Room:
-    """What counts in sizing.
-
-    spare : a part's size, of what its light needs at least
-    most_plate : times its present size
-    most_display : times the picture's longer side
-    at_limit : of the largest size, from which on light is taken to go further
-    """
-
-    spare: float = 1.01
-    most_plate: float = 4.0
-    most_display: float = 10.0
-    at_limit: float = 0.98
-
-
-ROOM = Room()
+ROOM_SPARE = 1.01  # a part's size, of what its light needs at least
+MOST_PLATE = 4.0  # times its present size
+MOST_DISPLAY = 10.0  # times the picture's longer side
+AT_LIMIT = 0.98  # of the largest size, from which on light is taken to go further
 ROUNDING = 1e-9  # of a share
 
 
@@ -152,7 +139,7 @@ def fit_plate(
     plate = rig.plates[number]
     outline = plate_outline(plate)
     sizing = _Sizing(rig, plan_of, wanted, "plates", number, outline)
-    most = max(1.0, wanted.most or ROOM.most_plate)
+    most = max(1.0, wanted.most or MOST_PLATE)
     large = sizing.rig_with(most)
 
     # a display that is too small is another matter
@@ -191,7 +178,7 @@ def _most_display(rig: Rig, outline: Outline) -> float:
     """How many times as large a display may be."""
     places = [place_in_sight(rig.picture_place, viewer) for viewer in rig.viewers]
     longest = max(np.linalg.norm(np.ptp(p.mesh.corners.reshape(-1, 3), axis=0)) for p in places)
-    return float(ROOM.most_display * longest / (2 * outline.half.max()))
+    return float(MOST_DISPLAY * longest / (2 * outline.half.max()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,14 +215,14 @@ class _Sizing:
         order = np.argsort(reach)
         within_reach = np.cumsum(weight[order]) / weight.sum()
         size, most = (
-            ROOM.spare * float(reach[order[np.argmax(within_reach >= share * (1 - ROUNDING))]])
+            ROOM_SPARE * float(reach[order[np.argmax(within_reach >= share * (1 - ROUNDING))]])
             for share in (wanted.share, MOST)
         )
         before = yield from within(self._traced(self.rig), 0.4, 0.7)
         if wanted.share >= 1 - ROUNDING:
             # whatever arrives stays, also where no point of the coarser grid was
             now = float(self.outline.reach(self._met(before), about).max(initial=0.0))
-            size = max(size, ROOM.spare * now if wanted.moves else min(ROOM.spare * now, 1.0))
+            size = max(size, ROOM_SPARE * now if wanted.moves else min(ROOM_SPARE * now, 1.0))
         shift = about @ self.outline.axes
         farthest = float(self.outline.reach(across, np.zeros(2)).max())
         width = 2 * float(self.outline.half[0])
@@ -249,7 +236,7 @@ class _Sizing:
             after=after.share,
             lost=after.lost,
             for_most=width * most,
-            limit=width * largest if farthest > ROOM.at_limit * largest else 0.0,
+            limit=width * largest if farthest > AT_LIMIT * largest else 0.0,
         )
 
     def _traced(self, rig: Rig) -> Generator[float, None, Traced]:
@@ -266,25 +253,8 @@ class _Sizing:
         return self.outline.across(places[np.isfinite(places[:, 0])])
 
 
-@dataclass(frozen=True)
-class Growth:
-    """How a picture's size is sought; lengths as shares of it.
-
-    most, least : size, of its present one
-    n_rays : along a side of the largest
-    n_outline : rays along each side of its outline, by which the border is found
-    n_halvings : of the doubt about the border
-    """
-
-    most: float = 2.0
-    least: float = 0.05
-    n_rays: int = 101
-    n_outline: int = 200
-    n_halvings: int = 8
-
-
-GROWTH = Growth()
-IS_RING = 1e-6  # of a distance: nearer ones are the same
+MOST_PICTURE, LEAST_PICTURE = 2.0, 0.05  # times a picture's present size
+N_RAYS = 101  # along a side of the largest picture
 
 
 class Plane(NamedTuple):
@@ -334,11 +304,11 @@ def fit_picture(
     """
     wanted = wanted or Wanted()
     plane = plane_of(rig)
-    most = wanted.most or GROWTH.most
+    most = wanted.most or MOST_PICTURE
     plan = plan_of(rig)
 
     # about which place, and about how large
-    at, step = grid_over(np.full(2, most / 2), GROWTH.n_rays)
+    at, step = grid_over(np.full(2, most / 2), N_RAYS)
     arrives = yield from within(_arrives(plan, plane.middle + at @ plane.sides), 0.0, 0.3)
     bundle = Bundle(at, at, arrives, step, np.full(2, most / 2), wanted.share)
     about = best_place(bundle, most)[0] if wanted.moves else np.zeros(2)
@@ -346,10 +316,11 @@ def fit_picture(
     shift = about @ plane.sides
 
     before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid, is_fine=True), 0.3, 0.5)
-    size = yield from within(_border(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
-    if size <= ROOM.spare and before.share >= wanted.share * (1 - ROUNDING):
+    whole = yield from within(_of_size(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
+    size *= _part_that_arrives(whole, wanted.share)
+    if size <= ROOM_SPARE and before.share >= wanted.share * (1 - ROUNDING):
         size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
-    if size < GROWTH.least:
+    if size < LEAST_PICTURE:
         raise RigError(
             "Hardly any of the picture '{name}' gets through about its middle: move it, or turn"
             " the glass.",
@@ -376,45 +347,13 @@ def _of_size(
     return (yield from traced_by_all(changed, plan_of, wanted.n_grid, is_fine=True))
 
 
-def _border(
-    rig: Rig, plan_of: PlanOf, wanted: Wanted, plane: Plane, size: float, shift: Floats
-) -> Generator[float, None, float]:
-    """The size at which light begins to be lost, no larger than `size`, less some room."""
-    found = yield from within(_of_size(rig, plan_of, wanted, plane, size, shift), 0.0, 0.6)
-    uv = found.uv
-    places = (uv - uv.min(axis=0)) / np.ptp(uv, axis=0)
+def _part_that_arrives(found: Traced, share: float) -> float:
+    """The size at which light begins to be lost, of a picture's, less some room; 1 if none is."""
     is_lost = ~found.light.has_arrived
     if not is_lost.any():
-        return size
-    if wanted.share < 1:
-        whole = largest_about(np.full(2, 0.5), places, is_lost, found.area, wanted.share)
-        return size * whole / ROOM.spare
-
-    # all within is good, and something on the next ring is lost
-    distance = 2 * np.abs(places - 0.5).max(axis=1)
-    high = float(distance[is_lost].min())
-    low = float(distance[distance < high * (1 - IS_RING)].max(initial=0.0))
-    low, high = size * low, size * high
-    plan = plan_of(rig)
-    for n in range(GROWTH.n_halvings):
-        middle = (low + high) / 2
-        is_whole = yield from within(
-            _outline_arrives(plan, plane, middle, shift), 0.6 + 0.05 * n, 0.65 + 0.05 * n
-        )
-        low, high = (middle, high) if is_whole else (low, middle)
-    return low / ROOM.spare
-
-
-def _outline_arrives(
-    plan: Plan, plane: Plane, size: float, shift: Floats
-) -> Generator[float, None, bool]:
-    """Does all light of the outline of a picture so large arrive?"""
-    along = np.linspace(-0.5, 0.5, GROWTH.n_outline + 1)
-    end = np.full(len(along), 0.5)
-    sides = [(along, -end), (along, end), (-end, along), (end, along)]
-    places = size * np.concatenate([np.stack(side, axis=1) for side in sides])
-    arrives = yield from _arrives(plan, plane.middle + shift + places @ plane.sides)
-    return bool(arrives.all())
+        return 1.0
+    places = (found.uv - found.uv.min(axis=0)) / np.ptp(found.uv, axis=0)
+    return largest_about(np.full(2, 0.5), places, is_lost, found.area, share) / ROOM_SPARE
 
 
 def _arrives(plan: Plan, points: Floats) -> Generator[float, None, Bools]:

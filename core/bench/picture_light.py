@@ -255,20 +255,7 @@ THIRDS = 1 / 3, 2 / 3  # of the picture's sides
 MOST = 0.95  # share of the light without its outermost part
 
 
-@dataclass(frozen=True)
-class LightRays:
-    """How a picture's light is followed, and told about.
-
-    n_grid : points along each edge of a triangle of the picture
-    named_share : of the outermost light, that has to come from a
-        part of the picture for that part to be named
-    """
-
-    n_grid: int = 128
-    named_share: float = 0.5
-
-
-LIGHT_RAYS = LightRays()
+N_GRID = 128  # points along each edge of a triangle of the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +323,7 @@ def part_of_picture(places: Floats, weight: Floats) -> Message:
 
     # one part alone
     row, column = np.unravel_index(of_part.argmax(), (3, 3))
-    if of_part[row, column] >= LIGHT_RAYS.named_share:
+    if of_part[row, column] >= 0.5:
         return PARTS[row][column]
 
     # or a whole side
@@ -347,14 +334,14 @@ def part_of_picture(places: Floats, weight: Floats) -> Message:
         PARTS[1][2]: of_part[:, 2],
     }
     side = max(sides, key=lambda words: sides[words].sum())
-    return side if sides[side].sum() >= LIGHT_RAYS.named_share else SEVERAL
+    return side if sides[side].sum() >= 0.5 else SEVERAL
 
 
 def points_of(place: PicturePlace, n: int = 0) -> tuple[Floats, Floats, Floats]:
     """Points (n, 3) spread evenly over the triangles of a picture,
     their UV (n, 2) and the area (n,) each stands for.
     """
-    return points_over(place.mesh.corners, place.mesh.uv, n or LIGHT_RAYS.n_grid)
+    return points_over(place.mesh.corners, place.mesh.uv, n or N_GRID)
 
 
 def points_over(corners: Floats, uv: Floats, n: int) -> tuple[Floats, Floats, Floats]:
@@ -430,21 +417,9 @@ def spread_in(light: Light, uv: Floats, area: Floats, display_frame: Floats) -> 
 PlanOf = Callable[[Rig], Plan]
 
 
-@dataclass(frozen=True)
-class Finer:
-    """How the picture is divided further where ways part.
-
-    times : into so many parts along an edge, each time
-    levels : at most
-    most_rays : each time: where ways part all over, as in cut crystal, it is divided less
-    """
-
-    times: int = 4
-    levels: int = 3
-    most_rays: int = 60_000
-
-
-FINER = Finer()
+# where ways part a picture is divided into so many parts along an edge, again and again, and less
+# where that takes more rays: in cut crystal ways part all over
+PARTS_ALONG, MOST_DIVISIONS, MOST_RAYS = 4, 3, 60_000
 
 
 def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
@@ -524,14 +499,14 @@ def _light_over(
     """The light of points over a picture, their UV (n, 2), and the area (n,) that each stands
     for; yields progress 0..1.
     """
-    n = n_grid or LIGHT_RAYS.n_grid
+    n = n_grid or N_GRID
     points, uv, area = points_of(place, n)
     small = small_triangles(n, len(place.mesh.triangles))
     light = yield from within(light_of(plan, points, plate), 0.0, 0.4 if is_fine else 1.0)
     lights, uvs, areas = [light], [uv], [area]
-    for level in range(FINER.levels if is_fine else 0):
+    for level in range(MOST_DIVISIONS if is_fine else 0):
         parts = small[_part(light, small)]
-        times = min(FINER.times, int(np.sqrt(2 * FINER.most_rays / max(len(parts), 1))) - 1)
+        times = min(PARTS_ALONG, int(np.sqrt(2 * MOST_RAYS / max(len(parts), 1))) - 1)
         if not len(parts) or times < 2:
             break
         # what they stood for goes to the points between

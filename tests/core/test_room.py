@@ -8,7 +8,7 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.bench.part_sizes import (
-    ROOM,
+    ROOM_SPARE,
     Wanted,
     fit_display,
     fit_picture,
@@ -89,7 +89,7 @@ def test_a_slabs_display_is_the_projected_picture(ior: float) -> None:
     line = np.linspace(-0.025, 0.025, 1001)
     outline = np.stack([line, np.full_like(line, 0.025)], axis=1)
     half = np.abs(through_slab(outline, ior, 1.0, 0.02)).max()
-    assert fitted.width == pytest.approx(ROOM.spare * 2 * half, rel=1e-9)
+    assert fitted.width == pytest.approx(ROOM_SPARE * 2 * half, rel=1e-9)
     assert (fitted.after, fitted.lost) == (1.0, {})
     assert fitted.before == pytest.approx((0.02 / (2 * half)) ** 2, rel=0.03)
     assert fitted.more == pytest.approx(fitted.width - 0.02, rel=1e-12)
@@ -114,7 +114,7 @@ def test_the_plate_is_as_large_as_the_picture_seen_on_it(moves: bool) -> None:
     about = (across.min(axis=0) + across.max(axis=0)) / 2 if moves else np.zeros(2)
     half = np.abs(across - about).max()
 
-    assert fitted.width == pytest.approx(ROOM.spare * 2 * half, rel=1e-9)
+    assert fitted.width == pytest.approx(ROOM_SPARE * 2 * half, rel=1e-9)
     assert fitted.shift == pytest.approx(about @ outline.axes, abs=1e-12)
     # the display is too small as before, and nothing else is lost
     assert set(fitted.lost) == {"missed the display"}
@@ -158,7 +158,7 @@ def test_a_picture_is_as_large_as_gets_through(glass: Glass, moves: bool) -> Non
 def test_a_small_picture_grows() -> None:
     """As far as its light lands on the display, but to no more than twice its size."""
     rig = rig_around(slab(1.0), picture=0.02, display=0.03)
-    assert finish(fit_picture(rig, plan_of())).size == pytest.approx(1.5 / ROOM.spare, rel=2e-3)
+    assert finish(fit_picture(rig, plan_of())).size == pytest.approx(1.5 / ROOM_SPARE, rel=2e-3)
     rig = rig_around(slab(1.0), picture=0.01, display=0.06)
     assert finish(fit_picture(rig, plan_of())).size == 2
 
@@ -167,8 +167,8 @@ def test_a_share_is_as_much_as_was_asked_for() -> None:
     """Of light that spreads as the picture does, 90 % take 0.9 of its area."""
     rig = rig_around(slab(1.0), picture=0.05, display=0.08)
     fitted = finish(fit_display(rig, plan_of(), Wanted(share=0.9)))
-    assert fitted.width == pytest.approx(ROOM.spare * 0.05 * np.sqrt(0.9), rel=0.01)
-    assert fitted.after == pytest.approx(0.9 * ROOM.spare**2, rel=0.01)
+    assert fitted.width == pytest.approx(ROOM_SPARE * 0.05 * np.sqrt(0.9), rel=0.01)
+    assert fitted.after == pytest.approx(0.9 * ROOM_SPARE**2, rel=0.01)
 
 
 def test_a_hexagon_reaches_as_far_as_its_outline() -> None:
@@ -230,7 +230,7 @@ def test_a_limit_that_was_reached_is_told() -> None:
     assert finish(fit_display(rig, plan_of())).limit == 0
     near = finish(fit_display(rig, plan_of(), Wanted(most=1.05)))
     assert near.limit == pytest.approx(1.05 * 0.02, rel=1e-9)
-    assert near.size <= 1.05 * ROOM.spare
+    assert near.size <= 1.05 * ROOM_SPARE
     small = with_plate(rig, 0.05)
     assert finish(fit_plate(small, plan_of())).limit == pytest.approx(4 * 0.02, rel=1e-9)
     rig = rig_around(slab(1.0), picture=0.01, display=0.06)

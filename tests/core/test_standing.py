@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.steps import finish
-from kiriko.core.bench.initial_placement import SEARCH, Bundle, Request, grid_over, settle
+from kiriko.core.bench.initial_placement import ENOUGH, LEAST, Bundle, Request, grid_over, settle
 from kiriko.core.bench.picture_light import Spread
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
@@ -74,7 +74,7 @@ def test_a_goblets_picture_stands_in_its_bowl() -> None:
     assert (x, y) == pytest.approx((0, 0), abs=1e-3)
     assert z - proposal.picture / 2 > -0.01  # above the stem, whose top is at -10 mm
     assert z + proposal.picture / 2 < 0.1
-    assert sum(spread.lost.values()) <= 1 - SEARCH.enough
+    assert sum(spread.lost.values()) <= 1 - ENOUGH
     assert share_arrived(rig) > 0.998
 
     middle = replace(proposal, placement=propose(rig.glasses[0].mesh.bounds, Wishes()).placement)
@@ -124,5 +124,5 @@ def test_a_picture_is_not_made_smaller_than_the_least() -> None:
     _, proposal, spread = settled(crystal)
     bounds = crystal.mesh.bounds
     smaller = min(np.ptp(bounds[:, 0]), np.ptp(bounds[:, 2]))
-    assert proposal.picture >= SEARCH.least * smaller * (1 - 1e-12)
+    assert proposal.picture >= LEAST * smaller * (1 - 1e-12)
     assert spread.weight.sum() > 0.5

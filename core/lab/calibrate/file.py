@@ -7,7 +7,6 @@ glass, too; no fixed distance from a straight one does.
 
 import csv
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -22,7 +21,9 @@ from ...base.messages import Message, joined
 from ...files.disk import read_bytes
 from .drawn import Lattice
 from .match import (
-    GROWTH,
+    ABOVE_ROUGHNESS,
+    FEWEST,
+    MOST_TURNED_RAD,
     Basis,
     Site,
     match,
@@ -33,24 +34,8 @@ from .match import (
     without_strangers,
 )
 
-
-@dataclass(frozen=True)
-class Mistakes:
-    """When points are not believed; held by tests/core/test_lattice.py.
-
-    mistaken : spacings off, from which on a point is pointed out to people
-    mistaken_one_in : so many points; more are another lattice
-    n_compared : places each way, at which a photograph is compared with the picture
-    liker : by how much more another way has to be like the photograph
-    """
-
-    mistaken: float = 0.3
-    mistaken_one_in: int = 3
-    n_compared: int = 400
-    liker: float = 0.005
-
-
-MISTAKES = Mistakes()
+MISTAKEN = 0.3  # spacings off, from which on a point is pointed out to people
+N_COMPARED = 400  # places each way, at which a photograph is compared with the picture
 # how a photograph is compared with the picture: u mirrored, v mirrored, columns and rows aside
 WAYS = {
     Message("mirrored"): (True, False, 0, 0),
@@ -86,15 +71,15 @@ def check(points: Floats, lattice: Lattice) -> None:
         (k % lattice.columns, k // lattice.columns): k for k in np.flatnonzero(np.isfinite(at))
     }
     bases = dict.fromkeys(sites, mean_steps(at, sites))
-    good = without_strangers(at, sites, bases, MISTAKES.mistaken)
+    good = without_strangers(at, sites, bases, MISTAKEN)
     if not good:
         return
 
     rough = np.median(list(roughness(at, good, bases).values()) or [0.0])
-    most = max(MISTAKES.mistaken, GROWTH.above_roughness * rough)
+    most = max(MISTAKEN, ABOVE_ROUGHNESS * rough)
     found = _misplaced(at, sites, good, bases, most)
 
-    if rough > MISTAKES.mistaken or len(found.wanted) > len(sites) / MISTAKES.mistaken_one_in:
+    if rough > MISTAKEN or len(found.wanted) > len(sites) / 3:
         raise ImageError(
             "The points are not in the order of a lattice of {columns} x {rows}: number"
             " them by column and row, or set the lattice that was shown.",
@@ -136,9 +121,7 @@ def _told(found: _Misplaced, names: dict[Site, str]) -> list[str]:
     """Misplaced points, by names, in words: first those that stand in each other's place."""
 
     def is_in_place_of(here: Site, there: Site) -> bool:
-        return (
-            np.abs(found.at[here] - found.wanted[there]) < MISTAKES.mistaken * found.spacing[there]
-        )
+        return np.abs(found.at[here] - found.wanted[there]) < MISTAKEN * found.spacing[there]
 
     told = []
     swapped = set()
@@ -185,7 +168,7 @@ def check_way(points: Floats, expected: Floats) -> None:
     turned far against what is expected (m, 2) of them.
     """
     both = np.isfinite(points).all(axis=1) & np.isfinite(expected).all(axis=1)
-    if both.sum() < GROWTH.fewest:
+    if both.sum() < FEWEST:
         return
 
     from_middle = expected[both] - expected[both].mean(axis=0)
@@ -193,7 +176,7 @@ def check_way(points: Floats, expected: Floats) -> None:
     if (
         np.linalg.det(linear) < 0
         or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear)))
-        > GROWTH.most_turned_rad
+        > MOST_TURNED_RAD
     ):
         raise ImageError(
             "The points are mirrored or turned: count columns from the left and rows from"
@@ -227,7 +210,7 @@ def check_picture(
 
     # where the picture's places are in the photograph
     fit = np.linalg.lstsq(terms(u, v)[is_known], points[is_known], rcond=None)[0]
-    side = (np.arange(MISTAKES.n_compared) + 0.5) / MISTAKES.n_compared
+    side = (np.arange(N_COMPARED) + 0.5) / N_COMPARED
     u, v = (x.ravel() for x in np.meshgrid(side, side))
     at = terms(u, v) @ fit
     seen, is_inside = _read(photograph, at / photograph.shape[1::-1])
@@ -243,7 +226,7 @@ def check_picture(
 
     # which way is more like it than that which was found
     way, more = _most_like(seen, is_inside, picture, np.stack([u, v], axis=1), steps)
-    if more > (-MISTAKES.liker if is_unsure else MISTAKES.liker):
+    if more > (-0.005 if is_unsure else 0.005):
         raise ImageError(
             "The photograph seems to show the picture {way}: hold the camera as the viewer"
             " looks, show the whole lattice, or name each point in a CSV file.",

@@ -6,7 +6,6 @@ held by their steps, and the nearest point there is taken. At last those that st
 where their neighbours have them than all the others are left out, worst first.
 """
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -16,57 +15,15 @@ from ...base.arrays import Floats, Ints
 from ...base.errors import ImageError
 from .drawn import Lattice
 
-
-@dataclass(frozen=True)
-class Growth:
-    """How a lattice goes on; held to rendered photographs by tests/core/test_lattice.py.
-
-    near : spacings, from where a point should be by its neighbours
-    strange : spacings off: this is never too far
-    above_roughness : times the median distance of points from where their neighbours want them
-    unlike : in size, two neighbours, as a logarithm
-    far_px : away, where no neighbour is
-    fewest : points of a lattice
-    by_chance, few_by_chance : fewer points than these are a lattice only if they
-        are most of those found, this share of them
-    rough_quantile : of distances, which is not strange in a lattice
-    n_around : nearest neighbours that tell a point's spacings
-    n_paired : of these, that may be the next column and the next row
-    n_seeds : points that are tried as seeds
-    n_grown : seeds that a lattice is grown from, the likeliest
-    whole : share of all points, in one lattice: no other one is looked for
-    unlike_shape : by how much a seed's step to the next row by that to the next column may be off
-    most_turned_rad, least_scale, most_scale : of a seed's steps against those expected
-    shortest_counts : of equal seeds the one with the shortest steps is likeliest
-    reach : columns and rows away, to which neighbours count
-    held_slope, held_bend : weights of the known steps, and of none, against points one spacing away
-    """
-
-    near: float = 0.3
-    strange: float = 0.1
-    above_roughness: float = 6.0
-    unlike: float = np.log(2.2)
-    far_px: float = 1e9
-    fewest: int = 4
-    by_chance: int = 9
-    few_by_chance: float = 0.6
-    rough_quantile: float = 0.75
-    n_around: int = 24
-    n_paired: int = 10
-    n_seeds: int = 80
-    n_grown: int = 8
-    whole: float = 0.97
-    unlike_shape: float = 0.4
-    most_turned_rad: float = np.radians(50.0)
-    least_scale: float = 0.4
-    most_scale: float = 2.5
-    shortest_counts: float = 0.05
-    reach: int = 3
-    held_slope: float = 0.01
-    held_bend: float = 0.03
-
-
-GROWTH = Growth()
+# Numbers of this file are held to rendered photographs by tests/core/test_lattice.py.
+NEAR = 0.3  # spacings, from where a point should be by its neighbours
+STRANGE = 0.1  # spacings off: this is never too far
+ABOVE_ROUGHNESS = 6.0  # times the median distance of points from where their neighbours want them
+UNLIKE = np.log(2.2)  # in size, two neighbours
+FAR_PX = 1e9  # away, if there is no neighbour
+FEWEST = 4  # points of a lattice
+MOST_TURNED_RAD = np.radians(50)  # the steps of a lattice, against those expected
+REACH = 3  # columns and rows away, to which neighbours count
 # a step to the next row by that to the next column, as they may be
 SHAPES = 1j * np.concatenate([[0.5, 0.7, 1.0, 1.4, 2.0], np.exp(1j * np.radians([-30.0, 30.0]))])
 Site = tuple[int, int]
@@ -87,30 +44,30 @@ def _seeds(
         may be turned and scaled somewhat; None: any
     """
     at = points[:, 0] + 1j * points[:, 1]
-    if len(at) < GROWTH.fewest:
+    if len(at) < FEWEST:
         return []
 
     # the nearest points around some of them
-    chosen = np.unique(np.linspace(0, len(at) - 1, GROWTH.n_seeds).astype(int))
-    is_alike = np.abs(np.log(sizes / sizes[chosen, None])) < GROWTH.unlike
-    apart = np.where(is_alike, at - at[chosen, None], GROWTH.far_px)
-    order = np.argsort(np.abs(apart), axis=1)[:, 1 : GROWTH.n_around + 1]
+    chosen = np.unique(np.linspace(0, len(at) - 1, 80).astype(int))
+    is_alike = np.abs(np.log(sizes / sizes[chosen, None])) < UNLIKE
+    apart = np.where(is_alike, at - at[chosen, None], FAR_PX)
+    order = np.argsort(np.abs(apart), axis=1)[:, 1:25]
     around = np.take_along_axis(apart, order, axis=1)
 
     # two of these as steps, where their shape may be
-    n = min(GROWTH.n_paired, around.shape[1])
+    n = min(10, around.shape[1])
     first, second = (k.ravel() for k in np.nonzero(~np.eye(n, dtype=bool)))
     a = around[:, first]
     b = around[:, second]
 
     is_likely = np.zeros(a.shape, bool)
     for k, shape in enumerate(shapes):
-        fits = np.abs(b / a / shape - 1) < GROWTH.unlike_shape
+        fits = np.abs(b / a / shape - 1) < 0.4
         if steps is not None:
             grown = a / steps[k]
-            fits &= np.abs(np.angle(grown)) < GROWTH.most_turned_rad
-            fits &= (np.abs(grown) > GROWTH.least_scale) & (np.abs(grown) < GROWTH.most_scale)
-        is_likely |= fits & (np.abs(a) < GROWTH.far_px) & (np.abs(b) < GROWTH.far_px)
+            fits &= np.abs(np.angle(grown)) < MOST_TURNED_RAD
+            fits &= (np.abs(grown) > 0.4) & (np.abs(grown) < 2.5)
+        is_likely |= fits & (np.abs(a) < FAR_PX) & (np.abs(b) < FAR_PX)
 
     # the better the eight points around are where the steps have them, the likelier
     row, pair = np.nonzero(is_likely)
@@ -122,10 +79,10 @@ def _seeds(
     for i, j in product((-1, 0, 1), repeat=2):
         if (i, j) != (0, 0):
             off = np.abs(around[row] - (i * a + j * b)[:, None]).min(axis=1)
-            missed += np.minimum(off / (GROWTH.near * short), 1)
+            missed += np.minimum(off / (NEAR * short), 1)
 
     # of equals the shortest
-    missed += GROWTH.shortest_counts * (np.abs(a) + np.abs(b)) / np.abs(around[row, 0])
+    missed += 0.05 * (np.abs(a) + np.abs(b)) / np.abs(around[row, 0])
 
     # of each point its likeliest steps
     found = []
@@ -136,7 +93,7 @@ def _seeds(
             has.add(row[k])
             found.append((int(chosen[row[k]]), np.array([a[k], b[k]])))
 
-    return found[: GROWTH.n_grown]
+    return found[:8]
 
 
 def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[Site, int]:
@@ -148,7 +105,7 @@ def largest(points: Floats, sizes: Floats, *shapes_and_steps: NDArray) -> dict[S
         sites = _grown(points[:, 0] + 1j * points[:, 1], sizes, *seed)
         if len(sites) > len(best):
             best = sites
-        if len(best) > GROWTH.whole * len(points):
+        if len(best) > 0.97 * len(points):
             break
     return best
 
@@ -183,12 +140,12 @@ def _grown(at: NDArray[np.complex128], sizes: Floats, seed: int, basis: Basis) -
                 site, near, at[known], np.mean([bases[s] for s in near], axis=0)
             )
             off = np.where(
-                np.abs(np.log(sizes / np.median(sizes[known]))) < GROWTH.unlike,
+                np.abs(np.log(sizes / np.median(sizes[known]))) < UNLIKE,
                 np.abs(at - place),
                 np.inf,
             )
             nearest = int(off.argmin())
-            if off[nearest] < GROWTH.near * np.abs(there).min() and nearest not in used:
+            if off[nearest] < NEAR * np.abs(there).min() and nearest not in used:
                 found.append((off[nearest], site, nearest, there))
 
         # the best first: each point has one site
@@ -208,7 +165,7 @@ def without_strangers(
     at: NDArray[np.complex128],
     sites: dict[Site, int],
     bases: dict[Site, Basis],
-    strange: float = GROWTH.strange,
+    strange: float = STRANGE,
 ) -> dict[Site, int]:
     """Without the points that stand further from where their
     neighbours want them than the others do, worst first.
@@ -216,7 +173,7 @@ def without_strangers(
     sites = dict(sites)
     while off := roughness(at, sites, bases):
         worst = max(off, key=off.get)
-        if off[worst] <= max(strange, GROWTH.above_roughness * np.median(list(off.values()))):
+        if off[worst] <= max(strange, ABOVE_ROUGHNESS * np.median(list(off.values()))):
             break
         del sites[worst]
     return sites
@@ -247,7 +204,7 @@ def mean_steps(at: NDArray[np.complex128], sites: dict[Site, int]) -> Basis:
 def neighbours_of(site: Site, sites: dict[Site, int]) -> list[Site]:
     """Sites up to three columns and rows away, itself included, that have a point."""
     i, j = site
-    steps = range(-GROWTH.reach, GROWTH.reach + 1)
+    steps = range(-REACH, REACH + 1)
     return [s for di, dj in product(steps, steps) if (s := (i + di, j + dj)) in sites]
 
 
@@ -258,7 +215,8 @@ def predicted(site: Site, near: list[Site], at: NDArray, basis: Basis) -> tuple[
     d = np.array(near, float) - site
     design = np.column_stack([np.ones(len(d)), d, d**2, d[:, 0] * d[:, 1]])
     weight = 1 / (d**2).sum(axis=1)
-    held = np.diag([0, *2 * [GROWTH.held_slope], *3 * [GROWTH.held_bend]])
+    # steps and bend, against points one spacing away
+    held = np.diag([0, 0.01, 0.01, 0.03, 0.03, 0.03])
     right = design.T @ (weight * (at - d @ basis))
     found = np.linalg.solve((design.T * weight) @ design + held, right)
     return found[0], basis + found[1:3]
@@ -266,35 +224,14 @@ def predicted(site: Site, near: list[Site], at: NDArray, basis: Basis) -> tuple[
 
 def is_lattice(points: Floats, sites: dict[Site, int]) -> bool:
     """Are the points that grew together as regular as chance would not have them?"""
-    if len(sites) < (
-        GROWTH.fewest if len(sites) > GROWTH.few_by_chance * len(points) else GROWTH.by_chance
-    ):
+    # a few are one only if they are most of those found
+    if len(sites) < (FEWEST if len(sites) > 0.6 * len(points) else 9):
         return False
     at = points[:, 0] + 1j * points[:, 1]
     rough = list(roughness(at, sites, dict.fromkeys(sites, mean_steps(at, sites))).values())
-    return not rough or bool(np.quantile(rough, GROWTH.rough_quantile) < GROWTH.strange)
+    return not rough or bool(np.quantile(rough, 0.75) < STRANGE)
 
 
-@dataclass(frozen=True)
-class Clarity:
-    """When it is clear which points are which; held by tests/core/test_lattice.py.
-
-    turn_rad : how much more the second best way has to be turned
-    distance : times the distance of the best, that of the second best
-    n_extra, extra_of : points that may have no place in the lattice; or one in so many others
-    n_steps : of the expected lattice, that are taken for a seed
-    bent : rad, that a lattice bent by its whole size counts as being turned
-    """
-
-    turn_rad: float = np.radians(4.0)
-    distance: float = 1.5
-    n_extra: int = 3
-    extra_of: int = 4
-    n_steps: int = 9
-    bent: float = 2
-
-
-CLARITY = Clarity()
 QUARTER_TURNS = [
     np.array(turn)
     for turn in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])
@@ -331,7 +268,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
     expected = np.asarray(expected, float)
     _check_extra(len(points), len(lattice), lattice)  # else millions of them would be grown first
     sites = largest(points, np.ones(len(points)), *_expected_steps(expected, lattice))
-    if len(sites) < GROWTH.fewest:
+    if len(sites) < FEWEST:
         raise ImageError(
             "The {n_points} points do not form the lattice of {columns} x {rows}: choose"
             " another photograph, or name each point in a CSV file.",
@@ -355,7 +292,7 @@ def match(points: Floats, expected: Floats, lattice: Lattice) -> Floats:
 def _check_extra(n_points: int, n: int, lattice: Lattice) -> None:
     """Raise ImageError if, of so many points, too few (n) have a place in the lattice."""
     extra = n_points - n
-    if extra > max(CLARITY.n_extra, n // CLARITY.extra_of):
+    if extra > max(3, n // 4):
         raise ImageError(
             "{extra} of {n_points} points have no place in the lattice of {columns} x"
             " {rows}: remove other bright spots, or set the lattice that is shown.",
@@ -381,7 +318,7 @@ def _expected_steps(expected: Floats, lattice: Lattice) -> tuple[NDArray, NDArra
 
     right = right[is_known]
     down = down[is_known]
-    some = np.unique(np.linspace(0, len(right) - 1, CLARITY.n_steps).astype(int))
+    some = np.unique(np.linspace(0, len(right) - 1, 9).astype(int))
     return (down / right)[some], right[some]
 
 
@@ -408,7 +345,7 @@ def _placements(sites: Ints, lattice: Lattice) -> list[tuple[int, Ints]]:
         ways.append((turned, total[w:, h:] - total[:m, h:] - total[w:, :n] + total[:m, :n]))
 
     # all windows with nearly the most sites
-    fewest = max(max(count.max() for _, count in ways) - 1, GROWTH.fewest)
+    fewest = max(max(count.max() for _, count in ways) - 1, FEWEST)
     places = []
 
     for number, (turned, count) in enumerate(ways):
@@ -440,9 +377,9 @@ def _nearest_placement(
             p = p - p.mean()
             e = e - e.mean()
             grown = np.vdot(e, p) / np.vdot(e, e)
-            off = abs(np.angle(grown)) + CLARITY.bent * np.linalg.norm(
-                p - grown * e
-            ) / np.linalg.norm(grown * e)
+            # bent by its whole size counts as 2 rad
+            bent = np.linalg.norm(p - grown * e) / np.linalg.norm(grown * e)
+            off = abs(np.angle(grown)) + 2 * bent
             turned[number] = min(off, turned.get(number, np.inf))
 
     if not turned:
@@ -452,14 +389,14 @@ def _nearest_placement(
         )
 
     least, *others = sorted(turned, key=turned.get)
-    if others and turned[others[0]] - turned[least] < CLARITY.turn_rad:
+    if others and turned[others[0]] - turned[least] < np.radians(4):
         raise ImageError(
             "The photograph is turned by about 45 degrees, so left and upper cannot be told apart:"
             " turn it."
         )
 
     order = [k for k in np.argsort(distance) if places[k][0] == least]
-    if len(order) > 1 and not distance[order[1]] > CLARITY.distance * distance[order[0]]:
+    if len(order) > 1 and not distance[order[1]] > 1.5 * distance[order[0]]:
         raise ImageError(
             "Too few of the {columns} columns and {rows} rows are seen to number them: show"
             " more of the lattice, or name each point in a CSV file.",

@@ -1,8 +1,8 @@
 """Finds the dots and crossings of a lattice in a photograph, to a hundredth of a pixel.
 
-Bright maxima of the Hessian's determinant are candidates, in the image and in its halves, quarters
-(windows.py). Each candidate is fitted as a dot and as a crossing, and the largest lattice that
-grows out of dots or out of crossings (growth.py) is the result.
+Bright maxima of the Hessian's determinant are candidates, in the image and in its halves,
+quarters and so on. Each candidate is fitted as a dot and as a crossing, and the largest lattice
+that grows out of dots or out of crossings (match.py) is the result.
 
 - *Crossing*: on circles around it two lines show as four bright arms. Along each line the ridge of
   its light is a parabola, z = a + b t + c t^2 across it, fitted to centroids at stations on both
@@ -14,7 +14,7 @@ grows out of dots or out of crossings (growth.py) is the result.
   c = sum w x / sum w, w = clip(light - plane).
 """
 
-from dataclasses import dataclass
+from itertools import product
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,36 +26,138 @@ from ...base.messages import Message
 from ...base.products import solve_symmetric
 from .drawn import Style
 from .match import SHAPES, is_lattice, largest
-from .windows import SEARCH, Marks, candidates, levels_of, read_between, windows_at
+
+# Held to rendered photographs by tests/core/test_lattice.py.
+N_LEVELS = 5  # the image and its halves, quarters ...
+LEAST_SIDE_PX = 24  # of an image in which anything is looked for
+ABOVE_NOISE = 5.0  # times the noise of the level, the least strength
+LEAST_STRENGTH = 6e-5  # of the image's range: that of a dot whose contrast is 5e-4 of it
+MOST_CANDIDATES = 4000  # of a level, the strongest
+AROUND_PX = 20  # of a level, on each side of a candidate
+AT_ONCE = 500  # candidates that are looked at together
+ROWS_AT_ONCE = 128  # so that a step's arrays stay in the processor's cache
+HALO = 8  # rows: three passes of two, one for derivatives, one for maxima
 
 
-@dataclass(frozen=True)
-class CrossingRule:
-    """What is a crossing; held to rendered photographs by tests/core/test_lattice.py.
+class Marks(NamedTuple):
+    """Dots or crossings in the middles of windows.
 
-    dark_percent : of directions, that are darker than the ground between the arms
-    edge : of the contrast, above which a direction is an arm
-    widest_arms : share of all directions that are arms
-    bent_rad : an arm against its opposite
-    floor : of the contrast across a line, below which light does not count
-    wavy_px : px of a level, rms by which a line may be off its parabola
-    most_parallel : sine, below which lines do not cross
-    farthest_px : px of a level, of the crossing from the window's middle
-    reach_px : along a line, to which a crossing is looked for
+    which (n,) windows; off (n, 2) px from the middle; radius, contrast (n,)
     """
 
-    dark_percent: float = 30
-    edge: float = 0.4
-    widest_arms: float = 0.6
-    bent_rad: float = np.radians(40.0)
-    floor: float = 0.15
-    wavy_px: float = 0.7
-    most_parallel: float = 0.1
-    farthest_px: float = 3.0
-    reach_px: float = 5
+    which: Ints
+    off: Floats
+    radius: Floats
+    contrast: Floats
 
 
-CROSSINGS = CrossingRule()
+def levels_of(grey: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """The image, and means of 2 x 2, 4 x 4 ... of its pixels, which keep centroids."""
+    levels = [grey]
+    while len(levels) < N_LEVELS and min(levels[-1].shape) >= 2 * LEAST_SIDE_PX:
+        last = levels[-1]
+        h, w = (n // 2 * 2 for n in last.shape)
+        rows = last[0:h:2, :w] + last[1:h:2, :w]
+        levels.append((rows[:, 0::2] + rows[:, 1::2]) * np.float32(0.25))
+    return levels
+
+
+def candidates(level: NDArray[np.float32]) -> tuple[Ints, Ints, Floats]:
+    """Pixels x, y (k,) where the image bends down in all
+    directions, as at dots and crossings but not along lines.
+
+    And how much: the root of the Hessian's determinant.
+    """
+    h = len(level)
+    padded = np.pad(level, HALO, mode="reflect")
+
+    found = []
+    noise = []
+
+    for first in range(0, h, ROWS_AT_ONCE):
+        rows = padded[first : min(first + ROWS_AT_ONCE, h) + 2 * HALO]
+        bend, trace = _bend(rows)
+        noise.append(trace[::4, ::4].ravel())
+        y, x = np.nonzero(_is_top(bend))
+        found.append(np.stack([x, y + first, np.sqrt(bend[1:-1, 1:-1][y, x])], axis=1))
+
+    # well above the noise, the strongest first
+    x, y, strength = np.concatenate(found).T
+    # the median of normal noise, its sign aside, is 0.67 deviations; a trace is two strengths
+    level_noise = np.median(np.abs(np.concatenate(noise))) / 0.67 / 2
+    least = max(ABOVE_NOISE * level_noise, LEAST_STRENGTH * np.ptp(level))
+    strong = np.flatnonzero(strength > least)
+    strong = strong[np.argsort(-strength[strong], kind="stable")][:MOST_CANDIDATES]
+
+    return x[strong].astype(int), y[strong].astype(int), strength[strong]
+
+
+def _bend(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Determinant of the Hessian, 0 where the image does not bend down, and its trace."""
+    for _ in range(3):  # each with a variance of one pixel squared
+        rows = _smooth(rows)
+        rows = _smooth(rows.T).T
+
+    rows = np.ascontiguousarray(rows)
+
+    inner = rows[1:-1, 1:-1]
+    xx = rows[1:-1, 2:] - 2 * inner + rows[1:-1, :-2]
+    yy = rows[2:, 1:-1] - 2 * inner + rows[:-2, 1:-1]
+    xy = (rows[2:, 2:] - rows[2:, :-2] - rows[:-2, 2:] + rows[:-2, :-2]) / 4
+    trace = xx + yy
+
+    return np.where(trace < 0, xx * yy - xy * xy, 0), trace
+
+
+def _is_top(bend: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which pixels, but for the outermost, are above 0 and the largest of nine?"""
+    middle = bend[1:-1, 1:-1]
+    is_top = middle > 0
+    n, m = middle.shape
+    for dy, dx in product((0, 1, 2), repeat=2):
+        if (dy, dx) != (1, 1):
+            other = bend[dy : dy + n, dx : dx + m]
+            is_top &= middle > other if (dy, dx) < (1, 1) else middle >= other
+    return is_top
+
+
+def _smooth(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Binomial of five along the first axis, which loses two at each end."""
+    one = rows[1:] + rows[:-1]
+    two = one[1:] + one[:-1]
+    one = two[1:] + two[:-1]
+    return (one[1:] + one[:-1]) * np.float32(1 / 16)
+
+
+def windows_at(padded: NDArray[np.float32], x: Ints, y: Ints) -> NDArray[np.float32]:
+    """The image around pixels (k,): (k, s, s), s = 2 around_px + 1; padded by around_px."""
+    side = np.arange(2 * AROUND_PX + 1)
+    return padded[y[:, None, None] + side[:, None], x[:, None, None] + side]
+
+
+def read_between(windows: NDArray[np.float32], at: NDArray[np.complex128]) -> Floats:
+    """Windows (k, s, s) at places (k, ..., ) off their middles, x + iy, bilinear."""
+    around = AROUND_PX
+    most = 2 * around - 1e-3
+    x = np.clip(at.real + around, 0, most)
+    y = np.clip(at.imag + around, 0, most)
+    column = x.astype(int)
+    row = y.astype(int)
+    x, y = x - column, y - row
+
+    side = 2 * around + 1
+    first = (
+        (np.arange(len(windows)) * side**2).reshape(-1, *(1,) * (at.ndim - 1)) + row * side + column
+    )
+    flat = windows.reshape(-1)
+    return (flat[first] * (1 - x) + flat[first + 1] * x) * (1 - y) + (
+        flat[first + side] * (1 - x) + flat[first + side + 1] * x
+    ) * y
+
+
+# Numbers of this file are held to rendered photographs by tests/core/test_lattice.py; px are those
+# of a level, and contrast is that of the dot or crossing.
+GROUND_PERCENT = 30  # of pixels or directions are darker than the ground
 RADII_PX = np.arange(5.0, 14.0)  # of a level, at which arms are looked for
 TURNS_AROUND = np.exp(1j * (2 * np.pi * np.arange(72) / 72))  # directions, x + iy
 # px of a level, along a line, and across it
@@ -63,6 +165,8 @@ STATIONS_PX = np.concatenate([-np.arange(5.0, 13.0), np.arange(5.0, 13.0)])
 ACROSS_PX = np.arange(-4.5, 4.75, 0.5)
 N_RIDGES = 3  # times a parabola is laid through the ridge, each around the one before
 N_NEWTON = 5
+WAVY_PX = 0.7  # rms by which a line may be off its parabola
+FARTHEST_PX = 3.0  # of a crossing from the window's middle
 
 
 def find_crossings(windows: NDArray[np.float32]) -> Marks:
@@ -70,7 +174,7 @@ def find_crossings(windows: NDArray[np.float32]) -> Marks:
     kept, lines, contrast = _arms(windows)
     parabolas, is_line = _ridges(windows[kept], lines)
     place = _meeting(lines, parabolas)
-    is_line &= np.abs(place) < CROSSINGS.farthest_px
+    is_line &= np.abs(place) < FARTHEST_PX
 
     place = place[is_line]
     return Marks(
@@ -88,13 +192,13 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
     at = RADII_PX[:, None] * TURNS_AROUND
     arms = np.sort(read_between(windows, np.broadcast_to(at, (len(windows), *at.shape))), 1)
     along = arms[:, len(RADII_PX) // 3]  # an arm is bright nearly all the way
-    low = np.percentile(along, CROSSINGS.dark_percent, axis=1)
+    low = np.percentile(along, GROUND_PERCENT, axis=1)
     high = along.max(axis=1)
-    excess = along - (low + CROSSINGS.edge * (high - low))[:, None]
+    excess = along - (low + 0.4 * (high - low))[:, None]
 
     is_arm = excess > 0
     starts = is_arm & ~np.roll(is_arm, 1, axis=1)
-    has_four = (starts.sum(axis=1) == 4) & (is_arm.mean(axis=1) < CROSSINGS.widest_arms)
+    has_four = (starts.sum(axis=1) == 4) & (is_arm.mean(axis=1) < 0.6)  # arms are narrow
     kept = np.flatnonzero(has_four)
     contrast = (high - low)[kept]
     excess = np.maximum(excess[kept], 0)
@@ -104,7 +208,7 @@ def _arms(windows: NDArray[np.float32]) -> tuple[Ints, NDArray[np.complex128], F
     directions = np.stack([(excess * (number == k)) @ TURNS_AROUND for k in range(4)], axis=1)
     ahead = directions[:, :2]
     behind = -directions[:, 2:]
-    straight = (np.abs(np.angle(ahead * behind.conj())) < CROSSINGS.bent_rad).all(axis=1)
+    straight = (np.abs(np.angle(ahead * behind.conj())) < np.radians(40)).all(axis=1)
     lines = ahead[straight] / np.abs(ahead[straight]) + behind[straight] / np.abs(behind[straight])
     lines /= np.abs(lines)
 
@@ -128,12 +232,12 @@ def _ridges(windows: NDArray[np.float32], lines: NDArray[np.complex128]) -> tupl
             # by the centroid of the light across it
             dark = values.min(axis=2, keepdims=True)
             bright = values.max(axis=2, keepdims=True)
-            weight = np.maximum(values - dark - CROSSINGS.floor * (bright - dark), 1e-12)
+            weight = np.maximum(values - dark - 0.15 * (bright - dark), 1e-12)
             ridge = ridge + weight @ ACROSS_PX / weight.sum(axis=2)
             parabolas[:, k] = np.linalg.lstsq(design, ridge.T, rcond=None)[0].T
 
         off = ridge - parabolas[:, k] @ design.T
-        is_line &= np.sqrt((off**2).mean(axis=1)) < CROSSINGS.wavy_px
+        is_line &= np.sqrt((off**2).mean(axis=1)) < WAVY_PX
 
     return parabolas, is_line
 
@@ -142,7 +246,6 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
     """Where the two lines (n, 2) meet, x + iy: line 0 at t0, line 1 at t1, by Newton's method."""
     t = np.zeros((len(lines), 2))
     one = np.stack([np.ones(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))], axis=1)
-    reach = CROSSINGS.reach_px
 
     for _ in range(N_NEWTON):
         powers = np.stack([one[:, :1] + 0 * t, t, t**2], axis=2)
@@ -152,60 +255,19 @@ def _meeting(lines: NDArray[np.complex128], parabolas: Floats) -> NDArray[np.com
         gap = place[:, 1] - place[:, 0]
 
         cross = (tangent[:, 0].conj() * tangent[:, 1]).imag
-        cross = np.where(np.abs(cross) < CROSSINGS.most_parallel, 1.0, cross)
+        cross = np.where(np.abs(cross) < 0.1, 1.0, cross)  # nearly parallel: they do not cross
         step = np.stack(
             [(gap.conj() * tangent[:, 1]).imag / cross, (gap.conj() * tangent[:, 0]).imag / cross],
             axis=1,
         )
-        t = np.clip(t + step, -reach, reach)
+        t = np.clip(t + step, -RADII_PX[0], RADII_PX[0])
 
     return place[:, 0]
 
 
-@dataclass(frozen=True)
-class DotRule:
-    """What is a dot; held to rendered photographs by tests/core/test_lattice.py.
-
-    Lengths in px of a level, radii of a ring in multiples of the ellipse of the dot's moments:
-    (a, b) stands for a + b / radius, and contrast is that of the dot.
-
-    ground_percent : of a window's pixels that are darker than the dot's ground
-    edge : of the contrast, where the outline is
-    least_area_px : px^2, within the outline
-    solid : of the area of an ellipse of its moments, at the least
-    longest : times its width, at the most
-    largest_px : half its length: the ring around it has to lie in the window
-    inner, outer : of the ring
-    calm : of the contrast, by which light in the ring may be off the plane
-    unquiet : of the contrast, rms there at the most
-    free : of the ring, that is calm at the least
-    bright_within, brightest : radius of the bright part, and the largest weight there
-    brightest_beside, darkest : largest weight outside of it, and the largest below the plane
-    drawn_by_light, drawn_px : radii, and px more, between centroids of its light and its outline
-    """
-
-    ground_percent: float = 30
-    edge: float = 0.5
-    least_area_px: float = 9.0
-    solid: float = 0.85
-    longest: float = 3.0
-    largest_px: float = 9.5
-    inner: tuple[float, float] = (1.35, 1.5)
-    outer: tuple[float, float] = (1.9, 2.0)
-    calm: float = 0.35
-    unquiet: float = 0.2
-    free: float = 0.6
-    bright_within: tuple[float, float] = (1.1, 0.5)
-    brightest: float = 1.3
-    brightest_beside: float = 0.25
-    darkest: float = 0.25
-    drawn_by_light: float = 0.05
-    drawn_px: float = 0.15
-
-
-DOT_RULE = DotRule()
+BESIDE = 0.25  # of the contrast: the most that light outside of a dot, or below the plane, counts
 # off a window's middle, px, pixel by pixel
-X, Y = (a.ravel() for a in np.meshgrid(*2 * [np.arange(-SEARCH.around_px, SEARCH.around_px + 1.0)]))
+X, Y = (a.ravel() for a in np.meshgrid(*2 * [np.arange(-AROUND_PX, AROUND_PX + 1.0)]))
 
 
 class _Spots(NamedTuple):
@@ -249,10 +311,11 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
     long = (ellipses.xx + ellipses.yy) / 2 + np.sqrt(
         (ellipses.xx - ellipses.yy) ** 2 / 4 + ellipses.xy**2
     )
+    # nearly as large as an ellipse of its moments, not long, and its ring lies in the window
     keep = (
-        (spots.area > DOT_RULE.solid * 4 * np.pi * np.sqrt(ellipses.det))
-        & (long**2 < DOT_RULE.longest**2 * ellipses.det)
-        & (4 * long < DOT_RULE.largest_px**2)
+        (spots.area > 0.85 * 4 * np.pi * np.sqrt(ellipses.det))
+        & (long**2 < 3.0**2 * ellipses.det)
+        & (4 * long < 9.5**2)
     )
     spots = spots.at(keep)
     ellipses = ellipses.at(keep)
@@ -274,7 +337,7 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
 
     # the ground around it
     radius = np.sqrt(spots.area / np.pi)
-    inner, outer = ((a + b / radius)[:, None] for a, b in (DOT_RULE.inner, DOT_RULE.outer))
+    inner, outer = ((a + b / radius)[:, None] for a, b in ((1.35, 1.5), (1.9, 2.0)))
     ring = (rho > inner) & (rho < outer)
     plane, off, calm = _plane(spots, smooth, ring)
     n_calm = calm.sum(axis=1)
@@ -282,18 +345,15 @@ def find_dots(windows: NDArray[np.float32]) -> Marks:
 
     # light from beside is cut off, so that it hardly draws the centroid
     contrast = spots.contrast
-    a, b = DOT_RULE.bright_within
-    bright = contrast[:, None] * np.where(
-        rho < (a + b / radius)[:, None], DOT_RULE.brightest, DOT_RULE.brightest_beside
-    )
-    dark = -DOT_RULE.darkest * contrast[:, None]
+    bright = contrast[:, None] * np.where(rho < (1.1 + 0.5 / radius)[:, None], 1.3, BESIDE)
+    dark = -BESIDE * contrast[:, None]
     weight = np.where(rho < inner, np.clip(light - plane, dark, bright), 0)
     total = np.maximum(weight.sum(axis=1), 1e-12 * contrast)
     centre = np.stack([weight @ X / total, weight @ Y / total], axis=1)
 
-    keep = (n_calm > DOT_RULE.free * ring.sum(axis=1)) & (rms < DOT_RULE.unquiet * contrast)
+    keep = (n_calm > 0.6 * ring.sum(axis=1)) & (rms < 0.2 * contrast)  # its ground is calm
     drawn = np.hypot(centre[:, 0] - ellipses.x, centre[:, 1] - ellipses.y)
-    keep &= drawn < DOT_RULE.drawn_by_light * radius + DOT_RULE.drawn_px
+    keep &= drawn < 0.05 * radius + 0.15  # else light from beside draws it
     return Marks(spots.which[keep], centre[keep], radius[keep], contrast[keep])
 
 
@@ -303,14 +363,14 @@ def _spots(windows: NDArray[np.float32]) -> _Spots:
     smooth = smooth[:, :-2] + 2 * smooth[:, 1:-1] + smooth[:, 2:]
     smooth = (smooth[:, :, :-2] + 2 * smooth[:, :, 1:-1] + smooth[:, :, 2:]) / 16
 
-    ground = np.percentile(windows.reshape(len(windows), -1), DOT_RULE.ground_percent, axis=1)
-    contrast = smooth[:, SEARCH.around_px, SEARCH.around_px] - ground
-    region = _flooded(smooth > (ground + DOT_RULE.edge * contrast)[:, None, None])
+    ground = np.percentile(windows.reshape(len(windows), -1), GROUND_PERCENT, axis=1)
+    contrast = smooth[:, AROUND_PX, AROUND_PX] - ground
+    region = _flooded(smooth > (ground + contrast / 2)[:, None, None])
 
     # not cut off by the window
     is_whole = ~(region[:, [0, -1]].any(axis=(1, 2)) | region[:, :, [0, -1]].any(axis=(1, 2)))
     area = region.sum(axis=(1, 2))
-    keep = is_whole & (area >= DOT_RULE.least_area_px)
+    keep = is_whole & (area >= 9)
     return _Spots(
         which=np.arange(len(windows)),
         light=windows,
@@ -337,15 +397,15 @@ def _plane(spots: _Spots, smooth: NDArray[np.float32], ring: Bools) -> tuple[Flo
     """Planes (n, p) through the calm parts of rings (n, p), how far smoothed
     light (n, p) is off them, and where it is calm (n, p).
     """
-    edge = spots.ground + DOT_RULE.edge * spots.contrast
+    edge = spots.ground + spots.contrast / 2
     calm = ring & (smooth < edge[:, None])
-    design = np.stack([np.ones_like(X), X / SEARCH.around_px, Y / SEARCH.around_px], axis=1)
+    design = np.stack([np.ones_like(X), X / AROUND_PX, Y / AROUND_PX], axis=1)
 
     for _ in range(2):
         normal = np.einsum("kp,pi,pj->kij", calm, design, design, optimize=True) + 1e-6 * np.eye(3)
         plane = solve_symmetric(normal, ((calm * smooth) @ design)[..., None])[..., 0] @ design.T
         off = smooth - plane
-        calm = ring & (np.abs(off) < DOT_RULE.calm * spots.contrast[:, None])
+        calm = ring & (np.abs(off) < 0.35 * spots.contrast[:, None])
 
     return plane, off, calm
 
@@ -419,10 +479,10 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
     for level, image_there in enumerate(levels_of(grey)):
         scale = 2.0**level
         x, y, strength = candidates(image_there)
-        padded = np.pad(image_there, SEARCH.around_px, mode="edge")
+        padded = np.pad(image_there, AROUND_PX, mode="edge")
 
-        for first in range(0, len(x), SEARCH.windows_at_once):
-            some = slice(first, first + SEARCH.windows_at_once)
+        for first in range(0, len(x), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
             windows = windows_at(padded, x[some], y[some])
             middles = np.stack([x[some], y[some]], axis=1) + 0.5
 
@@ -446,7 +506,7 @@ def _marks(grey: NDArray[np.float32], styles: tuple[Style, ...]) -> dict[Style, 
 def _grey(image: ArrayLike) -> NDArray[np.float32]:
     """One float channel (h, w), finite."""
     image = np.asarray(image)
-    if image.ndim not in (2, 3) or min(image.shape[:2]) < SEARCH.least_side_px:
+    if image.ndim not in (2, 3) or min(image.shape[:2]) < LEAST_SIDE_PX:
         raise ImageError(
             "A photograph of {size} pixels is too small to find points in: take a larger one.",
             size=" x ".join(map(str, image.shape)),
@@ -472,7 +532,7 @@ def _distinct(found: Floats) -> Floats:
     """Points (n, 3) with radius of those found (k, 4), with rank
     too: of several in one place that of highest rank.
     """
-    found = found[np.argsort(-found[:, 3], kind="stable")][: SEARCH.most_candidates]
+    found = found[np.argsort(-found[:, 3], kind="stable")][:MOST_CANDIDATES]
 
     at = found[:, 0] + 1j * found[:, 1]
     free = np.ones(len(found), bool)
