@@ -175,8 +175,7 @@ def check_way(points: Floats, expected: Floats) -> None:
     linear = np.linalg.lstsq(from_middle, points[both] - points[both].mean(axis=0), rcond=None)[0].T
     if (
         np.linalg.det(linear) < 0
-        or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear)))
-        > MOST_TURNED_RAD
+        or np.abs(np.arctan2(linear[1, 0] - linear[0, 1], np.trace(linear))) > MOST_TURNED_RAD
     ):
         raise ImageError(
             "The points are mirrored or turned: count columns from the left and rows from"
