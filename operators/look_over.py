@@ -17,9 +17,9 @@ from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message
 from ..core.blender import checklist
-from ..core.blender.inspect_scene import CHECKED, LookedMesh, is_checked, look_at, look_at_mesh
+from ..core.blender.inspect_scene import CHECKED, InspectedMesh, inspect, inspect_mesh, is_checked
 from ..core.blender.shapes import Kept, reshaped
-from ..core.blender.to_do import Entry, Look, is_first
+from ..core.blender.to_do import Entry, Inspection, is_first
 from ..core.blender.units import length_text
 from . import needed, telling, watch, windows, work
 
@@ -40,7 +40,7 @@ class Looked:
     """
 
     entries: list[Entry] = field(default_factory=list)
-    meshes: dict[int, LookedMesh] = field(default_factory=dict)
+    meshes: dict[int, InspectedMesh] = field(default_factory=dict)
     rig: str | None = None
     asked: bool = True
     is_whole: bool = False
@@ -143,10 +143,10 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
     looked.rests_until = monotonic() + RESTING * (perf_counter() - started)
 
 
-def _seen(looked: Looked, scene: bpy.types.Scene) -> Look:
+def _seen(looked: Looked, scene: bpy.types.Scene) -> Inspection:
     """A scene as its checklist needs it, with the meshes that were looked at."""
     found = needed.parts(scene)
-    look = look_at(
+    look = inspect(
         scene,
         found,
         needed.missing_of(scene, found),
@@ -169,7 +169,7 @@ def _unknown(looked: Looked, context: bpy.types.Context) -> list[bpy.types.Objec
 
 def _look_at_mesh(looked: Looked, context: bpy.types.Context, thing: bpy.types.Object) -> None:
     started = perf_counter()
-    looked.meshes[thing.session_uid] = look_at_mesh(thing, context.evaluated_depsgraph_get())
+    looked.meshes[thing.session_uid] = inspect_mesh(thing, context.evaluated_depsgraph_get())
     looked.lasted = perf_counter() - started
 
 

@@ -1,6 +1,6 @@
 """The checklist: the things that are left to do for a rig, each with the button that does it.
 
-A look at the scene goes in, a list of entries comes out: this file neither reads the scene nor
+An inspection of the scene goes in, a list of entries comes out: this file neither reads the scene nor
 draws. An entry is a record, so that any operator may be a remedy.
 """
 
@@ -17,7 +17,7 @@ from ..light.rays import REASON_WORDS, Reason
 from ..rig.rig import ROLES
 from ..solve.legibility import READABLE, illegible
 from .findings import APPEARANCE, SHAPE, findings_of, naming
-from .to_do import ADVICE, PROBLEM, SOLVE, Button, Entry, Look, Named, Thing
+from .to_do import ADVICE, PROBLEM, SOLVE, Button, Entry, Inspection, Named, Thing
 
 SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
 MADE = {
@@ -67,65 +67,65 @@ TO_READ = {
 FOR_ALL = (FIT_PICTURE.operator, BEST_PLACE.operator)
 
 
-def entries(look: Look, length_text: Callable[[float], str]) -> list[Entry]:
+def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry]:
     """All that is left to do, the gravest first.
 
     length_text : a length, m, in words
     """
     found = [
-        *_on_lost(look),
-        *_on_missing(look),
-        *_on_too_many(look),
-        *_on_hidden(look),
-        *_on_in_glass(look),
-        *(entry for thing in _shown(look) for entry in findings_of(thing, APPEARANCE + SHAPE)),
-        *_on_display(look, length_text),
-        *_on_result(look, length_text),
-        *_on_size(look, length_text),
+        *_on_lost(seen),
+        *_on_missing(seen),
+        *_on_too_many(seen),
+        *_on_hidden(seen),
+        *_on_in_glass(seen),
+        *(entry for thing in _shown(seen) for entry in findings_of(thing, APPEARANCE + SHAPE)),
+        *_on_display(seen, length_text),
+        *_on_result(seen, length_text),
+        *_on_size(seen, length_text),
     ]
     return sorted(found, key=lambda entry: entry.icon == ADVICE)
 
 
-def findings(look: Look) -> Iterator[Entry]:
+def findings(seen: Inspection) -> Iterator[Entry]:
     """Of them those on the shape of the glass, and on glass left out, which a result has as notes
     where nobody sees the checklist.
     """
-    yield from _on_in_glass(look)
-    for thing in _shown(look):
+    yield from _on_in_glass(seen)
+    for thing in _shown(seen):
         yield from findings_of(thing, SHAPE)
 
 
-def _shown(look: Look) -> list[Thing]:
+def _shown(seen: Inspection) -> list[Thing]:
     """The parts that are shown."""
-    return [thing for thing in look.things if not thing.hidden_by]
+    return [thing for thing in seen.things if not thing.hidden_by]
 
 
-def _on_missing(look: Look) -> Iterator[Entry]:
+def _on_missing(seen: Inspection) -> Iterator[Entry]:
     """What is not there is made, all by Add Rig as long as there is no rig; a hidden part is
     shown.
     """
-    if look.has_rig and look.missing and not look.things:
+    if seen.has_rig and seen.missing and not seen.things:
         button = Button("kiriko.remove_rig", Message("Remove Rig"), (), "TRASH")
         yield Entry(Message("All parts of the rig are gone."), PROBLEM, (button,))
         return
 
-    roles = {thing.role for thing in look.things}
-    is_new = not (look.has_rig or roles & set(SINGLE))  # too little is there to make one part
+    roles = {thing.role for thing in seen.things}
+    is_new = not (seen.has_rig or roles & set(SINGLE))  # too little is there to make one part
     is_offered = False
-    for role, phrase in look.missing:
-        hidden = next((t for t in look.things if t.role == role and t.hidden_by), None)
+    for role, phrase in seen.missing:
+        hidden = next((t for t in seen.things if t.role == role and t.hidden_by), None)
         buttons: tuple[Button, ...] = ()
         if hidden is not None:
             buttons = (_show(hidden),)
-        elif role == "VIEWER" and look.cameras:
+        elif role == "VIEWER" and seen.cameras:
             # any other camera may look elsewhere, as that of Blender's own scene does
-            made = (_make(role),) if "GLASS" in roles and not look.has_own_camera else ()
-            buttons = (*made, _use_camera(look.cameras[0]))
+            made = (_make(role),) if "GLASS" in roles and not seen.has_own_camera else ()
+            buttons = (*made, _use_camera(seen.cameras[0]))
         elif is_new and not is_offered:
             buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
             is_offered = True  # once is enough
         elif role == "GLASS":
-            buttons = tuple(_use_as_glass(named) for named in look.solids[:MOST_OFFERED])
+            buttons = tuple(_use_as_glass(named) for named in seen.solids[:MOST_OFFERED])
         elif role == "PLATE" and not is_new:
             without = Button("kiriko.go_without_plate", Message("Go Without"), (), "CHECKMARK")
             buttons = (_make(role), without)
@@ -153,21 +153,21 @@ def _show(thing: Thing) -> Button:
     return Button("kiriko.show_part", Message("Show"), naming(thing.named), "HIDE_OFF")
 
 
-def _on_too_many(look: Look) -> Iterator[Entry]:
+def _on_too_many(seen: Inspection) -> Iterator[Entry]:
     """Parts of which a rig has one; all of its parts may have been duplicated. Objects that can be
     no part.
     """
-    if look.is_doubled:
+    if seen.is_doubled:
         text = Message("The rig's parts were duplicated, and lie in the same rig.")
         label = Message("Make the Copies a Rig")
         yield Entry(text, PROBLEM, (Button("kiriko.part_copies", label, (), "DUPLICATE"),))
     for role in SINGLE:
-        things = [thing for thing in _shown(look) if thing.role == role]
+        things = [thing for thing in _shown(seen) if thing.role == role]
         if len(things) < 2:
             continue
         buttons = tuple(_leave_out(thing.named) for thing in things)
         yield Entry(too_many(role, len(things)), PROBLEM, buttons)
-    for why, named in look.no_parts:
+    for why, named in seen.no_parts:
         yield Entry(why, PROBLEM, (_leave_out(named),))
 
 
@@ -185,10 +185,10 @@ def _leave_out(named: Named) -> Button:
     return Button("kiriko.leave_out", label, naming(named), "X")
 
 
-def _on_hidden(look: Look) -> Iterator[Entry]:
+def _on_hidden(seen: Inspection) -> Iterator[Entry]:
     """Hidden parts that the rig can do without; those it needs are missing."""
-    missing = {role for role, _ in look.missing}
-    for thing in look.things:
+    missing = {role for role, _ in seen.missing}
+    for thing in seen.things:
         if thing.hidden_by and thing.role not in missing:
             text = Message(
                 "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
@@ -196,65 +196,65 @@ def _on_hidden(look: Look) -> Iterator[Entry]:
             yield Entry(text, ADVICE, (_show(thing),))
 
 
-def _on_in_glass(look: Look) -> Iterator[Entry]:
+def _on_in_glass(seen: Inspection) -> Iterator[Entry]:
     """Objects within the glass that bend the light, too, as wine does, and are no part of the rig:
     the source image would be that of the glass without them. Advice, for some are left out on
     purpose, and only boxes are looked at.
     """
-    for named in look.in_glass[:MOST_OFFERED]:
+    for named in seen.in_glass[:MOST_OFFERED]:
         name = named.name
         text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
         yield Entry(text, ADVICE, (_use_as_glass(named),))
 
 
-def _on_lost(look: Look) -> Iterator[Entry]:
+def _on_lost(seen: Inspection) -> Iterator[Entry]:
     """Data that is missing from its library."""
-    for text, library in look.lost:
+    for text, library in seen.lost:
         values = (("library", library),)
         yield Entry(
             text, PROBLEM, (Button("wm.lib_relocate", Message("Relocate"), values, "FILE_FOLDER"),)
         )
 
 
-def _on_result(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+def _on_result(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Is there one, of the scene as it is, of all of the picture?"""
-    if look.missing:
+    if seen.missing:
         return
-    if look.is_coarse or look.is_stale or look.lacks_numbers:
-        if not look.is_followed:
-            yield _solve(look)
+    if seen.is_coarse or seen.is_stale or seen.lacks_numbers:
+        if not seen.is_followed:
+            yield _solve(seen)
         return
 
-    if look.legibility is not None and look.legibility < READABLE:
-        yield replace(_illegible(look), can_wait=True)
-    yield from _once(_losses(look, length_text))
+    if seen.legibility is not None and seen.legibility < READABLE:
+        yield replace(_illegible(seen), can_wait=True)
+    yield from _once(_losses(seen, length_text))
 
 
-def _on_display(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """A display that Add Rig has made as large as the outermost light asks for."""
-    for thing in _shown(look):
-        if thing.role == "DISPLAY" and thing.width > look.for_most > 0:
+    for thing in _shown(seen):
+        if thing.role == "DISPLAY" and thing.width > seen.for_most > 0:
             text = Message(
                 "'{name}' measures {length}: {share} of its light needs less.",
                 name=thing.named.name,
                 length=length_text(thing.width),
                 share=percent(MOST),
             )
-            label = Message("Take {width}", width=length_text(look.for_most))
+            label = Message("Take {width}", width=length_text(seen.for_most))
             button = replace(FIT_DISPLAY, label=label, properties=(("share", MOST),))
             yield Entry(text, ADVICE, (button,), can_wait=True)
 
 
-def _illegible(look: Look) -> Entry:
+def _illegible(seen: Inspection) -> Entry:
     """A picture that nobody recognises, with the remedies that were measured."""
-    texts, buttons = [illegible(look.legibility)], []
-    for help in look.legible_by:
+    texts, buttons = [illegible(seen.legibility)], []
+    for help in seen.legible_by:
         label, icon = TO_READ[help.operator]
         share = percent(help.after)
         texts.append(Message("{button} raises it to {share}.", button=label, share=share))
         each = [(("take", True),)]
         if help.part:
-            names = (thing.named for thing in look.things if thing.named.name == help.part)
+            names = (thing.named for thing in seen.things if thing.named.name == help.part)
             each = [naming(named, iterations=round(help.amount)) for named in names]
         buttons += [Button(help.operator, label, given, icon) for given in each]
     return Entry(joined(texts), ADVICE, tuple(buttons))
@@ -271,17 +271,17 @@ def _once(found: Iterable[Entry]) -> Iterator[Entry]:
         pressed.update(entry.buttons)
 
 
-def _losses(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Parts of the picture that are lost, the largest first, with what helps."""
     told = set()
-    for reason, share in sorted(look.misses.items(), key=lambda miss: -miss[1]):
+    for reason, share in sorted(seen.misses.items(), key=lambda miss: -miss[1]):
         if reason in REMEDIES and share >= WORTH:
-            remedy, buttons = _remedy(look, reason, length_text)
+            remedy, buttons = _remedy(seen, reason, length_text)
             yield Entry(_loss(share, reason, remedy), ADVICE, buttons)
             told.add(reason)
     for reason in [reason for reason in REMEDIES if reason not in told]:
         # the viewer that loses most of it: what helps was sought for the one that is shown
-        losses = [(of.get(reason, 0.0), name) for name, of in look.misses_of_others.items()]
+        losses = [(of.get(reason, 0.0), name) for name, of in seen.misses_of_others.items()]
         share, name = max(losses, default=(0.0, ""))
         if share >= WORTH:
             remedy, buttons = REMEDIES[reason]
@@ -291,12 +291,12 @@ def _losses(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
             )
 
 
-def _solve(look: Look) -> Entry:
+def _solve(seen: Inspection) -> Entry:
     """A result that is not whole, or not of the scene as it is."""
     solve = (Button(SOLVE, Message("Solve"), (), "LIGHT_SUN"),)
-    if look.is_coarse:
+    if seen.is_coarse:
         return Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
-    if look.is_stale:
+    if seen.is_stale:
         return Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
     return Entry(Message("The source image has no numbers yet."), ADVICE, solve)
 
@@ -311,15 +311,15 @@ def _loss(share: float, reason: str, remedy: Message) -> Message:
 
 
 def _remedy(
-    look: Look, reason: str, length_text: Callable[[float], str]
+    seen: Inspection, reason: str, length_text: Callable[[float], str]
 ) -> tuple[Message, tuple[Button, ...]]:
     """The words and buttons for a loss: with amounts where remedies were sought."""
     remedy, buttons = REMEDIES[reason]
-    if look.helps is None:
+    if seen.helps is None:
         return remedy, buttons
 
     fits = {button.operator for button in buttons} | set(FOR_ALL)
-    found = [help for help in look.helps if help.operator in fits]
+    found = [help for help in seen.helps if help.operator in fits]
     clauses = [help.told(length_text) for help in found]
     mends = [BY_OPERATOR[help.operator] for help in found]
     if not found or TURN_BACK in buttons:
@@ -336,9 +336,9 @@ def meant_factors(width: float) -> list[float]:
     return [factor, 10 * factor] if factor < 0.05 and 10 * factor * width <= LARGEST else [factor]
 
 
-def _on_size(look: Look, length_text: Callable[[float], str]) -> Iterator[Entry]:
+def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
     """Glass that was drawn in Blender's units, with no size in mind."""
-    glass = [thing for thing in _shown(look) if thing.role == "GLASS"]
+    glass = [thing for thing in _shown(seen) if thing.role == "GLASS"]
     widest = max(glass, key=lambda thing: thing.width, default=None)
     if widest is None or widest.width <= LARGEST:
         return

@@ -37,7 +37,7 @@ from .result_images import lacks_numbers
 from .rigs import active_rig, marked_key
 from .shapes import used_materials
 from .stored_records import Numbers
-from .to_do import Counts, Look, Named, Thing
+from .to_do import Counts, Inspection, Named, Thing
 from .units import length_of_unit
 from .viewer import seats_of
 from .visibility import Shown, is_visible
@@ -47,7 +47,7 @@ CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
 
-class LookedMesh(NamedTuple):
+class InspectedMesh(NamedTuple):
     """A mesh that was looked at: its faults as it is read and before modifiers, and the sides (3,)
     of its box in the object's own space.
     """
@@ -57,13 +57,13 @@ class LookedMesh(NamedTuple):
     sides: tuple[float, ...] = ()
 
 
-def look_at(
+def inspect(
     scene: bpy.types.Scene,
     found: Found,
     missing: Mapping[str, str],
-    meshes: Mapping[int, LookedMesh],
+    meshes: Mapping[int, InspectedMesh],
     is_stale: bool = False,
-) -> Look:
+) -> Inspection:
     """A scene as its checklist needs it.
 
     Parameters
@@ -85,7 +85,7 @@ def look_at(
         for thing, by in members.items()
         if role != NO_PART
     ]
-    return Look(
+    return Inspection(
         things=tuple(things),
         missing=tuple(missing.items()),
         **_around(scene, missing),
@@ -134,7 +134,7 @@ def _thing(
     thing: bpy.types.Object,
     role: str,
     by: str,
-    looked: LookedMesh | None,
+    looked: InspectedMesh | None,
     bends: Bends,
 ) -> Thing:
     sides = () if has_no_place(thing.matrix_world) else sides_of(scene, thing, looked)
@@ -175,7 +175,7 @@ def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
 
 
 def sides_of(
-    scene: bpy.types.Scene, thing: bpy.types.Object, looked: LookedMesh | None = None
+    scene: bpy.types.Scene, thing: bpy.types.Object, looked: InspectedMesh | None = None
 ) -> tuple[float, ...]:
     """The sides of an object's box, Blender units; () where they are not known yet."""
     if thing.type not in BOXLESS:
@@ -221,7 +221,7 @@ def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
     )
 
 
-def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> LookedMesh:
+def inspect_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> InspectedMesh:
     """An object's mesh as it is read, and the faults of the one before modifiers."""
     with mesh_of(thing.evaluated_get(depsgraph)) as mesh:
         as_read = counts_of(mesh)
@@ -231,7 +231,7 @@ def look_at_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Loo
     if thing.type == "MESH":
         is_made = thing.data.shape_keys or any(m.show_viewport for m in thing.modifiers)
         own = counts_of(thing.data) if is_made else as_read
-    return LookedMesh(as_read, own, sides)
+    return InspectedMesh(as_read, own, sides)
 
 
 def named(thing: bpy.types.Object) -> Named:

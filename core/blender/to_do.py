@@ -107,7 +107,7 @@ class Thing:
 
 
 @dataclass(frozen=True)
-class Look:
+class Inspection:
     """A scene as far as its checklist needs it.
 
     missing : phrases on the roles that a rig needs and has not, by role

@@ -436,7 +436,7 @@ def test_a_loss_has_its_remedy_s_place(core: ModuleType) -> None:
     reason = "missed the plate"
     words, buttons = checklist.REMEDIES[reason]
     assert set(checklist.REMEDIES) >= {"missed the display", "missed the glass"}
-    look = to_do.Look(misses={reason: 0.03, "missed the display": 1e-4}, is_solved=True)
+    look = to_do.Inspection(misses={reason: 0.03, "missed the display": 1e-4}, is_solved=True)
     (entry,) = checklist.entries(look, str)
     assert entry.text == f"3 % of the picture {reason}: {words}."
     assert entry.buttons == buttons
@@ -491,7 +491,7 @@ def test_a_loss_that_nothing_near_by_mends_asks_to_turn_the_glass(core: ModuleTy
     to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
     help = to_do.Help("kiriko.fit_plate", 0.02, 0.99)
     misses = {"missed the plate": 0.3, "missed the glass": 0.1}
-    look = to_do.Look(misses=misses, helps=(help,))
+    look = to_do.Inspection(misses=misses, helps=(help,))
     plate, glass = checklist.entries(look, lambda length: f"{1e3 * length:g} mm")
     assert plate.text == (
         "30 % of the picture missed the plate: make the plate 20 mm larger (99 % arrives)."
@@ -508,7 +508,7 @@ def test_an_old_result_is_solved_again(core: ModuleType, state: str) -> None:
     """
     checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
     to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
-    look = to_do.Look(misses={"missed the plate": 0.3}, **{state: True})
+    look = to_do.Inspection(misses={"missed the plate": 0.3}, **{state: True})
     (entry,) = checklist.entries(look, str)
     assert [button.operator for button in entry.buttons] == ["kiriko.solve"]
     assert checklist.entries(replace(look, is_followed=True), str) == []
@@ -586,13 +586,13 @@ def test_a_mesh_is_looked_at_once(
     """While nothing changes panels and further looks have its faults from the first one."""
     look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
     glass = glass_of(primitive("icosphere", subdivisions=7, radius=SIDE / 2))
-    look_at_mesh, looked_at = look_over.look_at_mesh, []
+    inspect_mesh, looked_at = look_over.inspect_mesh, []
 
     def counted(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> object:
         looked_at.append(thing)
-        return look_at_mesh(thing, depsgraph)
+        return inspect_mesh(thing, depsgraph)
 
-    monkeypatch.setattr(look_over, "look_at_mesh", counted)
+    monkeypatch.setattr(look_over, "inspect_mesh", counted)
     look()
     assert looked_at.count(glass) == 1
     before = len(looked_at)
@@ -727,7 +727,7 @@ def test_a_look_that_fails_is_not_waited_for(
     def fails(*_: object) -> None:
         raise ValueError("no such mesh")
 
-    for name, value in (("look_at_mesh", fails), ("QUIET", 0.0), ("SHARE", 0.0), ("RESTING", 0.0)):
+    for name, value in (("inspect_mesh", fails), ("QUIET", 0.0), ("SHARE", 0.0), ("RESTING", 0.0)):
         monkeypatch.setattr(look_over, name, value)
     look_over.look_again(scene)
     assert look_over.is_looking(scene)
@@ -860,7 +860,7 @@ def test_a_button_that_mends_two_losses_stands_once(kiriko: ModuleType) -> None:
     checklist = importlib.import_module(f"{kiriko.__name__}.core.blender.checklist")
     misses = {"missed the plate": 0.2, "missed the display": 0.1}
     for helps in (None, ()):
-        look = checklist.Look(misses=misses, is_solved=True, helps=helps)
+        look = checklist.Inspection(misses=misses, is_solved=True, helps=helps)
         found = checklist.entries(look, str)
         buttons = [button.operator for entry in found for button in entry.buttons]
         assert len(found) == 2
