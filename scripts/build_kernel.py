@@ -74,10 +74,8 @@ def compiler() -> Path:
 def compile_for(target: Target, path: Path, *sources: str | Path) -> None:
     """Compile C for a platform, by sources, flags and libraries in the compiler's order."""
     caches = {name: str(DEV / "zig") for name in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
-    run(
-        [compiler(), "-m", "ziglang", "cc", "-target", target.triple, "-o", path, *sources],
-        **caches,
-    )
+    zig = [compiler(), "-m", "ziglang", "cc", "-target", target.triple]
+    run([*zig, "-o", path, *sources], **caches)
 
 
 def make_package(target: Target, folder: Path) -> None:
@@ -165,10 +163,8 @@ def make_wheels(targets: Iterable[Target]) -> None:
             told = {"name": MODULE, "version": version(), "summary": SUMMARY, "tag": target.tag}
             (info / "METADATA").write_text(METADATA.format(**told), encoding="utf-8")
             (info / "WHEEL").write_text(WHEEL.format(**told), encoding="utf-8")
-            run(
-                [compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS],
-                SOURCE_DATE_EPOCH=EPOCH,
-            )
+            pack = [compiler(), "-m", "wheel", "pack", folder, "--dest-dir", WHEELS]
+            run(pack, SOURCE_DATE_EPOCH=EPOCH)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from pathlib import Path
 from time import perf_counter
 
@@ -67,13 +66,8 @@ RIGS = {**FIRST, **straight_rigs.RIGS}
 def numbers(shift: LatticeShift) -> dict[str, object]:
     """A displacement for the report."""
     dx, dy = shift.mean_xy
-    return {
-        "mean_px": shift.mean,
-        "largest_px": shift.largest,
-        "mean_dx_px": dx,
-        "mean_dy_px": dy,
-        "dots": shift.n_seen,
-    }
+    mean = {"mean_px": shift.mean, "mean_dx_px": dx, "mean_dy_px": dy}
+    return {**mean, "largest_px": shift.largest, "dots": shift.n_seen}
 
 
 def run(name: str, out: Path) -> list[str]:
@@ -110,10 +104,8 @@ def run(name: str, out: Path) -> list[str]:
         "coverage": solution.display_coverage,
     }
     for file, pixels in images.items():
-        image_io.write(
-            folder / f"{file}.png", pixels, "PNG8", title=f"Kiriko {file}", overwrite=True
-        )
-
+        title = f"Kiriko {file}"
+        image_io.write(folder / f"{file}.png", pixels, "PNG8", title=title, overwrite=True)
     for form, file in (("PNG8", "source.png"), ("EXR_FLOAT", "source.exr")):
         scene.kiriko.export_format = form
         bpy.ops.kiriko.export(filepath=str(folder / file), overwrite=True)
@@ -126,23 +118,17 @@ def run(name: str, out: Path) -> list[str]:
         "rig": name,
         "blender": bpy.app.version_string,
         "picture_coverage": solution.picture_coverage,
-        "misses": solution.misses,
         "displacement_in_core": {when: numbers(s) for when, s in in_core.items()},
         "displacement_in_cycles": {when: numbers(s) for when, s in in_cycles.items()},
         "displacement_in_cycles_viewer_px_across_lattice": 1165,
         "solve_seconds": solve_seconds,
         "seconds": seconds,
-        **{
-            key: value
-            for key, value in Numbers.read(scene.kiriko.result.details).by_name.items()
-            if key != "misses"
-        },
+        **Numbers.read(scene.kiriko.result.details).by_name,
+        "misses": solution.misses,
         "notes": scene.kiriko.result.notes.splitlines(),
     }
     disk.write_text(folder / "report.json", json.dumps(report, indent=2) + "\n")
-    before = in_cycles["before"]
-    after = in_cycles["after"]
-
+    before, after = in_cycles["before"], in_cycles["after"]
     return [
         name,
         f"{100 * solution.picture_coverage:.2f} %",
@@ -155,12 +141,9 @@ def run(name: str, out: Path) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--out", type=Path, default=Path("out"), help="folder for the results (out)"
-    )
-    parser.add_argument(
-        "rigs", nargs="*", choices=[*RIGS, []], help="which rigs; ball and cube when none is named"
-    )
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the results")
+    which = "which rigs; ball and cube when none is named"
+    parser.add_argument("rigs", nargs="*", choices=[*RIGS, []], help=which)
     arguments = parser.parse_args()
 
     rows = [["rig", "coverage", "displacement before", "after", "solve s", "all s"]]
@@ -170,17 +153,12 @@ def main() -> None:
             rows.append(run(name, arguments.out.resolve()))
 
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    print()
     for row in rows:
-        print(
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        )
-
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)))
     print(
-        f"\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across."
-        f" Files: {arguments.out}/"
+        "\nDisplacement: mean over the 7 x 7 dots as Cycles renders them, 1165 px across.", end=""
     )
-    sys.stdout.flush()
+    print(f" Files: {arguments.out}/", flush=True)
 
 
 if __name__ == "__main__":

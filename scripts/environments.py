@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -58,6 +58,10 @@ import ensurepip, sys, sysconfig, venv
 print("%d.%d" % sys.version_info[:2] + ("t" if sysconfig.get_config_var("Py_GIL_DISABLED") else ""))
 print(sys.executable)
 """
+
+
+# what an interpreter's packages lack of the system; nothing where all is there
+Missing = Callable[[Path], str | None]
 
 
 class ToolError(Exception):
@@ -178,9 +182,10 @@ def set_up(name: str, python: Path) -> Path:
     pip = [interpreter, "-m", "pip", "install", "--disable-pip-version-check"]
     run([*pip, *silent, "-r", requirements])
     if name in BLENDERS:
-        provide_libraries(interpreter)
+        remedy = f"Blender lacks {{}}: install the packages {LIBRARIES} and run this again."
+        provide(interpreter, missing_library, LIBRARIES.split(), remedy)
     if name == BENCH:
-        provide_llvm(interpreter)
+        provide(interpreter, missing_llvm, ["libllvm19"], MISSING_LLVM)
     stamp.write_text(wanted, encoding="utf-8")
 
     return interpreter
@@ -278,45 +283,30 @@ def missing_library(interpreter: Path) -> str | None:
     return found[1]
 
 
-def provide_libraries(interpreter: Path) -> None:
-    """Install the system libraries Blender lacks where that is possible, else say which."""
-    missing = missing_library(interpreter)
-    if missing is None:
-        return
-    if can_install():
-        print(f"Blender lacks {missing}: installing system packages with apt-get ...", flush=True)
-        install(LIBRARIES.split())
-        missing = missing_library(interpreter)
-    if missing is not None:
-        raise ToolError(
-            f"Blender lacks {missing}: install the packages {LIBRARIES} and run this again."
-        )
+def provide(interpreter: Path, missing: Missing, packages: Sequence[str], remedy: str) -> None:
+    """Install what an environment lacks of the system where that is possible, else say which."""
+    lacks = missing(interpreter)
+    if lacks and can_install():
+        print(f"{lacks} is missing: installing system packages with apt-get ...", flush=True)
+        install(packages)
+        lacks = missing(interpreter)
+    if lacks:
+        raise ToolError(remedy.format(lacks))
 
 
 # That of Mitsuba
 
 
-def finds_llvm(interpreter: Path) -> bool:
-    """Does Mitsuba find an LLVM that is new enough? Asked in
-    another process, which an unfit library may abort.
+def missing_llvm(interpreter: Path) -> str:
+    """The LLVM that Mitsuba needs, unless it finds one that is new enough. Asked in another
+    process, which an unfit library may abort.
     """
     probe = (
         "import drjit, mitsuba; mitsuba.set_variant('llvm_ad_rgb');"
         " print(drjit.detail.llvm_version()[0])"
     )
     found = ask([interpreter, "-c", probe])
-    return bool(found) and int(found[-1]) >= LEAST_LLVM
-
-
-def provide_llvm(interpreter: Path) -> None:
-    """Install the LLVM that Mitsuba compiles with where that is possible, else say which."""
-    if finds_llvm(interpreter):
-        return
-    if can_install():
-        print("Mitsuba lacks LLVM: installing a system package with apt-get ...", flush=True)
-        install(["libllvm19"])
-    if not finds_llvm(interpreter):
-        raise ToolError(MISSING_LLVM)
+    return "" if found and int(found[-1]) >= LEAST_LLVM else "LLVM"
 
 
 def machine() -> str:

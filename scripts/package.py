@@ -49,11 +49,8 @@ def extension_tool(*arguments: str | Path) -> None:
     bpy = Path(importlib.util.find_spec("bpy").submodule_search_locations[0])
     (scripts,) = bpy.glob("*/scripts")
     tags = scripts / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-    run(
-        scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py",
-        *arguments,
-        f"--valid-tags={tags}",
-    )
+    tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+    run(tool, *arguments, f"--valid-tags={tags}")
 
 
 def fetch_wheel(path: Path) -> None:
@@ -64,26 +61,11 @@ def fetch_wheel(path: Path) -> None:
     path.unlink(missing_ok=True)
     python, abi, platforms = path.stem.split("-")[2:]
     version = re.sub(r"cp(\d)(\d+)", r"\1.\2", python)
-    options = [
-        "--no-deps",
-        "--only-binary=:all:",
-        "--require-hashes",
-        "--disable-pip-version-check",
-        "--quiet",
-    ]
+    options = "--no-deps --only-binary=:all: --require-hashes --disable-pip-version-check --quiet"
     platform = [option for name in platforms.split(".") for option in ("--platform", name)]
     target = ["--implementation", "cp", "--python-version", version, "--abi", abi, *platform]
-    run(
-        "-m",
-        "pip",
-        "download",
-        *options,
-        *target,
-        "--dest",
-        path.parent,
-        "--requirement",
-        WHEELS_PINS,
-    )
+    places = "--dest", path.parent, "--requirement", WHEELS_PINS
+    run("-m", "pip", "download", *options.split(), *target, *places)
 
     if not path.exists():
         sys.exit(
@@ -127,9 +109,8 @@ def source_for(target: build_kernel.Target, wheels: Sequence[str]) -> Iterator[P
 def build(is_manual_kept: bool, is_for_here: bool) -> None:
     """Make dist/ anew: one valid zip for each platform, or for that of this machine alone."""
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    targets = [
-        t for t in build_kernel.TARGETS if t == build_kernel.this_target() or not is_for_here
-    ]
+    here = build_kernel.this_target()
+    targets = [target for target in build_kernel.TARGETS if target == here or not is_for_here]
     systems = {system(target.tag) for target in targets}
     wheels = [w for w in manifest["wheels"] if system(Path(w).stem.rpartition("-")[2]) in systems]
     build_kernel.make_wheels(targets)

@@ -48,7 +48,8 @@ def proofs(interpreter: Path, folder: Path) -> Iterator[Row]:
     arguments = ["--frames", FRAMES, "--chunk", str(CHUNK), "--zip", str(zips[-1])]
     run_verb("job", *arguments, "--out", str(bundle))
 
-    single, one = _timed(lambda: _worker(program, bundle, blend, place / "single"))
+    words = _worker_words(program, bundle, blend, place / "single")
+    single, one = _timed(lambda: subprocess.run(words, capture_output=True, timeout=PATIENCE))
     files = contents(place / "single")
     yield proof(
         "one process",
@@ -104,12 +105,8 @@ def _killed(
     """A job whose processes are killed within a task leaves whole files, and is run again."""
     out = bundle / "source"
     shutil.rmtree(out, ignore_errors=True)
-    job = subprocess.Popen(
-        _words(openjd, bundle, program),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    job = subprocess.Popen(_words(openjd, bundle, program), start_new_session=True, **silent)
     until = perf_counter() + PATIENCE
     while len(contents(out, pattern)) < KILLED_AFTER and job.poll() is None:
         if perf_counter() > until:
@@ -242,21 +239,11 @@ def _kiriko(program: Path, bundle: Path, blend: Path, *verb: str | Path) -> list
     return [str(word) for word in (program, *options, "--python", script, "--", *verb)]
 
 
-def _worker(program: Path, bundle: Path, blend: Path, out: Path) -> subprocess.CompletedProcess:
-    words = _worker_words(program, bundle, blend, out)
-    return subprocess.run(words, capture_output=True, timeout=PATIENCE)
-
-
 def _words(openjd: Path, bundle: Path, program: Path) -> list[str]:
     return [str(openjd), "run", str(bundle / "template.json"), "-p", f"Blender={program}"]
 
 
 def _openjd(openjd: Path, bundle: Path, program: Path) -> subprocess.CompletedProcess:
     """Run a whole job."""
-    return subprocess.run(
-        _words(openjd, bundle, program),
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        timeout=PATIENCE,
-    )
+    options = {"capture_output": True, "encoding": "utf-8", "timeout": PATIENCE}
+    return subprocess.run(_words(openjd, bundle, program), **options)

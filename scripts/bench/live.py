@@ -10,8 +10,8 @@ from __future__ import annotations
 import argparse
 import statistics
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from time import perf_counter
+from typing import NamedTuple
 
 import bpy
 
@@ -55,33 +55,34 @@ GLASS = {
 BLOCKING = 0.1  # s that nothing may take after the first build
 
 
-@dataclass
-class Times:
-    """Of updates, in s: until the first and the last picture, and
-    all numbers; and the longest step of each kind.
+class Update(NamedTuple):
+    """Seconds until the first and the last picture, and all numbers; of each turn; and the longest
+    step of each kind.
     """
 
-    first: list[float] = field(default_factory=list)
-    last: list[float] = field(default_factory=list)
-    whole: list[float] = field(default_factory=list)
-    turns: list[float] = field(default_factory=list)
-    longest: dict[str, float] = field(default_factory=dict)
+    first: float
+    last: float
+    whole: float
+    turns: list[float]
+    longest: dict[str, float]
 
-    @property
-    def row(self) -> Row:
-        """Of the table."""
-        first, last, whole = map(statistics.median, (self.first, self.last, self.whole))
-        kind, worst = max(self.longest.items(), key=lambda step: step[1])
-        return {
-            "first /s": 1 / first,
-            "final /s": 1 / last,
-            "first s": first,
-            "final s": last,
-            "whole s": whole,
-            "longest ms": 1000 * worst,
-            "late %": 100 * sum(seconds > BLOCKING for seconds in self.turns) / len(self.turns),
-            "longest step": kind,
-        }
+
+def row_of(change: str, updates: list[Update]) -> Row:
+    """A row of the table."""
+    first, last, whole = (statistics.median(update[k] for update in updates) for k in range(3))
+    turns = [seconds for update in updates for seconds in update.turns]
+    worst, kind = max((s, kind) for update in updates for kind, s in update.longest.items())
+    return {
+        "change": change,
+        "first /s": 1 / first,
+        "final /s": 1 / last,
+        "first s": first,
+        "final s": last,
+        "whole s": whole,
+        "longest ms": 1000 * worst,
+        "late %": 100 * sum(seconds > BLOCKING for seconds in turns) / len(turns),
+        "longest step": kind,
+    }
 
 
 def rig_of(
@@ -91,38 +92,31 @@ def rig_of(
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     make()
     bpy.ops.kiriko.add_rig(**sizes, viewer_resolution=pixels, display_resolution=(pixels, pixels))
-    by_role = {
-        "VIEWER": bpy.context.scene.camera,
-        **{o.kiriko.role: o for o in bpy.context.scene.objects},
-    }
+    by_role = {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
+    by_role["VIEWER"] = bpy.context.scene.camera
     by_role["GLASS"].location.z -= lower
     return by_role
 
 
-def update(times: Times) -> None:
+def update() -> Update:
     """Step Live until it has nothing left to do, as the timer would without waiting."""
     followed = live.followed() or live.start(bpy.context.scene)
     followed.longest.clear()
     n_pictures = followed.n_pictures
     started = perf_counter()
-
-    shown = []
+    shown, turns = [], []
     wait = 0.0
     while wait != live.live_follower.IDLE:
         turn = perf_counter()
         wait = live.tick()
-        times.turns.append(perf_counter() - turn)
+        turns.append(perf_counter() - turn)
         if followed.n_pictures > n_pictures:
             n_pictures = followed.n_pictures
             shown.append(perf_counter() - started)
-
     if not shown:
         raise SystemExit(f"Nothing was updated: {live.status()[0]}")
-    times.first.append(shown[0])
-    times.last.append(shown[-1])
-    times.whole.append(perf_counter() - started)
-    for kind, seconds in followed.longest.items():
-        times.longest[kind] = max(times.longest.get(kind, 0.0), seconds)
+    whole = perf_counter() - started
+    return Update(shown[0], shown[-1], whole, turns, dict(followed.longest))
 
 
 def move(name: str) -> Callable[[dict[str, bpy.types.Object], int], None]:
@@ -149,17 +143,14 @@ CHANGES = {
 
 def measure(name: str, case: tuple, arguments: argparse.Namespace) -> Iterator[Row]:
     """The first build, then updates of each kind."""
-    pixels, updates = arguments.pixels, arguments.updates
-    rig = rig_of(*case, pixels)
-    build = Times()
-    update(build)
-    yield {"change": "first build", **build.row}
+    rig = rig_of(*case, arguments.pixels)
+    yield row_of("first build", [update()])
     for change, apply in CHANGES.items():
-        times = Times()
-        for n in range(updates):
+        updates = []
+        for n in range(arguments.updates):
             apply(rig, n)
-            update(times)
-        yield {"change": change, **times.row}
+            updates.append(update())
+        yield row_of(change, updates)
     live.stop()
 
 

@@ -30,18 +30,12 @@ from kiriko.core.light.plan import Plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
-from known.catmull_clark import (
-    LATHE,
-    Cage,
-    lathe_cage,
-    limit_mesh,
-    ring_cage,
-    uneven_profile,
-)
+from known import catmull_clark
+from known.catmull_clark import Cage, limit_mesh
+from known.judged_meshes import CHOICES
 from known.reference_rigs import glass_rig, mean_normals, split_quads
 
 from . import brought_glass as glasses
-from .irregular import CHOICES
 from .runner import Bench, Row, run
 
 Floats = NDArray[np.float64]
@@ -161,30 +155,26 @@ def all_meant(levels: int) -> dict[str, Meant]:
         )
         for name in ("wine glass", "bottle")
     }
-    rings = {
-        f"ring of {points}": Meant(
-            kinds,
-            lambda k, cage=cage: mean_normals(limit_mesh(cage, k)),
-            lambda k, cage=cage: limit_mesh(cage, levels + k),
-        )
+    cages = {
+        f"ring of {points}": catmull_clark.ring_cage(catmull_clark.uneven_profile(seed, points), 24)
         for points, seed in RINGS.items()
-        for cage in [ring_cage(uneven_profile(seed, points), 24)]
     }
-    lathes = {
-        f"lathe of {steps}": Meant(
+    for steps in LATHES:
+        cages[f"lathe of {steps}"] = catmull_clark.lathe_cage(catmull_clark.LATHE, steps)
+    by_cages = {
+        name: Meant(
             kinds,
             lambda k, cage=cage: mean_normals(limit_mesh(cage, k)),
             lambda k, cage=cage: limit_mesh(cage, levels + k),
         )
-        for steps in LATHES
-        for cage in [lathe_cage(LATHE, steps)]
+        for name, cage in cages.items()
     }
     by_points = Meant(
         (5, 9, 17, 33),
         lambda points: vase(points, STEPS, own=False),
         lambda k: vase(64 * 2**k + 1, 2 * STEPS * 2**k, own=True),
     )
-    return by_levels | rings | lathes | {"vase": by_points}
+    return by_levels | by_cages | {"vase": by_points}
 
 
 def planned(mesh: Mesh, choice: str) -> Plan:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from environments import LEAST_LLVM, MISSING_LLVM
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.rays import Landings
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import WAVELENGTH, Mesh, Rig
 from kiriko.core.rig.settings import Settings
@@ -34,11 +33,6 @@ OFFSET = 1e-6
 MOST_EVENTS = 32  # as in core.rig.settings.Settings
 AT_ONCE = 128  # spp of a judge in one launch: sums of single precision stay exact to 1e-6
 CHECKED = 100_000  # rays whose landings are compared
-
-
-def threads() -> int:
-    """Threads that Dr.Jit works on."""
-    return dr.thread_count()
 
 
 def use_threads(n: int) -> None:
@@ -313,7 +307,6 @@ class Judge:
         self.images = [image_from_sums(sums) for sums in halves]
         self.is_judged = np.logical_and.reduce([sums[..., 3] > 0 for sums in halves])
         self.counts = halves[0][..., 3] + halves[1][..., 3]
-        self.n_left_out = int(np.logical_xor(*(sums[..., 3] > 0 for sums in halves)).sum())
 
     def error(self, image: Floats) -> float:
         """RMSE of an image whose noise, if it has any, is independent of the judges'."""
@@ -338,19 +331,15 @@ def _many(loop: MitsubaSplat, spp: int, first_seed: int) -> Floats:
     )
 
 
-def _landings(rig: Rig, loop: MitsubaSplat) -> tuple[Landings, Floats]:
-    """Kiriko's landings and Mitsuba's, of the same rays."""
-    size = np.array([rig.viewer.width, rig.viewer.height])
-    # single precision, or the two would not get the same rays
-    xy = (np.random.default_rng(0).random((CHECKED, 2)) * size).astype(np.float32).astype(float)
-    return trace_all(make_plan(rig, Settings()), *rig.viewer.rays(xy)), loop.landings(xy)
-
-
 def share_apart(rig: Rig, loop: MitsubaSplat) -> float:
     """Share, 0..1, of the rays that see the display by either,
     which Mitsuba takes more than a pixel elsewhere.
     """
-    ours, theirs = _landings(rig, loop)
+    size = np.array([rig.viewer.width, rig.viewer.height])
+    # single precision, or the two would not get the same rays
+    xy = (np.random.default_rng(0).random((CHECKED, 2)) * size).astype(np.float32).astype(float)
+    ours = trace_all(make_plan(rig, Settings()), *rig.viewer.rays(xy))
+    theirs = loop.landings(xy)
     size = rig.display.width, rig.display.height
     seen = [
         ((xy >= 0) & (xy < size)).all(axis=1)

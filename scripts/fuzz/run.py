@@ -166,16 +166,15 @@ def inventory() -> dict[str, dict[str, Any]]:
 
 def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, Any]]) -> list[str]:
     """Properties that are no longer as they were, as "kind name property"."""
-    gone = [f"{name} is gone" for name in before if name not in after]
-    new = [f"{name} is new" for name in after if name not in before]
+    both = before.keys() & after.keys()
     changed = [
         f"{name} {key}"
-        for name in before
-        if name in after
+        for name in both
         for key in {*before[name], *after[name]}
         if before[name].get(key) != after[name].get(key)
     ]
-    return gone + new + changed
+    gone = [f"{name} is gone" for name in before.keys() - both]
+    return gone + [f"{name} is new" for name in after.keys() - both] + changed
 
 
 SOLVES = re.compile(

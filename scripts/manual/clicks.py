@@ -11,17 +11,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from environments import ToolError
 from manual.plays import WAYS, Way
-from manual.program import HELP_BLENDER, HELP_EXTENSION, account, play
+from manual.program import account, add_options, play
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--blender", metavar="PROGRAM", help=HELP_BLENDER)
-    parser.add_argument("--extension", type=Path, metavar="ZIP", help=HELP_EXTENSION)
+    add_options(parser)
     parser.add_argument("--only", default="", metavar="WORD", help="ways with this word")
     arguments = parser.parse_args()
     ways = {name: way for name, way in WAYS.items() if arguments.only in name}

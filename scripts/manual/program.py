@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
@@ -24,12 +25,18 @@ NO_BLENDER = (
     "No Blender program was found: install Blender 5.2, and name it by --blender PATH or by the"
     f" environment variable {VARIABLE}, or put it on the PATH."
 )
-HELP_BLENDER = f"the Blender program; else that of {VARIABLE}, else that of the PATH"
-HELP_EXTENSION = "Kiriko's zip for this machine; else it is built anew"
 NO_DISPLAY = (
     "There is no screen for Blender's window: run this where DISPLAY names one, or install Xvfb"
     " ('apt install xvfb' on Debian 12)."
 )
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Let a script be told of a Blender, and of Kiriko's zip."""
+    where = f"the Blender program; else that of {VARIABLE}, else that of the PATH"
+    parser.add_argument("--blender", metavar="PROGRAM", help=where)
+    zipped = "Kiriko's zip for this machine; else it is built anew"
+    parser.add_argument("--extension", type=Path, metavar="ZIP", help=zipped)
 
 
 def blender_program(named: str | None) -> str:

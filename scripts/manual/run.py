@@ -16,10 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from environments import ROOT, ToolError, clean_environment, run_in_newest_blender
-from manual.pictures import pack
 from manual.places import lead
 from manual.plays import MANUAL
-from manual.program import HELP_BLENDER, HELP_EXTENSION, play
+from manual.program import add_options, play
 
 LANGUAGES = {"en": "en_US", "ja": "ja_JP"}  # Blender's names of them
 PAGES = ROOT / "docs" / "manual"
@@ -28,11 +27,40 @@ TOLD = OUT / "manual-reference"  # by the code
 GATHERED = OUT / "manual-pages"
 SITE = ROOT / "manual"
 CONFIG = Path(__file__).with_name("mkdocs.yml")
+WIDEST = 1000  # px
+QUALITY = 70  # labels stay sharp, and the pictures of all languages fit into a megabyte
+RING = (255, 122, 0)
+RADIUS = 15.0  # px
+WIDTH = 3
 # for search and servers, or with the day of the build in it
 NOT_NEEDED = (
     "404.html", "sitemap.xml", "sitemap.xml.gz", "assets/javascripts/lunr",
     "assets/javascripts/workers", "assets/**/*.map",
 )  # fmt: skip
+
+
+def pack(raw: Path, folder: Path) -> None:
+    """Write the wanted part of a grabbed window as a WebP, with a ring where one is wanted."""
+    # not above, for dev.py shows the options in a Python that has no Pillow
+    from PIL import Image, ImageDraw
+
+    told = json.loads(raw.with_suffix(".json").read_text(encoding="utf-8"))
+    width, height = told["size"]
+    image = Image.frombytes("RGB", (width, height), raw.read_bytes())
+    left, bottom, across, up = told["box"]
+    top = height - bottom - up
+    image = image.crop((int(left), int(top), int(left + across), int(top + up)))
+    scale = min(1.0, WIDEST / image.width)
+    if scale < 1:
+        size = round(image.width * scale), round(image.height * scale)
+        image = image.resize(size, Image.Resampling.LANCZOS)
+
+    if told["ring"]:
+        x = (told["ring"][0] - left) * scale
+        y = (height - told["ring"][1] - top) * scale
+        corners = [x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS]
+        ImageDraw.Draw(image).ellipse(corners, outline=RING, width=WIDTH)
+    image.save(folder / f"{raw.stem}.webp", quality=QUALITY, method=6)
 
 
 def take_pictures(
@@ -90,8 +118,7 @@ def main() -> None:
         "--languages", nargs="+", choices=LANGUAGES, default=list(LANGUAGES), metavar="LANGUAGE",
         help=f"of {', '.join(LANGUAGES)}",
     )  # fmt: skip
-    parser.add_argument("--blender", metavar="PROGRAM", help=HELP_BLENDER)
-    parser.add_argument("--extension", type=Path, metavar="ZIP", help=HELP_EXTENSION)
+    add_options(parser)
     told = parser.parse_args()
     try:
         if told.screenshots:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from environments import ToolError
-from manual.program import HELP_BLENDER, HELP_EXTENSION, play
+from manual.program import add_options, play
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -24,8 +24,7 @@ PLAY = "shown"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--blender", metavar="PROGRAM", help=HELP_BLENDER)
-    parser.add_argument("--extension", type=Path, metavar="ZIP", help=HELP_EXTENSION)
+    add_options(parser)
     arguments = parser.parse_args()
     try:
         folder = play([PLAY], arguments.blender, arguments.extension)

@@ -1,30 +1,31 @@
-"""The lattice in the cube under the paper's conditions, by core and by Cycles: figures 7 and 8.
-
-Needs Blender, which is imported only where it is asked.
-"""
+"""The lattice in the cube under the paper's conditions, by core and by Cycles: figures 7 and 8."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import bpy
 import numpy as np
 
+from demo import RIGS
+from environments import quiet
 from kiriko.core.base.arrays import Floats
 from kiriko.core.base.steps import finish
+from kiriko.core.blender.preview import render_preview
+from kiriko.core.blender.scene import Reading
 from kiriko.core.files import image_io
 from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution, without_glass
-
-if TYPE_CHECKING:
-    from kiriko.core.blender.scene import Reading
+from kiriko.operators import work
+from pictures import light_the_glass
 
 from .infloasion import infloasion
+from .lattice import measuring_width, shift_in_cycles
 from .published import HALF, PAPER_DX, PLAIN, SOURCE, Table
 
 # of the pictures by Cycles
@@ -62,8 +63,6 @@ class Condition:
 
 def add_halves(rig: Rig, material: object) -> None:
     """Put the glasses that InFloasion adds to a rig into the Blender scene."""
-    import bpy
-
     for glass in rig.glasses:
         middle = glass.mesh.bounds.mean(axis=0)  # about it float32 is most exact
         mesh = bpy.data.meshes.new(glass.name)
@@ -81,8 +80,6 @@ class Bench:
     """
 
     def __init__(self, reading: Reading) -> None:
-        from .lattice import measuring_width
-
         self.reading = reading
         self.own = solve(reading.rig)
         self.ideal = self.own.ideal()
@@ -93,10 +90,6 @@ class Bench:
 
     def measure(self, name: str, source: Floats) -> Condition:
         """Where the dots of a source image are seen."""
-        import bpy
-
-        from .lattice import shift_in_cycles
-
         seen = self.framed.seen(source)
         ideal = self.framed.ideal()
         images = source, self.ideal, self.own.seen(source)
@@ -107,10 +100,6 @@ class Bench:
 
     def show(self, source: Floats, path: Path) -> None:
         """A picture of the viewer's sight by Cycles, with the surroundings."""
-        import bpy
-
-        from kiriko.core.blender.preview import render_preview
-
         options = {"size": (PIXELS, PIXELS), "samples": SAMPLES, "surroundings": True}
         seen = render_preview(bpy.context.scene, self.reading, source, **options)
         image_io.write(path, seen[..., :3], "PNG8", overwrite=True)
@@ -118,13 +107,6 @@ class Bench:
 
 def figures_7_and_8(out: Path) -> list[Condition]:
     """Measure the conditions, with pictures of them into `out`."""
-    import bpy
-
-    from demo import RIGS
-    from environments import quiet
-    from kiriko.operators import work
-    from pictures import light_the_glass
-
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with quiet():
         RIGS["cube"]()

@@ -37,7 +37,7 @@ def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
         r'(?:add_argument|option)\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', script.read_text()
     )
     answer = told(verb)
-    assert added or "runner" in script.read_text()
+    assert "usage" in answer
     assert all(option in answer for option in added)
 
 
