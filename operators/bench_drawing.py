@@ -8,8 +8,7 @@ from ..core.base.messages import Message
 from ..core.files import disk
 from ..core.image.flat_picture import flat_way
 from ..core.lab.calibrate.drawn import Lattice
-from ..core.lab.drawing.bench import draw_bench
-from ..core.lab.drawing.seen import draw_seen
+from ..core.lab.drawing.bench import draw_bench, draw_seen
 from ..core.rig.rig import Rig
 from . import folder, needed, telling, work
 from .to_file import ToFile

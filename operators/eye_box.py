@@ -17,8 +17,8 @@ from ..core.blender.stored_records import Numbers
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import seats_of
 from ..core.lab.calibrate.visible_range import SURVEY, visible_range
-from ..core.lab.measure.eye_box import LEAST, LIMIT, EyeBox, Walk, surface_of
 from ..core.lab.measure.head_box import as_data, check_box, head_box
+from ..core.lab.measure.head_range import LEAST, LIMIT, EyeBox, Walk, surface_of
 from ..core.light.plan import Plan
 from . import framing, long_work, needed, work
 from .surfaces import EYE_BOX, MADE_FOR, RANGE

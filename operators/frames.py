@@ -27,7 +27,7 @@ from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.files import disk, image_io
 from ..core.image.test_card import card
-from ..core.lab.farm.join import LOG, logged
+from ..core.lab.farm.job import LOG, logged
 from ..core.light.mesh_cache import Kept as KeptGlass
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution

@@ -25,10 +25,9 @@ from ..core.blender.result_numbers import write_ladder
 from ..core.files import disk, image_io
 from ..core.image.simulation import plate_view
 from ..core.lab.atlas.heads import check_viewer
-from ..core.lab.measure import eye_box, head_box
+from ..core.lab.measure import head_box, head_range
 from ..core.lab.measure import two_eyes as pairs
-from ..core.lab.measure.eye_box import LEAST, LIMIT, Walk
-from ..core.lab.measure.report import (
+from ..core.lab.measure.cost_report import (
     NAMES,
     PLATE_NAMES,
     as_csv,
@@ -38,6 +37,7 @@ from ..core.lab.measure.report import (
     plate_svg,
     table,
 )
+from ..core.lab.measure.head_range import LEAST, LIMIT, Walk
 from ..core.lab.measure.two_eyes import pair_of, two_eyes
 from ..core.lab.measure.viewer_errors import sharpness, viewer_reports
 from ..core.lab.measure.work_precision import BUDGET, Ladders, WorkPrecision, measure
@@ -123,7 +123,7 @@ def _refused(check: Callable[[Rig], object], rig: Rig) -> KirikoError | None:
 def beside_names(rig: Rig) -> tuple[str, ...]:
     """The files that `beside` finds drawings for."""
     found = (
-        (check_head, eye_box.FILE),
+        (check_head, head_range.FILE),
         (check_pair, pairs.FILE),
         (head_box.check_box, head_box.FILE),
     )
@@ -230,10 +230,10 @@ def eye_box_of(
     walk = Walk(plan, limit, least)
     yield from at(0.02, begin(walk))
     box = yield from within(walk.box(), 0.02, FOUND)
-    curves = yield from within(eye_box.curves_of(walk, box), FOUND, 1.0)
+    curves = yield from within(head_range.curves_of(walk, box), FOUND, 1.0)
     viewer = rig.viewer.name
-    drawing = eye_box.as_svg(box, viewer, curves)
-    return eye_box.as_data(box, viewer, curves), {eye_box.FILE: drawing}
+    drawing = head_range.as_svg(box, viewer, curves)
+    return head_range.as_data(box, viewer, curves), {head_range.FILE: drawing}
 
 
 def files_of(rig: Rig) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from ...core.base.steps import finish
 from ...core.blender.frames import frame_files, frames_of_range
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
-from ...core.lab.farm import join as joining
+from ...core.lab.farm import job as joining
 from .. import export_job
 from ..choose_rig import choose_by_name
 from ..job_check import check_rigs

@@ -21,7 +21,7 @@ from ...core.blender.stored_records import Numbers
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
 from ...core.image.simulation import simulate
-from ...core.lab.farm.join import LOG, log_of
+from ...core.lab.farm.job import LOG, log_of
 from ...core.rig.catalogue import DISPLAYS, GLASSES, PLATES
 from .. import folder, frames, look_over, needed, viewer_reports, work
 from ..export import gamma_of

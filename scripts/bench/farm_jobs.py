@@ -19,7 +19,7 @@ from time import perf_counter
 import bpy
 
 from environments import ROOT
-from kiriko.core.lab.farm.join import LOG
+from kiriko.core.lab.farm.job import LOG
 from known.registered import registered
 
 from .runner import Row, proof

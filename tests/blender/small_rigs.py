@@ -68,7 +68,7 @@ def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Objec
 
 def short_walks(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """An eye box and its curves are found by few looks at nine points of the picture."""
-    names = ("core.lab.measure.eye_box", "core.lab.measure.eye_box")
+    names = ("core.lab.measure.head_range", "core.lab.measure.head_range")
     box, curves = (importlib.import_module(f"{kiriko.__name__}.{name}") for name in names)
     for module, name, few in (
         (box, "N_POINTS", 3),

@@ -20,7 +20,7 @@ WAYS = ("left", "right", "up", "down", "nearer", "farther")
 @pytest.fixture(autouse=True)
 def few_points(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nine points of the picture are looked at."""
-    monkeypatch.setattr(of(kiriko, "core.lab.measure.eye_box"), "N_POINTS", 3)
+    monkeypatch.setattr(of(kiriko, "core.lab.measure.head_range"), "N_POINTS", 3)
 
 
 def of(kiriko: ModuleType, name: str) -> ModuleType:
@@ -35,7 +35,7 @@ def by_core(kiriko: ModuleType, limit: float, least: float) -> dict:
     """The eye box of the scene as core finds it, of a rig that nothing is known of."""
     work = of(kiriko, "operators.work")
     rig = work.read(bpy.context).rig
-    steps = of(kiriko, "core.lab.measure.eye_box").eye_box(
+    steps = of(kiriko, "core.lab.measure.head_range").eye_box(
         rig, work.settings_of(bpy.context.scene), limit, least
     )
     return asdict(of(kiriko, "core.base.steps").finish(steps))
@@ -163,7 +163,7 @@ def test_where_there_is_none_one_sentence_tells_why(
     """An orthographic viewer, a picture in its own pixels, a dark display, viewers apart: nothing
     is made, and no way is walked.
     """
-    walk = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.eye_box").Walk
+    walk = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.head_range").Walk
     monkeypatch.setattr(walk, "farthest", None)
     parts = small_rig()
     before = inventory()

@@ -201,7 +201,7 @@ def surface(
     watch: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[str], dict[str, bpy.types.Object]]:
     """Make a surface of a rig that was never solved; the objects by role."""
-    eye_box = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.eye_box")
+    eye_box = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.head_range")
     monkeypatch.setattr(eye_box, "N_POINTS", 3)
 
     def make(name: str) -> dict[str, bpy.types.Object]:

@@ -15,12 +15,12 @@ from kiriko.core.lab.drawing.bench import (
     SCALES,
     contour,
     draw_bench,
+    draw_seen,
     find_datum,
     rectangle,
     standing,
 )
-from kiriko.core.lab.drawing.seen import draw_seen
-from kiriko.core.lab.drawing.sheet import SIZES
+from kiriko.core.lab.drawing.svg import SIZES
 from kiriko.core.rig.rig import Rig
 from known.reference_rigs import ball_rig, box, cube_rig, icosphere
 from known.reference_rigs import rectangle as a_rectangle

@@ -8,7 +8,7 @@ from math import log10
 
 import pytest
 
-from kiriko.core.lab.measure.diagram import COLOURS, HEIGHT, WIDTH, Curve, linear, log_log
+from kiriko.core.lab.drawing.svg import COLOURS, HEIGHT, WIDTH, Curve, linear, log_log
 
 SVG = "{http://www.w3.org/2000/svg}"
 LETTER = 0.55  # of the font's size: the mean width of a letter of Helvetica

@@ -10,7 +10,7 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.lab.atlas.heads import viewer_at
-from kiriko.core.lab.measure.eye_box import (
+from kiriko.core.lab.measure.head_range import (
     BEYOND,
     EDGE,
     MOST,

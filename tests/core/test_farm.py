@@ -11,7 +11,8 @@ import pytest
 from kiriko.core.base.errors import ImageError, RigError
 from kiriko.core.base.steps import finish
 from kiriko.core.files import image_io
-from kiriko.core.lab.farm import extension, join
+from kiriko.core.lab.farm import extension
+from kiriko.core.lab.farm import job as join
 from kiriko.core.lab.farm.job import AtlasJob, Choice, Job, parameter_values
 
 FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
+from kiriko.core.lab.drawing.svg import BOTTOM, HEIGHT, LEFT
 from kiriko.core.lab.measure import reference, work_precision
-from kiriko.core.lab.measure.diagram import BOTTOM, HEIGHT, LEFT
+from kiriko.core.lab.measure.cost_report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from kiriko.core.lab.measure.reference import quantisation
-from kiriko.core.lab.measure.report import as_csv, as_json, as_svg, plate_csv, plate_svg, table
 from kiriko.core.lab.measure.work_precision import Ladders, WorkPrecision, measure
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import LEAST_TOLERANCE, Settings

@@ -24,7 +24,7 @@ from ...light.plan import Plan
 from ...rig.rig import PicturePlace, Rig
 from ...rig.viewer import Viewer
 from ..atlas.heads import AXES, HeadBox, Offset, check_viewer, evenly, viewer_at
-from .diagram import Curve, draw, from_zero, points_mm, sheet
+from ..drawing.svg import Curve, draw, from_zero, points_mm, sheet
 from .places_seen import Look, grid_on, places_of_shown, places_shown
 from .viewer_errors import arcmin_between
 

@@ -38,7 +38,7 @@ from ...light.mesh_cache import Kept
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ...solve.solution import Solution, without_glass
-from .diagram import FONT, text_at
+from ..drawing.svg import FONT, document, text_at
 from .places_seen import Look, grid_of, grid_on, places_seen
 from .viewer_errors import ARCMIN, N_POINTS, displaced
 
@@ -367,15 +367,8 @@ def as_svg(rig: Rig, found: TwoEyes) -> str:
         "Middle, arcmin: arrows to the right where they converge more than for the picture's plane."
         " Below, mm: full discs before that plane, rings behind it.",
     )
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}"'
-        f' viewBox="0 0 {width:.0f} {height:.0f}" font-family="{FONT}">',
-        f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
-        *(text_at((GAP, 26 + 20 * n), line, size=15) for n, line in enumerate(title)),
-        *parts,
-        "</svg>",
-        "",
-    ])  # fmt: skip
+    titles = [text_at((GAP, 26 + 20 * n), line, size=15) for n, line in enumerate(title)]
+    return document((round(width), round(height)), f'font-family="{FONT}"', [*titles, *parts])
 
 
 def _scales(sights: list[Sights]) -> dict[str, float]:

@@ -1,12 +1,169 @@
-"""Diagrams of curves as SVG, log-log or linear: plain
-lines, circles and text that any viewer shows.
-"""
+"""Drawings as SVG: sheets of paper that print to scale in mm, and diagrams of curves in px."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from html import escape
 from math import ceil, floor, log10
+from typing import Literal
 
-from ...base.drawn_words import in_xml
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...base.arrays import Floats
+
+
+def in_xml(words: str) -> str:
+    """Words with their signs escaped, and a blank for each that XML has no sign for: names in
+    Blender may hold any.
+    """
+    return escape("".join(letter if letter.isprintable() else " " for letter in words))
+
+
+def document(size: tuple[float, float], style: str, parts: Sequence[str], unit: str = "px") -> str:
+    """The file's text: a white page of a size in a unit, with attributes for all of its parts."""
+    width, height = (f"{side:g}" for side in size)
+    of = "" if unit == "px" else unit
+    return "\n".join([
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}{of}" height="{height}{of}"'
+        f' viewBox="0 0 {width} {height}" {style}>',
+        f'<rect width="{width}" height="{height}" fill="white"/>',
+        *parts,
+        "</svg>",
+        "",
+    ])  # fmt: skip
+
+
+Paper = Literal["A4", "A3"]
+SIZES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}  # mm, lying
+MARGIN = 10.0  # mm, which printers leave white
+FONT = "Helvetica, Arial, sans-serif"
+TEXT = 2.8  # mm, height of letters
+
+Anchor = Literal["start", "middle", "end"]
+
+
+@dataclass(frozen=True)
+class Pen:
+    """How lines are drawn: colour, width in mm, dashes in mm."""
+
+    colour: str = "black"
+    width: float = 0.25
+    dashes: str = ""
+
+
+PART = Pen()
+GLASS = Pen("#0b6e99", 0.18)
+PICTURE = Pen("#7a3f9d", 0.25, "2 1")
+THIN = Pen("#777777", 0.1)
+SIGHT = Pen("#c8501e", 0.18, "4 1 0.5 1")
+
+
+@dataclass
+class Sheet:
+    """Lines and texts on a sheet, mm from its upper left corner, y down."""
+
+    paper: Paper
+    parts: list[str] = field(default_factory=list)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height, mm."""
+        return SIZES[self.paper]
+
+    def lines(self, ends: ArrayLike, pen: Pen) -> None:
+        """Draw straight lines (n, 2, 2)."""
+        ends = np.asarray(ends, float)
+        ways = " ".join(
+            f"M{a:.2f} {b:.2f}L{c:.2f} {d:.2f}" for a, b, c, d in ends.reshape(-1, 4).tolist()
+        )
+        if ways:
+            dashes = f' stroke-dasharray="{pen.dashes}"' if pen.dashes else ""
+            self.parts.append(
+                f'<path d="{ways}" fill="none" stroke="{pen.colour}" stroke-width="{pen.width}"'
+                f' stroke-linecap="round"{dashes}/>'
+            )
+
+    def dots(self, places: ArrayLike, radius: float) -> None:
+        """Draw discs at places (n, 2)."""
+        self.parts += [
+            f'<circle cx="{x:.2f}" cy="{y:.2f}" r="{radius}" fill="black"/>'
+            for x, y in np.asarray(places, float).tolist()
+        ]
+
+    def text(
+        self, place: Sequence[float], words: str, anchor: Anchor = "start", size: float = TEXT
+    ) -> None:
+        """Write words whose baseline begins, has its middle or ends at a place."""
+        x, y = place
+        self.parts.append(
+            f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size}">'
+            f"{in_xml(words)}</text>"
+        )
+
+    def turned_text(self, place: Sequence[float], words: str, size: float = TEXT) -> None:
+        """Write words that run upward and end below a place."""
+        x, y = place
+        self.parts.append(
+            f'<text transform="translate({x:.2f} {y:.2f}) rotate(-90)" text-anchor="end"'
+            f' font-size="{size}">{in_xml(words)}</text>'
+        )
+
+    def table(
+        self,
+        place: Sequence[float],
+        widths: Sequence[float],
+        rows: Sequence[Sequence[str]],
+        room: float = np.inf,
+    ) -> float:
+        """Write rows of cells, the first as a heading; y below the last.
+
+        Letters get smaller where the rows would be higher than the room.
+        """
+        left, y = place
+        starts = left + np.cumsum([0.0, *widths])
+        size = min(TEXT, (room / (len(rows) + 0.25)) / 1.6)
+
+        for n, row in enumerate(rows):
+            y += 1.6 * size
+            for x, cell in zip(starts[:-1], row, strict=True):
+                self.text((x, y), cell, size=size)
+            if n == 0:
+                under = y + 0.4 * size
+                self.lines(np.array([[[left, under], [starts[-1], under]]]), THIN)
+                y = under
+        return y
+
+    def svg(self) -> str:
+        """The file's text."""
+        width, height = self.size
+        return document((width, height), f'font-family="{FONT}"', self.parts, "mm")
+
+
+def decimal(number: float) -> str:
+    """A number with one decimal, and no minus at 0."""
+    return f"{round(float(number), 1) + 0.0:.1f}"
+
+
+def spread(places: Sequence[float], gap: float) -> Floats:
+    """Places (n,) of labels, at least a gap apart, in the same order and as near as may be to
+    where they belong: least squares, by merging neighbours that push each other.
+    """
+    order = np.argsort(places, kind="stable")
+    wished = np.asarray(places, float)[order] - gap * np.arange(len(order))
+    groups: list[list[float]] = []  # mean and number of each
+
+    for at in wished:
+        groups.append([at, 1])
+        while len(groups) > 1 and groups[-2][0] > groups[-1][0]:
+            mean, n = groups.pop()
+            other, m = groups.pop()
+            groups.append([(mean * n + other * m) / (n + m), n + m])
+
+    found = np.empty(len(order))
+    found[order] = np.concatenate([np.full(int(n), mean) for mean, n in groups] or [[]])
+    found[order] += gap * np.arange(len(order))
+    return found
+
 
 # px
 WIDTH = 760
@@ -19,7 +176,6 @@ BOTTOM = 64
 SHRUNK = 0.6  # of a diagram, on a sheet of several
 MOST_WRITTEN_OUT = 3  # powers of ten up to this, either way, are written out
 LABEL = (48, 11)  # px: nearer than this to another label of its curve, one is left out
-FONT = "Helvetica, Arial, sans-serif"
 # told apart by colour-blind people as well, with the marks
 COLOURS = ("#0b6e99", "#c8501e", "#3f7d20", "#7a3f9d")
 
@@ -104,10 +260,6 @@ def draw(
     high = place(right, above)
 
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" viewBox="0 0'
-        f' {WIDTH} {HEIGHT}"'
-        f' font-family="{FONT}" font-size="12">',
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
         text_at((LEFT, 28), title, size=16),
         *(text_at((LEFT, 48 + 16 * n), note, fill="#555555") for n, note in enumerate(notes)),
     ]
@@ -141,7 +293,7 @@ def draw(
 
     side, sign = (low[0], 1) if is_rising else (high[0], -1)
     parts.append(_legend(curves, side + 12 * sign, high[1] + 20, sign))
-    return "\n".join([*parts, "</svg>", ""])
+    return document((WIDTH, HEIGHT), f'font-family="{FONT}" font-size="12"', parts)
 
 
 def sheet(columns: Sequence[Sequence[str]]) -> str:

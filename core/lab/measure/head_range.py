@@ -29,7 +29,7 @@ from ...map.searches import side_by_side
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ..atlas.heads import Offset, check_viewer, viewer_at
-from .diagram import Curve, linear, points_mm, sheet
+from ..drawing.svg import Curve, linear, points_mm, sheet
 from .head_box import angles_of
 from .places_seen import Look, grid_on, places_of_shown, places_shown
 from .viewer_errors import arcmin_between

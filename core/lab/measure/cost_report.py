@@ -14,7 +14,7 @@ import numpy as np
 from ...light.plate import PlatePath, light_by_angle
 from ...rig.rig import MirrorArray
 from ...solve.cost import cost
-from .diagram import Curve, linear, log_log
+from ..drawing.svg import Curve, linear, log_log
 from .reference import PERCENTILE, ImageErrors, MapErrors, SeenErrors
 from .work_precision import Rung, WorkPrecision
 
