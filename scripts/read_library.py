@@ -26,13 +26,10 @@ MACHINES = {
 def read_elf(library: lief.ELF.Binary) -> dict[str, object]:
     """The record of a library for Linux."""
     header = library.header
+    is_wide = header.identity_class == lief.ELF.Header.CLASS.ELF64
+    is_library = header.file_type == lief.ELF.Header.FILE_TYPE.DYN and not library.has_interpreter
     return {
-        "kind": [
-            "ELF",
-            MACHINES.get(header.machine_type),
-            64 if header.identity_class == lief.ELF.Header.CLASS.ELF64 else 32,
-            header.file_type == lief.ELF.Header.FILE_TYPE.DYN and not library.has_interpreter,
-        ],
+        "kind": ["ELF", MACHINES.get(header.machine_type), 64 if is_wide else 32, is_library],
         "exports": [symbol.name for symbol in library.exported_symbols],
         "imports": [symbol.name for symbol in library.imported_symbols],
         "needs": list(library.libraries),
@@ -75,17 +72,13 @@ def read_macho(library: lief.MachO.Binary) -> dict[str, object]:
     """
     header = library.header
     machine = MACHINES.get(header.cpu_type)
+    is_wide = header.magic == lief.MachO.MACHO_TYPES.MAGIC_64
     is_library = header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
-    is_signed = library.has_code_signature
+    is_loaded = is_library and (library.has_code_signature or machine == "x64")
     own_name = lief.MachO.LoadCommand.TYPE.ID_DYLIB
     build = library.build_version
     return {
-        "kind": [
-            "Mach-O",
-            machine,
-            64 if header.magic == lief.MachO.MACHO_TYPES.MAGIC_64 else 32,
-            is_library and (is_signed or machine == "x64"),
-        ],
+        "kind": ["Mach-O", machine, 64 if is_wide else 32, is_loaded],
         "exports": [export.symbol.name[1:] for export in library.dyld_info.exports],
         "imports": [symbol.name.removeprefix("_") for symbol in library.imported_symbols],
         "needs": [other.name for other in library.libraries if other.command != own_name],

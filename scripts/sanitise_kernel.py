@@ -1,5 +1,4 @@
-"""Runs Python with the kernel built to stop at a wrong access or an
-undefined step: `sanitise_kernel.py -m pytest ...`.
+"""Runs Python with a kernel that stops at a wrong access or an undefined step: `-m pytest ...`.
 
 Needs gcc with its libasan, and Linux; says so and ends well where they are not.
 """
@@ -43,20 +42,8 @@ def sanitised() -> dict[str, str] | None:
         return None
 
     built = DEV / "kernel-sanitised.so"
-    run(
-        [
-            "gcc",
-            *FLAGS,
-            "-fvisibility=hidden",
-            "-shared",
-            "-fPIC",
-            "-pthread",
-            "-o",
-            built,
-            *sorted(SOURCES.glob("*.c")),
-            "-lm",
-        ]
-    )
+    shared = "-fvisibility=hidden", "-shared", "-fPIC", "-pthread", "-o", built
+    run(["gcc", *FLAGS, *shared, *sorted(SOURCES.glob("*.c")), "-lm"])
     return {"LD_PRELOAD": libraries, "KIRIKO_KERNEL": str(built), **OPTIONS}
 
 

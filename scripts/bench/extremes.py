@@ -39,12 +39,11 @@ def measure(_: str, case: Case, arguments: argparse.Namespace) -> Iterator[runne
 
 def row_of(found: Found, seconds: float) -> runner.Row:
     """Error and bound with their unit, seconds, verdict."""
-    numbers = {"error": found.error, "bound": found.bound}
-    told = {name: f"{value:.2g} {found.unit}".strip() for name, value in numbers.items()}
-    told = dict.fromkeys(told, "") if found.kept == REFUSED else told
-    return {"measured": found.measured, **told, "s": seconds, "verdict": found.verdict} | {
-        "avoid": found.avoid
-    }
+    row = {"measured": found.measured, "verdict": found.verdict, "avoid": found.avoid, "s": seconds}
+    if found.kept != REFUSED:
+        numbers = {"error": found.error, "bound": found.bound}
+        row |= {name: f"{value:.2g} {found.unit}".strip() for name, value in numbers.items()}
+    return row
 
 
 BENCH = runner.Bench(
@@ -54,9 +53,5 @@ BENCH = runner.Bench(
 )
 
 if __name__ == "__main__":
-    runner.run(
-        __doc__,
-        "bench.extremes",
-        BENCH,
-        runner.option("--quick", action="store_true", help="as small as in the tests"),
-    )
+    quick = runner.option("--quick", action="store_true", help="as small as in the tests")
+    runner.run(__doc__, "bench.extremes", BENCH, quick)

@@ -23,8 +23,8 @@ from .runner import Bench, Row, in_turns, option, run
 
 registered()
 
-from kiriko.core.base.steps import finish  # noqa: E402
-from kiriko.core.native import loading  # noqa: E402 - the operators have to be there first
+from kiriko.core.base.steps import finish  # noqa: E402 - the operators have to be there first
+from kiriko.core.native import loading  # noqa: E402
 from kiriko.core.solve.session import Session  # noqa: E402
 from kiriko.operators import live  # noqa: E402
 

@@ -41,7 +41,7 @@ from kiriko.core.rig.rig import Mesh, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
 from kiriko.core.solve.solution import Solution
-from known.reference_rigs import ball_rig, finer, glass_rig, zone_plate
+from known.reference_rigs import ball_rig, glass_rig, zone_plate
 
 from . import mitsuba_splat
 from .mitsuba_splat import Judge, MitsubaSplat, image_from_sums, share_apart
@@ -113,12 +113,11 @@ def prepared(name: str, arguments: argparse.Namespace) -> tuple[Rig, MitsubaSpla
 def measure(name: str, _: None, arguments: argparse.Namespace) -> Iterator[Row]:
     """Mitsuba, and Kiriko by two choices of surface."""
     a_rig, loop, judge = prepared(name, arguments)
-    ours = finer(a_rig, arguments.finer)
     seconds, found = in_turns(
         {
             "Mitsuba": lambda: loop.sums(arguments.samples),
-            "drawn": lambda: solved(of_surface(ours, "facets")),
-            "auto": lambda: solved(of_surface(ours, "automatic")),
+            "drawn": lambda: solved(of_surface(a_rig, "facets")),
+            "auto": lambda: solved(of_surface(a_rig, "automatic")),
         },
         arguments.rounds,
     )
@@ -227,7 +226,6 @@ if __name__ == "__main__":
         Bench(cases, COLUMNS, measure),
         option("--reference", type=int, default=1024, metavar="SPP", help="samples of the judge"),
         option("--samples", type=int, default=SPP, metavar="SPP", help="of Mitsuba's splat"),
-        option("--finer", type=float, default=1.0, metavar="N", help="times finer a viewer"),
         option("--display", type=int, default=512, metavar="PIXELS", help="of the display"),
         effort=Bench(cases, EFFORT_COLUMNS, measure_efforts),
         ball=Bench(

@@ -210,7 +210,7 @@ COLUMNS = {
     "moved s": ".2f", "plan s": ".2f", "tracing s": ".2f", "shares s": ".2f", "rays": "d",
     "curved": ".2f", "beyond %": ".2f", "sampled %": ".2f", "MB": ".0f", "told x": ".2f",
 }  # fmt: skip
-NUMBERS = "glare %", "contested %", "mean", "strongest", "0.5", "1"
+LIGHT = dict.fromkeys(("glare %", "contested %", "mean", "strongest", "0.5", "1"), ".1f")
 TABLED = {name: BROUGHT[name] for name in GLASSES}
 
 if __name__ == "__main__":
@@ -224,5 +224,5 @@ if __name__ == "__main__":
         stages=Bench(
             TABLED, {"solve s": ".2f", **dict.fromkeys(SHARES, ".1f")}, measure_stages, mean="mean"
         ),
-        light=Bench(TABLED, dict.fromkeys(NUMBERS, ".1f"), measure_light),
+        light=Bench(TABLED, LIGHT, measure_light),
     )

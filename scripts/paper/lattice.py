@@ -1,6 +1,4 @@
-"""How far the dots of the lattice stand from where they are
-wanted, as Cycles shows them. Runs inside Blender.
-"""
+"""How far the dots of the lattice are from where they are wanted, as Cycles shows them."""
 
 from __future__ import annotations
 
