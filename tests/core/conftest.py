@@ -1,9 +1,12 @@
 """Core is tested as if there were no Blender on the machine."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+
+import pytest
 
 BLENDER_MODULES = {"bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "bl_ext", "addon_utils"}
 
@@ -21,3 +24,12 @@ class NoBlender:
 
 
 sys.meta_path.insert(0, NoBlender())
+
+
+@pytest.fixture(params=[True, False], ids=["kernel", "numpy"])
+def has_kernel(request: pytest.FixtureRequest) -> Iterator[bool]:
+    """The test runs twice: with the kernel, and as if none had been built."""
+    from kiriko.core.native import loading  # after the finder that refuses Blender's modules
+
+    with nullcontext() if request.param else loading.off():
+        yield request.param

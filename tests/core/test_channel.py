@@ -1,7 +1,6 @@
 """Channels: all that is about one viewer is found for each of them, and painted into one image."""
 
 import ast
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import pytest
 
 from kiriko import core
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import session, solve_cache
@@ -104,8 +102,8 @@ def test_viewers_that_disagree_are_shown_the_mean(small):
         np.testing.assert_array_equal(channel.seen(one.source), one.seen())
 
 
-@pytest.mark.parametrize("has_kernel", [True, False])
-def test_channels_of_one_colour_each_paint_what_a_white_one_does(small, monkeypatch, has_kernel):
+@pytest.mark.usefixtures("has_kernel")
+def test_channels_of_one_colour_each_paint_what_a_white_one_does(small, monkeypatch):
     """A colour is painted by the channels that count in it, by their weights."""
 
     def of_each_colour(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
@@ -115,10 +113,9 @@ def test_channels_of_one_colour_each_paint_what_a_white_one_does(small, monkeypa
             for colours in np.eye(3)
         )
 
-    with nullcontext() if has_kernel else loading.off():
-        expected = solve(small).source
-        for module in (session, solve_cache):
-            monkeypatch.setattr(module, "channel_keys", of_each_colour)
-        found = solve(small)
+    expected = solve(small).source
+    for module in (session, solve_cache):
+        monkeypatch.setattr(module, "channel_keys", of_each_colour)
+    found = solve(small)
     assert len(found.channels) == 3
     assert np.array_equal(found.source, expected)

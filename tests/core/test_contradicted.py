@@ -1,6 +1,5 @@
 """Light at normals that contradict their face, beside the angles that decide it in a plane."""
 
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from kiriko.core.base.steps import finish
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import tracing
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Glass
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import accuracy
@@ -46,14 +44,13 @@ def found_in(a_rig, origins, directions):
 
 
 @pytest.mark.parametrize("tilt", [0.2, 0.5, 0.9])
-@pytest.mark.parametrize("is_compiled", [True, False])
-def test_angles_decide_it(tilt, is_compiled):
+@pytest.mark.usefixtures("has_kernel")
+def test_angles_decide_it(tilt):
     """Light at an angle a from the face's normal is mirrored at a normal tilted by t to 2 t - a
     from it, which has to be less than a right angle but for the cosine that Cycles leaves.
     """
     angles = np.linspace(-1.55, 1.55, 2001)
-    with nullcontext() if is_compiled else loading.off():
-        found = found_in(slab(tilt), *fan(angles)) == 0
+    found = found_in(slab(tilt), *fan(angles)) == 0
 
     least = np.minimum(0.01, 0.9 * np.cos(angles))
     expected = (np.cos(2 * tilt - angles) < least) | (np.cos(tilt - angles) <= 0)

@@ -2,7 +2,6 @@
 and no leaks, and where they give way to the facet.
 """
 
-from contextlib import nullcontext
 from dataclasses import fields, replace
 from functools import partial
 
@@ -21,7 +20,6 @@ from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.ray_engine import Layer, LeavingKnobs
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from known import lathes
@@ -504,24 +502,21 @@ def counted(steps):
         n += 1
 
 
-@pytest.mark.parametrize("has_kernel", [True, False])
 def test_a_surface_is_the_same_however_often_its_making_pauses(has_kernel, monkeypatch):
     """Bit by bit; and it pauses with each few vertices, and by numpy alone with each sweep over
     them.
     """
     mesh = mean_normals(torus(0.04, 0.015, 24, 12))
-    with nullcontext() if has_kernel else loading.off():
-        whole = finish(making_surface(mesh)).curved
-        monkeypatch.setattr(fitted_faces, "VERTICES_AT_ONCE", 7)
-        n_pauses, found = counted(making_surface(mesh))
-        found = found.curved
+    whole = finish(making_surface(mesh)).curved
+    monkeypatch.setattr(fitted_faces, "VERTICES_AT_ONCE", 7)
+    n_pauses, found = counted(making_surface(mesh))
+    found = found.curved
 
     assert n_pauses > (len(mesh.vertices) // 7 if has_kernel else 10)
     for f in fields(CurvedFaces):
         assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
 
 
-@pytest.mark.parametrize("has_kernel", [True, False])
 def test_faces_around_holes_do_not_hang_on_the_last_bits_of_vertices(has_kernel):
     """A ball that lacks three faces of ten: where neighbours are few, sweeps over normals go to and
     fro without end, and what is left of them is rounding. Those normals are not believed.
@@ -535,8 +530,7 @@ def test_faces_around_holes_do_not_hang_on_the_last_bits_of_vertices(has_kernel)
         last_bits = np.random.default_rng(seed).integers(-1, 2, mesh.vertices.shape) * 2.0**-52
         return replace(mesh, vertices=mesh.vertices * (1 + last_bits))
 
-    with nullcontext() if has_kernel else loading.off():
-        found, *others = (make_surface(m).curved for m in (mesh, *map(moved, range(5))))
+    found, *others = (make_surface(m).curved for m in (mesh, *map(moved, range(5))))
 
     assert len(found.triangle) > 0.9 * len(mesh.triangles)
     assert all(np.array_equal(found.triangle, other.triangle) for other in others)

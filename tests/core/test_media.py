@@ -1,7 +1,5 @@
 """Which solids touch, the bits that they have in masks, and bodies of many of them."""
 
-from contextlib import nullcontext
-
 import numpy as np
 import pytest
 
@@ -10,13 +8,11 @@ from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.media import Solid, boxes_touch, make_media
 from kiriko.core.light.trace import trace_all
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import box, icosphere, rig
 from known.shards import rounded, shards_of
 
-both_ways = pytest.mark.parametrize("way", ["kernel", "numpy"])
 SIDE = 0.05
 
 
@@ -34,13 +30,12 @@ def test_boxes_touch_up_to_the_slack(gap, touch, axis, swap):
     assert np.array_equal(found, [[True, touch], [touch, True]])
 
 
-def traced(glasses, way="kernel", n=4000, **bench):
+def traced(glasses, n=4000, **bench):
     """Landings of random rays, by the plan for some glasses."""
     a_rig = rig(glasses, display=0.2, field=0.045, **bench)
     plan = make_plan(a_rig, Settings(max_events=200))
     o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 512, (n, 2)))
-    with loading.off() if way == "numpy" else nullcontext():
-        return plan, trace_all(plan, o, d)
+    return plan, trace_all(plan, o, d)
 
 
 def balls(n, seed=5, **shape):
@@ -62,9 +57,8 @@ def joined(meshes):
     return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(triangles))
 
 
-@both_ways
 @pytest.mark.parametrize("is_one", [False, True], ids=["objects", "pieces"])
-def test_many_bubbles_are_as_good_as_cavities(is_one, way):
+def test_many_bubbles_are_as_good_as_cavities(is_one, has_kernel):
     """Solids of air in glass, as objects or as pieces of one, bend light as cavities in it do, and
     only the glass keeps them from being asked together.
     """
@@ -73,8 +67,7 @@ def test_many_bubbles_are_as_good_as_cavities(is_one, way):
     inside = [joined(bubbles)] if is_one else bubbles
     plan, found = traced(
         (Glass("glass", glass, index), *(Glass(f"{i}", m, air) for i, m in enumerate(inside))),
-        way,
-        n=4000 if way == "kernel" else 300,
+        n=4000 if has_kernel else 300,
     )
     _, expected = traced((Glass("glass", joined([glass, *bubbles]), index),), n=len(found.reason))
     assert boxes_touch(np.stack([b.bounds for b in bubbles]), 0.0).sum() > 140
@@ -84,8 +77,7 @@ def test_many_bubbles_are_as_good_as_cavities(is_one, way):
     assert np.abs(found.xy - expected.xy)[expected.has_arrived].max() < 1e-6
 
 
-@both_ways
-def test_many_shards_are_as_good_as_the_whole(way):
+def test_many_shards_are_as_good_as_the_whole(has_kernel):
     """More of them than a mask has bits, as pieces of one object."""
     random = np.random.default_rng(1)
     normals = random.normal(size=(8, 3))
@@ -93,9 +85,7 @@ def test_many_shards_are_as_good_as_the_whole(way):
     whole = rounded(box([SIDE] * 3, degrees_about_z=20))
     shards = shards_of(whole, list(zip(normals, random.uniform(-0.01, 0.01, 8), strict=True)))
     index = ConstantIndex(1.49)
-    plan, found = traced(
-        (Glass("glass", joined(shards), index),), way, n=4000 if way == "kernel" else 200
-    )
+    plan, found = traced((Glass("glass", joined(shards), index),), n=4000 if has_kernel else 200)
     _, expected = traced((Glass("glass", whole, index),), n=len(found.reason))
     assert len(plan.media.bit) > 60
     is_plain = expected.n_events < 16

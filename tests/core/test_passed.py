@@ -1,6 +1,5 @@
 """Shells that cut themselves: what they wind around once or more is glass, and counts once."""
 
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -70,26 +69,23 @@ def folded() -> Mesh:
     return Mesh(ball.vertices + np.sin(ball.vertices @ waves.T) @ ways, ball.triangles)
 
 
-def traced(
-    a_rig: Rig, xy: np.ndarray, is_compiled: bool
-) -> tuple[Landings, np.ndarray, np.ndarray]:
+def traced(a_rig: Rig, xy: np.ndarray) -> tuple[Landings, np.ndarray, np.ndarray]:
     """Landings of rays through viewer px (n, 2), and the rays."""
     origins, directions = a_rig.viewer.rays(xy)
     rays = np.broadcast_to(origins, directions.shape), directions
-    with nullcontext() if is_compiled else loading.off():
-        return trace_all(make_plan(a_rig, SETTINGS), *rays), *rays
+    return trace_all(make_plan(a_rig, SETTINGS), *rays), *rays
 
 
-@pytest.mark.parametrize("is_compiled", [True, False])
+@pytest.mark.usefixtures("has_kernel")
 @pytest.mark.parametrize("shape", [eight, bow, rose, folded])
-def test_it_is_as_the_union_of_all_that_it_winds_around(shape, is_compiled):
+def test_it_is_as_the_union_of_all_that_it_winds_around(shape):
     """Rays land where brute force has them, through places
     that a shell winds around twice as well.
     """
     a_rig = glass_rig(shape(), ior=INDEX)
     size = a_rig.viewer.width, a_rig.viewer.height
     xy = np.random.default_rng(0).random((500, 2)) * size
-    found, *rays = traced(a_rig, xy, is_compiled)
+    found, *rays = traced(a_rig, xy)
     walk = through_union(*rays, a_rig.glasses[0].mesh, INDEX, SETTINGS.max_events)
     expected = landing(a_rig, walk.places, walk.directions)
 
@@ -126,15 +122,14 @@ def test_no_ray_slips_through_glass_and_what_stands_behind():
     assert not (found.reason == Reason.MISSED_GLASS).any()
 
 
-@pytest.mark.parametrize("is_compiled", [True, False])
-def test_a_card_within_few_triangles_hides_no_face_beyond(is_compiled):
+@pytest.mark.usefixtures("has_kernel")
+def test_a_card_within_few_triangles_hides_no_face_beyond():
     """Of 72 triangles it is met before those of the glass are asked, of 2 beside them."""
     xy = 256 + 120 * (np.random.default_rng(0).random((4000, 2)) - 0.5)
     few, many = (
         traced(
             replace(glass_rig(bow(), ior=INDEX), blockers=(card(0.0045, 0.012, n),)),
             xy,
-            is_compiled,
         )[0]
         for n in (1, 6)
     )

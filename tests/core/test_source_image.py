@@ -2,7 +2,6 @@
 hand, and the limit of the brute-force splat.
 """
 
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.source_image import MOST_LIGHT, Painting, find_strokes, grow, splat
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.map.shares import Coverage
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import MirrorArray, PicturePlace
 from kiriko.core.rig.settings import Settings
 from known.exact_source import exact_source
@@ -210,19 +208,16 @@ def painted(throughput, light, margin=0):
     return painting.finished(coverage.weight, margin)
 
 
-@pytest.mark.parametrize("has_kernel", [True, False])
 def test_a_display_pixel_seen_by_less_than_rounding_carries_is_dark(has_kernel):
     """By light T a display pixel shows picture / T, to float32's digits, as far as T^2 is a number
     with digits there, 2^-126 and more; fainter ones are dark, as those that nobody sees.
     """
     powers = np.arange(160)
-    with nullcontext() if has_kernel else loading.off():
-        source = painted(np.exp2(-powers.astype(float)).reshape(8, 20), 0.75)
+    source = painted(np.exp2(-powers.astype(float)).reshape(8, 20), 0.75)
     expected = np.where(powers <= 63, 0.75 * np.exp2(powers.astype(float)), 0.0)
     np.testing.assert_allclose(source.reshape(-1, 3), expected[:, None].repeat(3, 1), rtol=1e-6)
 
 
-@pytest.mark.parametrize("has_kernel", [True, False])
 def test_the_source_image_of_a_picture_of_any_brightness_is_finite(has_kernel):
     """Each pixel is asked for as much light as the picture's by its throughput, or the most that is
     asked for; grown margins and black that is light leave it finite.
@@ -230,9 +225,8 @@ def test_the_source_image_of_a_picture_of_any_brightness_is_finite(has_kernel):
     throughput = np.zeros((8, 20))
     throughput[2:6, 4:12] = np.exp2(-np.arange(32.0)).reshape(4, 8)
     light = float(np.float32(1e25))
-    with nullcontext() if has_kernel else loading.off():
-        source = painted(throughput, light, margin=2)
-        brightest = painted(throughput, 1e35, margin=2)
+    source = painted(throughput, light, margin=2)
+    brightest = painted(throughput, 1e35, margin=2)
     shown = throughput > 0
     expected = np.minimum(light / throughput[shown], MOST_LIGHT)
     np.testing.assert_allclose(source[shown], expected[:, None].repeat(3, 1), rtol=1e-6)

@@ -4,7 +4,6 @@ Their gaps and overlaps are nanometres across, as float32 rounds places, and any
 that grazes them.
 """
 
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import ConstantIndex, Display, Glass
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import box, icosphere, rectangle, rig
@@ -21,11 +19,6 @@ from known.shards import rounded, shards_of
 
 X, Y, Z = np.eye(3)
 SIZE = 0.1
-both_ways = pytest.mark.parametrize("way", ["kernel", "numpy"])
-
-
-def by(way):
-    return loading.off() if way == "numpy" else nullcontext()
 
 
 def made_of(*meshes, indices=(1.49,), **bench):
@@ -38,9 +31,8 @@ def made_of(*meshes, indices=(1.49,), **bench):
     return rig(tuple(glasses), display=SIZE, field=0.06, **bench)
 
 
-def traced(a_rig, o, d, way, **settings):
-    with by(way):
-        return trace_all(make_plan(a_rig, Settings(**settings)), o, d)
+def traced(a_rig, o, d, **settings):
+    return trace_all(make_plan(a_rig, Settings(**settings)), o, d)
 
 
 def planes(n, seed):
@@ -51,13 +43,13 @@ def planes(n, seed):
     return list(zip(normals, random.uniform(-0.012, 0.012, n), strict=True))
 
 
-@both_ways
+@pytest.mark.usefixtures("has_kernel")
 @pytest.mark.parametrize(
     ("body", "seed"),
     [(box([0.05] * 3, degrees_about_z=20), 0), (icosphere(0.025, 2, smooth=False), 2)],
     ids=["cube", "ball"],
 )
-def test_a_body_cut_into_shards_is_as_good_as_whole(body, seed, way):
+def test_a_body_cut_into_shards_is_as_good_as_whole(body, seed):
     """No wall between the shards turns light back, as a film of air would: each ray lands where it
     does without them.
     """
@@ -66,9 +58,7 @@ def test_a_body_cut_into_shards_is_as_good_as_whole(body, seed, way):
     assert len(shards) > 12
     whole = made_of(body)
     o, d = whole.viewer.rays(np.random.default_rng(0).uniform(0, 512, (4000, 2)))
-    expected, found = (
-        traced(a_rig, o, d, way, max_events=400) for a_rig in (whole, made_of(*shards))
-    )
+    expected, found = (traced(a_rig, o, d, max_events=400) for a_rig in (whole, made_of(*shards)))
     # light that is turned back often tells how float32 moves and tilts the faces
     is_plain = expected.n_events < 16
     assert is_plain.mean() > 0.9
@@ -98,19 +88,17 @@ def grazing(least, index, n=2000):
     return front - 0.5 * d, d, cosine
 
 
-@both_ways
+@pytest.mark.usefixtures("has_kernel")
 @pytest.mark.parametrize("gap", [-1.1e-8, -2.7e-9, 5e-10, 2.7e-9, 1.1e-8])
 @pytest.mark.parametrize(
     ("indices", "least"), [((1.49, 1.49), 1e-6), ((1.33, 1.49), 1e-3), ((1.49, 1.33), 1e-3)]
 )
-def test_light_crosses_a_contact_at_any_angle(indices, least, gap, way):
+def test_light_crosses_a_contact_at_any_angle(indices, least, gap):
     """As it does where the faces are in the very same place: in the same direction, and no further
     aside than the gap is long to the ray, or not at all between media of one index.
     """
     o, d, cosine = grazing(least, indices[0])
-    expected, found = (
-        traced(made_of(*halves(at), indices=indices), o, d, way) for at in (0.0, gap)
-    )
+    expected, found = (traced(made_of(*halves(at), indices=indices), o, d) for at in (0.0, gap))
     assert (expected.n_events >= 3).all()
     assert np.abs(found.directions - expected.directions).max() < 1e-12
     aside = np.cross(found.positions - expected.positions, expected.directions)
@@ -118,9 +106,9 @@ def test_light_crosses_a_contact_at_any_angle(indices, least, gap, way):
     assert (np.linalg.norm(aside, axis=1) <= most).all()
 
 
-@both_ways
+@pytest.mark.usefixtures("has_kernel")
 @pytest.mark.parametrize("above", [-2e-9, 2e-9])
-def test_a_display_hides_glass_behind_it_at_any_angle(above, way):
+def test_a_display_hides_glass_behind_it_at_any_angle(above):
     """Glass whose face is that of the display, but for float32's rounding, is not met before it."""
     random = np.random.default_rng(4)
     glass = box([SIZE, SIZE, 0.02], Z * (above - 0.01))
@@ -133,6 +121,6 @@ def test_a_display_hides_glass_behind_it_at_any_angle(above, way):
     slope = np.exp(random.uniform(np.log(1e-5), 0, n))
     d = np.stack([np.sqrt(1 - slope**2), np.zeros(n), -slope], axis=1)
     at = np.stack([*random.uniform(-0.04, 0.04, (2, n)), np.zeros(n)], axis=1)
-    found = traced(on_glass, at - 0.3 * d, d, way)
+    found = traced(on_glass, at - 0.3 * d, d)
     assert (found.reason == Reason.MISSED_GLASS).all()
     assert np.abs(found.positions - at).max() < 1e-6

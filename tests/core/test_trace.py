@@ -20,7 +20,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh, Mirror, Rig
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
-from known.reference_rigs import ball_rig, box, icosphere, rectangle, rig, rod
+from known.reference_rigs import ball_rig, box, icosphere, rectangle, rig, rod, taken
 
 
 def grid(viewer, n=65):
@@ -409,20 +409,6 @@ def test_glass_that_cuts_an_orthographic_viewers_plane_is_refused_however_thin(g
         check_viewer_outside(viewer, glass, solid)
 
 
-def moved(a_rig, scale, shift):
-    """The whole rig scaled about the origin and moved."""
-
-    def mesh(m):
-        return replace(m, vertices=m.vertices * scale + shift)
-
-    viewer = replace(a_rig.viewer, position=a_rig.viewer.position * scale + shift)
-    parts = {
-        name: tuple(replace(part, mesh=mesh(part.mesh)) for part in getattr(a_rig, name))
-        for name in ("glasses", "plates", "displays", "pictures")
-    }
-    return replace(a_rig, viewers=(viewer,), **parts)
-
-
 def test_faces_that_float32_parted_touch():
     """Two cubes side by side, their matrices rounded to float32
     as in Blender, act as one block: no film of air.
@@ -446,7 +432,7 @@ def test_faces_that_float32_parted_touch():
             place = (turn @ [0, 0.03 * side, 0] + shift).astype(np.float32).astype(float)
             rounded = cube.vertices @ turn.astype(np.float32).astype(float).T + place - shift
             cubes.append(Glass(f"cube {side}", replace(cube, vertices=rounded), n))
-        _, _, found = traced(moved(rig(tuple(cubes), display=0.1, field=0.02), 1.0, shift))
+        _, _, found = traced(taken(rig(tuple(cubes), display=0.1, field=0.02), shift=shift))
         assert (found.reason == whole.reason).mean() > 0.999
         both = found.has_arrived & whole.has_arrived
         assert both.mean() > 0.3

@@ -2,7 +2,6 @@
 landing or at the place where light is lost.
 """
 
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,6 @@ from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.light_paths import NOTHING, Tails, following
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace
-from kiriko.core.native import loading
 from kiriko.core.rig.rig import Blocker, Kind, Mirror
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
@@ -27,12 +25,11 @@ TAILS = Tails(tail=0.02, reach=0.3)
 PIXELS = np.array([[256.0, 256.0], [200.5, 301.0], [311.0, 180.0], [222.0, 222.0]])
 
 
-def ways_of(a_rig, xy=PIXELS, aim=1.0, way="kernel", **settings):
+def ways_of(a_rig, xy=PIXELS, aim=1.0, **settings):
     plan = make_plan(a_rig, Settings(**settings))
     o, d = a_rig.viewer.rays(xy)
-    with loading.off() if way == "numpy" else nullcontext():
-        ways = finish(following(plan, o, d, np.full(len(xy), aim), TAILS))
-        landings = trace(plan, o, d)
+    ways = finish(following(plan, o, d, np.full(len(xy), aim), TAILS))
+    landings = trace(plan, o, d)
     kinds = [
         ["NONE" if p == NOTHING else Kind(plan.parts.kind[p]).name for p in w.parts] for w in ways
     ]
@@ -48,13 +45,13 @@ def obeys_plate(before, after, normal):
     return np.abs(after - (2 * (before @ normal) * normal - before)).max()
 
 
-@pytest.mark.parametrize("way", ["kernel", "numpy"])
-def test_through_a_slab_each_point_is_that_of_the_closed_form(way):
+@pytest.mark.usefixtures("has_kernel")
+def test_through_a_slab_each_point_is_that_of_the_closed_form():
     """Near face, far face, plate and display, each to 1e-12 m and refracted to
     1e-9; the end is the landing.
     """
     a_rig = rig(box([0.3, 0.02, 0.3]), display=0.1)
-    o, d, ways, kinds, landings = ways_of(a_rig, way=way)
+    o, d, ways, kinds, landings = ways_of(a_rig)
     y = np.array([0.0, 1.0, 0.0])
     leaves, _ = closed_forms.through_slab(o, d, y, -0.01 * y, 0.02, INDEX)
 
@@ -76,12 +73,12 @@ def test_through_a_slab_each_point_is_that_of_the_closed_form(way):
         assert obeys_plate(way_to[2], way_to[3], normal) < 1e-9
 
 
-@pytest.mark.parametrize("way", ["kernel", "numpy"])
-def test_through_a_ball_each_point_lies_on_it_and_light_is_bent_there(way):
+@pytest.mark.usefixtures("has_kernel")
+def test_through_a_ball_each_point_lies_on_it_and_light_is_bent_there():
     """Points within 1e-9 m of the sphere; Snell's law by its own
     normals to 1e-7, which is as well as the curved faces know them.
     """
-    o, d, ways, _, landings = ways_of(ball_rig(), way=way)
+    o, d, ways, _, landings = ways_of(ball_rig())
     leaves, _ = closed_forms.through_ball(o, d, RADIUS, INDEX)
     for k, found in enumerate(ways):
         _, near, far, *_, end = found.points
@@ -94,8 +91,8 @@ def test_through_a_ball_each_point_lies_on_it_and_light_is_bent_there(way):
         assert np.abs(way_to[2] - snell(way_to[1], far / RADIUS, INDEX, 1)).max() < 1e-7
 
 
-@pytest.mark.parametrize("way", ["kernel", "numpy"])
-def test_light_that_is_lost_ends_at_the_place_where_it_is(way):
+@pytest.mark.usefixtures("has_kernel")
+def test_light_that_is_lost_ends_at_the_place_where_it_is():
     """Beside the glass at the place looked at and a tail beyond; on the planes of plate and display
     that it passes by; on a blocker; on the display's back; at the last event that is allowed.
     """
@@ -104,31 +101,31 @@ def test_light_that_is_lost_ends_at_the_place_where_it_is(way):
     normal = np.array([0.0, 1.0, -1.0]) / 2**0.5
 
     # the glass
-    _, _, (found,), kinds, _ = ways_of(ball_rig(3), np.array([[2.0, 2.0]]), way=way)
+    _, _, (found,), kinds, _ = ways_of(ball_rig(3), np.array([[2.0, 2.0]]))
     assert found.reason == Reason.MISSED_GLASS
     assert kinds == [["NONE", "NONE"]]
     assert np.linalg.norm(np.diff(found.points, axis=0)) == pytest.approx(1.0 + TAILS.tail)
 
     # the plate: on its plane, and a tail beyond the glass where that is too far off
     beside = replace(rig(slab), plates=(replace(rig(slab).plates[0], mesh=moved_plate(0.1)),))
-    _, _, (found,), kinds, _ = ways_of(beside, middle, way=way)
+    _, _, (found,), kinds, _ = ways_of(beside, middle)
     assert found.reason == Reason.MISSED_PLATE
     assert kinds == [["NONE", "GLASS", "GLASS", "NONE"]]
     assert abs((found.points[-1] - [0, 0.15, 0]) @ normal) < 1e-12
 
     far = replace(beside, plates=(replace(beside.plates[0], mesh=moved_plate(0.1, 5.0)),))
-    _, _, (found,), _, _ = ways_of(far, middle, way=way)
+    _, _, (found,), _, _ = ways_of(far, middle)
     assert np.linalg.norm(found.points[-1] - found.points[-2]) == pytest.approx(TAILS.tail)
 
     # where it is nearest to the plate, whose plane it runs along
     aside = rectangle(np.array([0.2, 0.1, 0.0]), [0, 1, 0], [0, 0, 1], 0.1, 0.1)
     along = replace(beside, plates=(replace(beside.plates[0], mesh=aside),))
-    _, _, (found,), _, _ = ways_of(along, middle, way=way)
+    _, _, (found,), _, _ = ways_of(along, middle)
     assert np.abs(found.points[-1] - [0, 0.1, 0]).max() < 1e-12
 
     # the display
     small = rig(slab, display=0.002)
-    _, _, ways, kinds, _ = ways_of(small, PIXELS[1:], way=way)
+    _, _, ways, kinds, _ = ways_of(small, PIXELS[1:])
     for k, found in enumerate(ways):
         assert found.reason == Reason.MISSED_DISPLAY
         assert kinds[k] == ["NONE", "GLASS", "GLASS", "PLATE", "NONE"]
@@ -137,7 +134,7 @@ def test_light_that_is_lost_ends_at_the_place_where_it_is(way):
     # a blocker before the plate, and the display's back
     wall = rectangle(np.array([0, 0.05, 0]), [1, 0, 0], [0, 0, 1], 0.1, 0.1)
     _, _, (found,), kinds, _ = ways_of(
-        replace(rig(slab), blockers=(Blocker("wall", wall),)), middle, way=way
+        replace(rig(slab), blockers=(Blocker("wall", wall),)), middle
     )
     assert found.reason == Reason.BLOCKED
     assert kinds == [["NONE", "GLASS", "GLASS", "BLOCKER"]]
@@ -147,12 +144,12 @@ def test_light_that_is_lost_ends_at_the_place_where_it_is(way):
     display = turned.displays[0]
     mesh = replace(display.mesh, triangles=display.mesh.triangles[:, ::-1])
     turned = replace(turned, displays=(replace(display, mesh=mesh),))
-    _, _, (found,), _, _ = ways_of(turned, middle, way=way)
+    _, _, (found,), _, _ = ways_of(turned, middle)
     assert found.reason == Reason.BLOCKED
     assert abs(found.points[-1][2] + 0.15) < 1e-12
 
     # the last event that is allowed
-    _, _, (found,), kinds, _ = ways_of(rig(slab), middle, way=way, max_events=2)
+    _, _, (found,), kinds, _ = ways_of(rig(slab), middle, max_events=2)
     assert found.reason == Reason.CUT_OFF
     assert kinds == [["NONE", "GLASS", "GLASS"]]
 

@@ -9,6 +9,7 @@ import numpy as np
 from kiriko.core.bench.placement import lattice
 from kiriko.core.rig.rig import ConstantIndex, Display, Glass, Mesh, Picture, Plate, Rig, Viewer
 
+UPRIGHT = np.eye(3)
 QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 QUAD_UV = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])[QUAD]
 
@@ -381,3 +382,26 @@ def ball_rig(levels=5, **options):
 
 def cube_rig(**options):
     return rig(box([0.05] * 3, degrees_about_z=15.8), **options)
+
+
+def taken(a_rig, turn=UPRIGHT, scale=1.0, shift=0.0, dtype=float):
+    """The whole rig turned by a matrix (3, 3), scaled and moved, its places in a type of number."""
+
+    def mesh(m):
+        vertices = (scale * m.vertices @ turn.T + shift).astype(dtype).astype(float)
+        normals = None if m.corner_normals is None else m.corner_normals @ turn.T
+        return replace(m, vertices=vertices, corner_normals=normals)
+
+    v = a_rig.viewer
+    parts = {
+        name: tuple(replace(part, mesh=mesh(part.mesh)) for part in getattr(a_rig, name))
+        for name in ("glasses", "plates", "displays", "pictures", "mirrors")
+    }
+    viewer = replace(v, position=scale * turn @ v.position + shift, axes=v.axes @ turn.T)
+    return replace(a_rig, viewers=(viewer,), **parts)
+
+
+def rotation(random):
+    """Any rotation (3, 3)."""
+    q = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    return q * np.sign(np.linalg.det(q))
