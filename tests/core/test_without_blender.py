@@ -90,12 +90,10 @@ def asked(name: str) -> set[str]:
 
 @pytest.mark.parametrize("name", sorted(PATHS))
 def test_rooms_are_in_order(name: str) -> None:
-    """A file imports from its own room or a lower one, in its functions, too. `light/native` is in
-    the room of light.
-    """
+    """A file imports from its own room or a lower one, in its functions, too."""
 
     def floor(name: str) -> int:
-        return ROOMS.index(name.rpartition(".")[0].removesuffix(".native"))
+        return ROOMS.index(name.rpartition(".")[0])
 
     assert [other for other in sorted(asked(name)) if floor(other) > floor(name)] == []
 
