@@ -8,8 +8,7 @@ import bpy
 
 from ..base.errors import one_line
 from ..base.messages import Message, joined
-from ..solve.cost import cost
-from ..solve.solution import Solution
+from ..solve.solution import Solution, cost
 from .scene import Reading
 from .stored_records import Ladder, Numbers
 from .units import length_text

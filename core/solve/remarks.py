@@ -26,7 +26,7 @@ from ..rig.viewer import Viewer
 from .accuracy import LEAST_LOST
 from .channel import Channel
 from .disagreement import is_sharp
-from .remark import Remark, note, warning
+from .solution import Remark, note, warning
 from .tessellation import Tessellation
 
 # edges between flat faces that meet at less than ROUND: so many stand for a curved surface

@@ -1,6 +1,6 @@
 """The result of a solve."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
@@ -8,11 +8,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
+from ..base.messages import Message
+from ..base.numbers import millimetres
 from ..base.steps import Pauses
 from ..rig.rig import ConstantIndex, Rig
+from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
 from .disagreement import Settled
-from .remark import Remark
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A note to the user.
+
+    text : with lengths as `Length`
+    is_warning : does it tell of light that is lost or goes another way?
+    """
+
+    text: Message
+    is_warning: bool = False
+
+    def told(self, length_text: Callable[[float], str] = millimetres) -> Message:
+        """The sentence, with lengths in words as a function of metres has them."""
+        return self.text.in_units(length_text)
+
+
+def note(template: str, /, **values: object) -> Remark:
+    """A remark that informs."""
+    return Remark(Message(template, **values))
+
+
+def warning(template: str, /, **values: object) -> Remark:
+    """A remark on light that is lost or goes another way."""
+    return Remark(Message(template, **values), is_warning=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,3 +131,46 @@ def without_glass(rig: Rig) -> Rig:
     return replace(
         rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses)
     )
+
+
+# parts of a solve that the splat needs as well, once for all samples
+BUILD = ("fingerprint", "plan")
+REFINED = ("tracing", "shares")  # parts of a solve that depend on the tolerance
+# of interpolation within a cell, in the cell's side; cells
+# cover an area: their number goes by 2 / ORDER
+ORDER = 4
+
+
+def cost(
+    seconds: dict[str, float],
+    tolerance: float,
+    wanted: float,
+    ladder: Sequence[tuple[float, float]] = (),
+) -> float | None:
+    """About how many seconds the last solve would have taken at another tolerance.
+
+    Parameters
+    ----------
+    seconds : of the last solve by part
+    tolerance, wanted : display px, the last solve's and the other
+    ladder : tolerances (display px) and seconds that a report measured. Without, a cell's error is
+        taken to go with its side to the power ORDER, so that the number of cells goes with the
+        tolerance to the power -2 / ORDER: too much where cells are as small as they get already.
+
+    Returns
+    -------
+    None when the last solve traced nothing, or the wanted tolerance cannot be kept
+    """
+    if REFINED[0] not in seconds or not LEAST_TOLERANCE <= wanted <= MOST_TOLERANCE:
+        return None
+
+    fixed = sum(taken for part, taken in seconds.items() if part in BUILD)
+    total = sum(seconds.values())
+
+    if len(ladder) > 1:
+        at, measured = np.log(np.array(sorted(ladder))).T
+        here, there = np.interp(np.log([tolerance, wanted]), at, measured)
+        return float(fixed + (total - fixed) * np.exp(there - here))
+
+    refined = sum(seconds.get(part, 0.0) for part in REFINED)
+    return float(total - refined + refined * (tolerance / wanted) ** (2 / ORDER))

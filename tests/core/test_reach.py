@@ -12,7 +12,7 @@ from kiriko.core.light.trace import trace_all
 from kiriko.core.map.sampling import sample
 from kiriko.core.rig.rig import ConstantIndex, Glass
 from kiriko.core.rig.settings import Settings
-from kiriko.core.solve.reach import out_of_sight, sample_reached
+from kiriko.core.solve.channel import out_of_sight, sample_reached
 from kiriko.core.solve.session import Session
 from known.reference_rigs import ball_rig, box, icosphere, rig
 from known.work import drain, solve

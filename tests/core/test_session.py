@@ -20,7 +20,7 @@ from kiriko.core.native import loading
 from kiriko.core.rig.mesh import FURTHEST
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh
 from kiriko.core.rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE, Settings
-from kiriko.core.solve import accuracy, painting, reach
+from kiriko.core.solve import accuracy, channel, painting
 from kiriko.core.solve.accuracy import rounding_error
 from kiriko.core.solve.remarks import UNDECIDED
 from kiriko.core.solve.session import Session
@@ -61,7 +61,7 @@ def test_a_solve_that_ends_after_its_picture_is_gone_on_with(monkeypatch):
     assert len(shown) == 1
     assert np.array_equal(shown[0], expected.source)
 
-    monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
+    monkeypatch.setattr(channel, "Sampling", lambda plan: pytest.fail("traced again"))
     found = drain(kept.solve(a_rig, None, shown.append))
     assert len(shown) == 2
     assert all(np.array_equal(one, found.source) for one in shown)
@@ -104,7 +104,7 @@ def test_what_is_told_of_the_pictures_light_follows_the_picture(monkeypatch, is_
         assert "through gaps" not in " ".join(drain(steps).notes)
     assert len(shown) == 1
 
-    monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
+    monkeypatch.setattr(channel, "Sampling", lambda plan: pytest.fail("traced again"))
     if not is_stopped:
         monkeypatch.setattr(accuracy, "tessellation", lambda _: pytest.fail("measured again"))
     found = solve(there, kept)
@@ -124,7 +124,7 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
     solve(a_rig, kept)
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = solve(other)
-    monkeypatch.setattr(reach, "Sampling", lambda plan: pytest.fail("traced again"))
+    monkeypatch.setattr(channel, "Sampling", lambda plan: pytest.fail("traced again"))
     monkeypatch.setattr(painting, "find_strokes", lambda *_: pytest.fail("placed again"))
     found = solve(other, kept)
     assert np.array_equal(found.source, expected.source)

@@ -20,8 +20,8 @@ from kiriko.core.lab.measure.reference import quantisation
 from kiriko.core.lab.measure.work_precision import Ladders, WorkPrecision, measure
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import LEAST_TOLERANCE, Settings
-from kiriko.core.solve.cost import cost
 from kiriko.core.solve.session import Session
+from kiriko.core.solve.solution import cost
 from known.reference_rigs import cube_rig
 from known.work import drain
 

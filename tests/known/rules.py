@@ -13,7 +13,7 @@ from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.plan import Plan
 from kiriko.core.rig.rig import Glass, Rig
 from kiriko.core.rig.settings import Settings
-from kiriko.core.solve.reach import out_of_sight
+from kiriko.core.solve.channel import out_of_sight
 
 from .reference_rigs import box, cube_rig, mean_normals, rig, uv_ellipsoid
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...light.plate import PlatePath, light_by_angle
 from ...rig.rig import MirrorArray
-from ...solve.cost import cost
+from ...solve.solution import cost
 from ..drawing.svg import Curve, linear, log_log
 from .reference import PERCENTILE, ImageErrors, MapErrors, SeenErrors
 from .work_precision import Rung, WorkPrecision

@@ -19,9 +19,8 @@ from ...base.steps import finish, within
 from ...image.source_image import splat
 from ...rig.rig import Rig
 from ...rig.settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
-from ...solve.cost import BUILD
 from ...solve.session import Session
-from ...solve.solution import Solution
+from ...solve.solution import BUILD, Solution
 from .reference import (
     N_CHECKED,
     ImageErrors,
