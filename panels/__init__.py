@@ -7,52 +7,50 @@ import bpy
 from ..core.blender.translation_context import in_own_words
 from . import (
     add_menu,
-    calibration,
-    checklist,
-    export,
+    calibration_panel,
+    checklist_panel,
+    export_panel,
     menus,
     object,
     overlay,
+    part_images,
     preferences,
     range_view,
-    result,
-    rig,
-    rigs,
-    show,
-    shown_images,
+    result_panel,
+    rig_panel,
     shown_pixels,
-    solve,
-    viewers,
+    solve_panel,
+    viewers_panel,
     wipe,
 )
 
 # the order in which they stand in the sidebar
 CLASSES = (
-    checklist.VIEW3D_PT_kiriko_checklist,
-    solve.VIEW3D_PT_kiriko_solve,
-    solve.VIEW3D_PT_kiriko_settings,
-    solve.VIEW3D_PT_kiriko_preview,
-    checklist.VIEW3D_PT_kiriko_advice,
-    result.VIEW3D_PT_kiriko_result,
-    viewers.KIRIKO_UL_viewers,
-    viewers.VIEW3D_MT_kiriko_scenes,
-    result.VIEW3D_MT_kiriko_result_images,
-    viewers.VIEW3D_PT_kiriko_seen_by,
-    result.VIEW3D_PT_kiriko_details,
-    rigs.VIEW3D_MT_kiriko_rigs,
+    checklist_panel.VIEW3D_PT_kiriko_checklist,
+    solve_panel.VIEW3D_PT_kiriko_solve,
+    solve_panel.VIEW3D_PT_kiriko_settings,
+    solve_panel.VIEW3D_PT_kiriko_preview,
+    checklist_panel.VIEW3D_PT_kiriko_advice,
+    result_panel.VIEW3D_PT_kiriko_result,
+    viewers_panel.KIRIKO_UL_viewers,
+    viewers_panel.VIEW3D_MT_kiriko_scenes,
+    result_panel.VIEW3D_MT_kiriko_result_images,
+    viewers_panel.VIEW3D_PT_kiriko_seen_by,
+    result_panel.VIEW3D_PT_kiriko_details,
+    rig_panel.VIEW3D_MT_kiriko_rigs,
     object.VIEW3D_MT_kiriko_images,
     object.VIEW3D_PT_kiriko_object,
     object.OBJECT_PT_kiriko,
-    rig.VIEW3D_PT_kiriko_rig,
-    export.VIEW3D_PT_kiriko_export,
-    show.VIEW3D_PT_kiriko_show,
-    export.VIEW3D_PT_kiriko_animation,
-    export.VIEW3D_PT_kiriko_report,
-    calibration.VIEW3D_PT_kiriko_lattice,
-    calibration.VIEW3D_PT_kiriko_calibration,
-    calibration.VIEW3D_PT_kiriko_expected,
-    calibration.VIEW3D_PT_kiriko_found,
-    calibration.VIEW3D_PT_kiriko_not_told,
+    rig_panel.VIEW3D_PT_kiriko_rig,
+    export_panel.VIEW3D_PT_kiriko_export,
+    export_panel.VIEW3D_PT_kiriko_show,
+    export_panel.VIEW3D_PT_kiriko_animation,
+    export_panel.VIEW3D_PT_kiriko_report,
+    calibration_panel.VIEW3D_PT_kiriko_lattice,
+    calibration_panel.VIEW3D_PT_kiriko_calibration,
+    calibration_panel.VIEW3D_PT_kiriko_expected,
+    calibration_panel.VIEW3D_PT_kiriko_found,
+    calibration_panel.VIEW3D_PT_kiriko_not_told,
     add_menu.VIEW3D_MT_kiriko_add,
     *menus.SUBMENUS,
     menus.VIEW3D_MT_kiriko,
@@ -68,7 +66,7 @@ def register() -> None:
     bpy.types.VIEW3D_MT_add.append(add_menu.draw)
     bpy.types.VIEW3D_MT_object.append(menus.draw_in_object)
     bpy.types.TOPBAR_MT_file_export.append(menus.draw_in_export)
-    shown_images.register()
+    part_images.register()
     overlay.register()
     wipe.register()
     shown_pixels.register()
@@ -81,7 +79,7 @@ def unregister() -> None:
     shown_pixels.unregister()
     wipe.unregister()
     overlay.unregister()
-    shown_images.unregister()
+    part_images.unregister()
     bpy.types.TOPBAR_MT_file_export.remove(menus.draw_in_export)
     bpy.types.VIEW3D_MT_object.remove(menus.draw_in_object)
     bpy.types.VIEW3D_MT_add.remove(add_menu.draw)

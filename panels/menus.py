@@ -7,7 +7,7 @@ import bpy
 from ..core.blender.rigs import rigs
 from ..operators import live, needed
 from . import add_menu
-from .result import VIEW3D_MT_kiriko_result_images
+from .result_panel import VIEW3D_MT_kiriko_result_images
 
 
 class VIEW3D_MT_kiriko(bpy.types.Menu):

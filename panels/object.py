@@ -21,7 +21,7 @@ from ..core.rig.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..operators.make_glass import can_be_given
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
-from .words import OfRig
+from .panel_text import OfRig
 
 
 class VIEW3D_MT_kiriko_images(bpy.types.Menu):

@@ -12,7 +12,7 @@ import bpy
 from ...core.base.messages import Message
 from ...operators import sketcher, telling
 from ...operators.sketcher import Drawing
-from . import batches, colours, lines, words
+from . import batches, colours, lines, overlay_text
 from .view_handlers import ViewHandlers
 
 _failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is enabled anew
@@ -25,7 +25,7 @@ def draw_in_space() -> None:
 
 def draw_in_pixels() -> None:
     """Called by Blender for each viewport, over it."""
-    _draw(words.draw)
+    _draw(overlay_text.draw)
 
 
 def _draw(function: Callable[[bpy.types.Context, Drawing, float], None]) -> None:

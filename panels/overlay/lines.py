@@ -7,7 +7,7 @@ from gpu_extras.batch import batch_for_shader
 from ...operators.sketcher import Drawing
 from . import colours
 from .batches import made_once
-from .shapes import Strokes, strokes_of
+from .rig_shapes import Strokes, strokes_of
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
 

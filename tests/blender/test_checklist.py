@@ -56,11 +56,11 @@ def test_a_shape_that_is_edited_is_not_called_ready(
     look()
     bpy.context.view_layer.objects.active = thing
     bpy.ops.object.mode_set(mode="EDIT")
-    texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist", thing).texts
+    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist", thing).texts
     assert ("as you leave edit mode" in " ".join(texts)) == (role == "GLASS")
     assert ("Ready: press Solve." in texts) == (role == "PICTURE")
     bpy.ops.object.mode_set(mode="OBJECT")
-    texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist", thing).texts
+    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist", thing).texts
     assert texts == ["Ready: press Solve."]
 
 
@@ -70,7 +70,7 @@ def test_a_rig_with_nothing_to_do_is_ready(
     """One line, with the next button's name before there is a result."""
     small_rig()
     assert told(look()) == []
-    assert drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
+    assert drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
     bpy.ops.kiriko.solve()
     entries = look()
     assert all(entry.icon == "INFO" for entry in entries)
@@ -520,10 +520,10 @@ def test_every_button_is_an_operator_with_its_properties(
     """The panel draws the sentences and all buttons of an unhappy rig."""
     glass = glass_of(holed())
     glass.kiriko.use_ior = False
-    shown = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    shown = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
     entries = look()
     assert len(entries) == 2
-    shown = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    shown = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
     another, *buttons, picture = shown.operators
     assert (another, picture) == ("kiriko.add_rig", "kiriko.open_picture")
     assert buttons == [b.operator for entry in entries for b in entry.buttons]
@@ -543,7 +543,9 @@ def test_nothing_that_is_told_late_stands_above_solve(
     """What a look at a shape or a result tells that can wait stands in the panel below: the first
     one is as high as before, and Solve stays under the pointer.
     """
-    first, advice = (("checklist", f"VIEW3D_PT_kiriko_{name}") for name in ("checklist", "advice"))
+    first, advice = (
+        ("checklist_panel", f"VIEW3D_PT_kiriko_{name}") for name in ("checklist", "advice")
+    )
     is_shown = bpy.types.VIEW3D_PT_kiriko_advice.poll
 
     def first_line() -> str:
@@ -647,8 +649,8 @@ def test_a_button_that_comes_under_the_pointer_waits(
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
 
     def grey() -> tuple[list[str], list[str]]:
-        shown = [drawn("checklist", "VIEW3D_PT_kiriko_checklist")]
-        shown.append(drawn("solve", "VIEW3D_PT_kiriko_solve"))
+        shown = [drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")]
+        shown.append(drawn("solve_panel", "VIEW3D_PT_kiriko_solve"))
         return tuple(
             [b for one in shown for b in one.operators if (b in one.grey) == is_grey]
             for is_grey in (False, True)
@@ -689,7 +691,7 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     assert look_over.is_looking(scene)
     with monkeypatch.context() as patch:
         patch.setattr(look_over, "found", lambda context: [])  # background looks as it is drawn
-        texts = drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+        texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
     assert texts == ["Looking at the shape."]
 
     monkeypatch.setattr(look_over, "RESTING", 0.0)
@@ -701,7 +703,7 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     for _ in range(9):  # a mesh a turn
         look_over.tick()
     assert not look_over.is_looking(scene)
-    assert drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
+    assert drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts == ["Ready: press Solve."]
 
     # a shape that is no part of a rig is nobody's to wait for
     other = new_object(primitive("cube", size=0.1))

@@ -96,7 +96,7 @@ def test_the_image_is_core_s_conflict_in_colours(
     np.testing.assert_allclose(shown[is_asked], (expected / expected.max())[is_asked], atol=1e-3)
     assert np.isnan(shown[~is_asked]).all()
     words = " px of the picture" if way == "SHARP" else " of white"
-    texts = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    texts = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
     assert "Conflict at most" in texts
     assert words in texts
 
@@ -151,7 +151,7 @@ def test_it_is_shown_and_is_no_picture_to_choose(drawn: Callable[..., Layout], r
         bpy.ops.kiriko.show_image(image="x")
     assert result().shown == result().conflict
     assert "Kiriko Conflict" not in drawn("object", "VIEW3D_MT_kiriko_images").labels
-    listed = drawn("result", "VIEW3D_MT_kiriko_result_images").labels
+    listed = drawn("result_panel", "VIEW3D_MT_kiriko_result_images").labels
     assert listed == ["Kiriko Source", "Kiriko Conflict"]
 
 

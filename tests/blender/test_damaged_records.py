@@ -14,11 +14,11 @@ from small_rigs import inventory, record_text, small_rig
 
 NEWER = json.dumps({"version": 99, "rig": "a", "changes": [["kiriko.role", "NONE", "GLASS"]]})
 PANELS = (
-    ("result", "VIEW3D_PT_kiriko_result"),
-    ("result", "VIEW3D_PT_kiriko_details"),
-    ("calibration", "VIEW3D_PT_kiriko_calibration"),
-    ("rig", "VIEW3D_PT_kiriko_rig"),
-    ("checklist", "VIEW3D_PT_kiriko_checklist"),
+    ("result_panel", "VIEW3D_PT_kiriko_result"),
+    ("result_panel", "VIEW3D_PT_kiriko_details"),
+    ("calibration_panel", "VIEW3D_PT_kiriko_calibration"),
+    ("rig_panel", "VIEW3D_PT_kiriko_rig"),
+    ("checklist_panel", "VIEW3D_PT_kiriko_checklist"),
 )
 DAMAGED = ("no JSON", "[]", "7", '"text"', '{"changes": 7}', NEWER, "[" * 100_000)
 

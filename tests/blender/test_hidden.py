@@ -92,8 +92,8 @@ def test_a_part_the_rig_needs(
     way(part)
     otherwise = ", or set its role to None" if role == "PLATE" else ""
     told = f"The {role.lower()} '{part.name}' is hidden{WAYS[way]}: show it{otherwise}."
-    assert drawn("rig", "VIEW3D_PT_kiriko_rig").icons[part.name] == "HIDE_ON"
-    assert told in " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    assert drawn("rig_panel", "VIEW3D_PT_kiriko_rig").icons[part.name] == "HIDE_ON"
+    assert told in " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
     assert not bpy.ops.kiriko.solve.poll()
 
     # nodes might instance it: then the button is not grey, and the error says the same
@@ -182,7 +182,7 @@ def test_a_part_it_can_do_without(
 
     assert scene.kiriko.result.summary == before[0]
     assert scene.kiriko.result.notes.splitlines() == [note, *before[1].splitlines()]
-    icons = drawn("rig", "VIEW3D_PT_kiriko_rig").icons
+    icons = drawn("rig_panel", "VIEW3D_PT_kiriko_rig").icons
     assert icons["Cube"] != "HIDE_ON"
     assert icons[other.name] == "HIDE_ON"
 
@@ -205,11 +205,11 @@ def test_an_instance_of_a_collection(
     maker.instance_collection = bpy.data.collections["source"]
     bpy.ops.kiriko.solve()
 
-    assert drawn("rig", "VIEW3D_PT_kiriko_rig").icons[glass.name] != "HIDE_ON"
+    assert drawn("rig_panel", "VIEW3D_PT_kiriko_rig").icons[glass.name] != "HIDE_ON"
     bpy.ops.kiriko.select_part(part=glass.name)
     assert bpy.context.view_layer.objects.active == maker
     way(maker)
-    assert drawn("rig", "VIEW3D_PT_kiriko_rig").icons[glass.name] == "HIDE_ON"
+    assert drawn("rig_panel", "VIEW3D_PT_kiriko_rig").icons[glass.name] == "HIDE_ON"
     assert not bpy.ops.kiriko.solve.poll()
 
     with pytest.raises(RuntimeError, match="poll"):

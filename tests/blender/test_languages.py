@@ -138,13 +138,17 @@ def english_in(texts: list[str], look_up: Callable[[str], str]) -> list[str]:
 
 
 PANELS = {
-    "checklist": ["VIEW3D_PT_kiriko_checklist", "VIEW3D_PT_kiriko_advice"],
-    "solve": ["VIEW3D_PT_kiriko_solve", "VIEW3D_PT_kiriko_settings", "VIEW3D_PT_kiriko_preview"],
-    "result": ["VIEW3D_PT_kiriko_result", "VIEW3D_PT_kiriko_details"],
+    "checklist_panel": ["VIEW3D_PT_kiriko_checklist", "VIEW3D_PT_kiriko_advice"],
+    "solve_panel": [
+        "VIEW3D_PT_kiriko_solve",
+        "VIEW3D_PT_kiriko_settings",
+        "VIEW3D_PT_kiriko_preview",
+    ],
+    "result_panel": ["VIEW3D_PT_kiriko_result", "VIEW3D_PT_kiriko_details"],
     "object": ["VIEW3D_PT_kiriko_object"],
-    "rig": ["VIEW3D_PT_kiriko_rig"],
-    "export": ["VIEW3D_PT_kiriko_export", "VIEW3D_PT_kiriko_report"],
-    "calibration": ["VIEW3D_PT_kiriko_lattice", "VIEW3D_PT_kiriko_calibration"],
+    "rig_panel": ["VIEW3D_PT_kiriko_rig"],
+    "export_panel": ["VIEW3D_PT_kiriko_export", "VIEW3D_PT_kiriko_report"],
+    "calibration_panel": ["VIEW3D_PT_kiriko_lattice", "VIEW3D_PT_kiriko_calibration"],
     "add_menu": ["VIEW3D_MT_kiriko_add"],
 }
 
@@ -182,7 +186,7 @@ def test_before_and_right_after_add_rig(
     drawn: Callable[..., Layout], scene: bpy.types.Scene, in_japanese: Callable[[str], str]
 ) -> None:
     """The first panel, and the sentences of Add Rig, have no English word left."""
-    first = drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    first = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
     assert not english_in([*first.texts, *first.labels], in_japanese)
     small_rig()
     assert not english_in(list(shown_texts(drawn)), in_japanese)

@@ -76,7 +76,7 @@ def test_a_file_that_is_nobody_s_is_refused(folder: Path) -> None:
 
 def test_the_panel_has_it_below_the_own_image(drawn, folder: Path) -> None:
     bpy.context.scene.kiriko.picture_source = "IMAGE"
-    shown: Layout = drawn("rig", "VIEW3D_PT_kiriko_rig")
+    shown: Layout = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
     assert "kiriko.open_pictures" in shown.operators
 
 

@@ -477,7 +477,7 @@ def test_the_final_picture_comes_before_its_numbers(
         assert is_rounding(shown() - plain(live))
         assert (result.is_coarse, result.summary, result.details) == (False, "", "")
         assert result.solved_for != before
-        assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == (
+        assert " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts) == (
             "The source image is final; its numbers follow."
         )
         assert not bpy.ops.kiriko.export.poll()
@@ -505,7 +505,7 @@ def test_a_picture_may_stay_without_numbers(
     assert written == FINAL[:1]
     final = shown()
     words = "The source image has no numbers yet"
-    panel = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    panel = " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
     assert panel == f"{words}: solve, or let Live finish."
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.export(filepath="/nowhere.png")
@@ -514,7 +514,7 @@ def test_a_picture_may_stay_without_numbers(
     np.testing.assert_array_equal(shown(), final)
 
     bpy.ops.kiriko.solve()
-    assert words not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    assert words not in " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
     assert is_rounding(shown() - final)
     assert result.details
 
@@ -776,12 +776,14 @@ def test_panel_and_status_bar_agree(
             text = live.status()[0]
             assert (followed._text == "") == text.startswith("Live: up to date")
             assert redrawn[-1] == followed._text
-            is_faint.add(summary in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").faint))
+            is_faint.add(
+                summary in " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").faint)
+            )
             told.append(text)
             if is_over:
                 break
         assert is_faint == {False, is_another}
-        assert summary not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").faint)
+        assert summary not in " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").faint)
     assert any("updating" in text for text in told)
     assert followed._text == ""
 
@@ -850,7 +852,7 @@ def test_another_scene_s_window_tells_which_one_live_follows(
     follow(live)
     first = bpy.context.scene
     other = bpy.data.scenes.new("other")
-    panel = ("solve", "VIEW3D_PT_kiriko_solve")
+    panel = ("solve_panel", "VIEW3D_PT_kiriko_solve")
     assert "kiriko.live" in drawn(*panel).pressed
     shown = drawn(*panel, of=other)
     assert "kiriko.live" not in shown.pressed

@@ -67,10 +67,10 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
     reason, and Solve and Live are grey with that reason.
     """
     small_rig()
-    assert "Kiriko Picture" in drawn("rig", "VIEW3D_PT_kiriko_rig").labels
+    assert "Kiriko Picture" in drawn("rig_panel", "VIEW3D_PT_kiriko_rig").labels
     scene.kiriko.picture_source = "IMAGE"
-    assert "Kiriko Picture" not in drawn("rig", "VIEW3D_PT_kiriko_rig").labels
-    shown = drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    assert "Kiriko Picture" not in drawn("rig_panel", "VIEW3D_PT_kiriko_rig").labels
+    shown = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
 
     assert "No picture: choose an image, or set Picture to Plane." in " ".join(shown)
     for operator in (bpy.ops.kiriko.solve, bpy.ops.kiriko.live):
@@ -80,7 +80,9 @@ def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
             operator()
 
     scene.kiriko.picture_image = bpy.data.images.new("mine", 8, 8)
-    assert "No picture" not in " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    assert "No picture" not in " ".join(
+        drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+    )
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
@@ -123,7 +125,7 @@ def test_a_glass_shows_the_index_in_use(
     node.inputs["IOR"].default_value = 1.5
     assert told() == (["1.5000 from 'Kiriko Glass'"], False)
     bpy.ops.kiriko.solve()
-    details = drawn("result", "VIEW3D_PT_kiriko_details").texts
+    details = drawn("result_panel", "VIEW3D_PT_kiriko_details").texts
     assert "'Kiriko Glass'" in " ".join(details)
     assert "index 1.5000" in " ".join(details)
     glass.kiriko.use_ior = True
@@ -157,7 +159,7 @@ def test_solve_is_grey_while_a_part_is_doubled(
     """With the sentence of the checklist, until one of both is left out or hidden."""
     other = small_rig()[role].copy()
     scene.collection.objects.link(other)
-    shown = " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    shown = " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
     assert why_grey() in shown
     other.hide_viewport = other.hide_render = True
     assert bpy.ops.kiriko.solve.poll()
@@ -191,7 +193,7 @@ def test_a_script_that_gives_a_camera_a_role_is_told(
     (entry, *others) = look()
     assert re.match(rf"'thing' has the role {role.title()}, but an? .* has no surface", entry.text)
     assert not [other for other in others if "thing" in other.text]
-    assert drawn("checklist", "VIEW3D_PT_kiriko_checklist")
+    assert drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
     assert why_grey() == entry.text
     (button,) = entry.buttons
     assert (button.operator, dict(button.properties)["part"]) == ("kiriko.leave_out", "thing")
@@ -203,23 +205,26 @@ def test_a_script_that_gives_a_camera_a_role_is_told(
 def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) -> None:
     """Each part that is needed and not there is named."""
     new_object(primitive("cube", size=0.1), "BLOCKER")
-    text = " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    text = " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
     for word in ("No glass", "No display", "No picture", "No viewer"):
         assert word in text
     assert "No plate" not in text
 
 
-ADVICE = ("checklist", "VIEW3D_PT_kiriko_advice")  # which is there where it has something to tell
+ADVICE = (
+    "checklist_panel",
+    "VIEW3D_PT_kiriko_advice",
+)  # which is there where it has something to tell
 PANELS = (
-    ("checklist", "VIEW3D_PT_kiriko_checklist"),
-    ("solve", "VIEW3D_PT_kiriko_solve"),
+    ("checklist_panel", "VIEW3D_PT_kiriko_checklist"),
+    ("solve_panel", "VIEW3D_PT_kiriko_solve"),
     ADVICE,
-    ("result", "VIEW3D_PT_kiriko_result"),
+    ("result_panel", "VIEW3D_PT_kiriko_result"),
     ("object", "VIEW3D_PT_kiriko_object"),
-    ("rig", "VIEW3D_PT_kiriko_rig"),
-    ("export", "VIEW3D_PT_kiriko_export"),
-    ("calibration", "VIEW3D_PT_kiriko_lattice"),
-    ("calibration", "VIEW3D_PT_kiriko_calibration"),
+    ("rig_panel", "VIEW3D_PT_kiriko_rig"),
+    ("export_panel", "VIEW3D_PT_kiriko_export"),
+    ("calibration_panel", "VIEW3D_PT_kiriko_lattice"),
+    ("calibration_panel", "VIEW3D_PT_kiriko_calibration"),
 )
 
 
@@ -277,7 +282,7 @@ def test_a_list_selects_what_it_names(drawn: Callable[..., Layout]) -> None:
     A hidden one has another button beside it, and is not selected before that is pressed.
     """
     parts = small_rig()
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig")
+    shown = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
     assert shown.operators.count("kiriko.select_part") == 5  # with the viewer
     for thing in (*parts.values(), bpy.context.scene.kiriko.viewer):
         assert thing.name in shown.labels
@@ -287,7 +292,7 @@ def test_a_list_selects_what_it_names(drawn: Callable[..., Layout]) -> None:
 
     assert "kiriko.show_part" not in shown.operators
     parts["PLATE"].hide_set(True)
-    assert "kiriko.show_part" in drawn("rig", "VIEW3D_PT_kiriko_rig").operators
+    assert "kiriko.show_part" in drawn("rig_panel", "VIEW3D_PT_kiriko_rig").operators
     with pytest.raises(RuntimeError, match=r"'Kiriko Plate' is hidden: show it first\."):
         bpy.ops.kiriko.select_part(part="Kiriko Plate")
     bpy.ops.kiriko.show_part(part="Kiriko Plate")
@@ -304,25 +309,25 @@ def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.t
     bpy.ops.kiriko.solve()
     result = scene.kiriko.result
     words = "The source image is a coarse one: solve, or let Live finish."
-    assert words not in " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
-    assert not drawn("result", "VIEW3D_PT_kiriko_result").faint
+    assert words not in " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
+    assert not drawn("result_panel", "VIEW3D_PT_kiriko_result").faint
     result.is_coarse = True
-    shown = drawn("result", "VIEW3D_PT_kiriko_result")
+    shown = drawn("result_panel", "VIEW3D_PT_kiriko_result")
     text = " ".join(shown.texts)
     assert words in text
     assert result.summary in text
     assert result.summary in " ".join(shown.faint)  # it is that of the image before
     assert words not in " ".join(shown.faint)
     result.summary = result.details = result.notes = ""
-    assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
+    assert " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts) == words
 
     assert bpy.ops.kiriko.live() == {"FINISHED"}
     coming = "This is a first, coarse source image: the final one follows."
-    assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == coming
-    entries = " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    assert " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts) == coming
+    entries = " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
     assert "coarse" not in entries
     assert bpy.ops.kiriko.live() == {"FINISHED"}
-    assert " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts) == words
+    assert " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts) == words
 
 
 def test_the_result_tells_brightness_and_blur_of_mirrors(
@@ -332,8 +337,8 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
 
     Nothing of it with an ideal plate.
     """
-    assert drawn("result", "VIEW3D_PT_kiriko_result").texts == ["Not solved yet."]
-    panel = "result", "VIEW3D_PT_kiriko_details"
+    assert drawn("result_panel", "VIEW3D_PT_kiriko_result").texts == ["Not solved yet."]
+    panel = "result_panel", "VIEW3D_PT_kiriko_details"
     plate = small_rig()["PLATE"].kiriko.plate
     bpy.ops.kiriko.solve()
     assert "Plate:" not in " ".join(drawn(*panel).texts)
@@ -343,7 +348,7 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     found = json.loads(scene.kiriko.result.details)["plate"]
     assert 0 < found["least"] < found["brightness"] < found["most"] < 1
 
-    text = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+    text = " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
     summary, legibility = text.split(" Legibility: ")
     assert summary == scene.kiriko.result.summary
     assert legibility.endswith(" %")
@@ -371,9 +376,9 @@ def test_all_of_the_picture_is_accounted_for(
         result.summary = summary(share, misses)
         new = {**details, "tessellation_error": 2e-4, "picture_coverage": share, "misses": misses}
         result.details = record_text(new)
-        shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
+        shown = drawn("result_panel", "VIEW3D_PT_kiriko_details").texts
         assert f"{percent(share)} of the picture is shown" in shown
-        told = " ".join(drawn("result", "VIEW3D_PT_kiriko_result").texts)
+        told = " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts)
         assert f"The display shows {percent(share)} of the picture" in told
         assert ("missed the plate" in told) == (round(1 - share, 6) > 0)
         assert "Tessellation: under 0.001 px" in shown
@@ -477,17 +482,17 @@ def test_lost_light_and_open_glass_are_warned_of(
     assert "goes through gaps in the glass 'open glass'" in warning
     assert warning in result.notes.splitlines()
     result.notes += "\nA plain note."
-    icons = drawn("result", "VIEW3D_PT_kiriko_result").icons
+    icons = drawn("result_panel", "VIEW3D_PT_kiriko_result").icons
     first = next(text for text in icons if text and warning.startswith(text))
 
     assert icons[first] == "ERROR"
     assert "A plain note." not in icons
-    assert drawn("result", "VIEW3D_PT_kiriko_details").icons["A plain note."] == "INFO"
+    assert drawn("result_panel", "VIEW3D_PT_kiriko_details").icons["A plain note."] == "INFO"
     details = json.loads(result.details)
     del details["warnings"]
     result.details = record_text(details)
 
-    assert drawn("result", "VIEW3D_PT_kiriko_details").icons[first] == "INFO"
+    assert drawn("result_panel", "VIEW3D_PT_kiriko_details").icons[first] == "INFO"
 
 
 def test_what_was_simulated_is_told_until_the_next_result(
@@ -507,11 +512,11 @@ def test_what_was_simulated_is_told_until_the_next_result(
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "rig.blend"))
     scene = bpy.context.scene
     assert scene.kiriko.result.seen_summary == told
-    assert told in " ".join(drawn("result", "VIEW3D_PT_kiriko_details", of=scene).texts)
+    assert told in " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_details", of=scene).texts)
 
     bpy.ops.kiriko.solve()
     assert scene.kiriko.result.seen_summary == ""
-    shown = drawn("result", "VIEW3D_PT_kiriko_details", of=scene)
+    shown = drawn("result_panel", "VIEW3D_PT_kiriko_details", of=scene)
     assert "Kiriko Seen" not in " ".join(shown.texts)
 
 
@@ -525,7 +530,7 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(
     small_rig()
     viewer = scene.kiriko.viewer
     for active in (viewer, None):
-        assert drawn("rig", "VIEW3D_PT_kiriko_rig", active).props.count("resolution") == 1
+        assert drawn("rig_panel", "VIEW3D_PT_kiriko_rig", active).props.count("resolution") == 1
     assert drawn("object", "VIEW3D_PT_kiriko_object", viewer).props.count("resolution") == 1
     viewer.kiriko.use_resolution = False
     shown = drawn("object", "VIEW3D_PT_kiriko_object", viewer)

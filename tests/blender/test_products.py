@@ -111,7 +111,7 @@ def test_light_is_set_and_told_in_the_panels(
     bpy.ops.kiriko.display_preset(preset="Dell U2723QE")
     display.kiriko.resolution = (64, 64)
     bpy.ops.kiriko.solve()
-    shown = drawn("result", "VIEW3D_PT_kiriko_details").texts
+    shown = drawn("result_panel", "VIEW3D_PT_kiriko_details").texts
     assert "White is seen at about 400 cd/m\N{SUPERSCRIPT TWO}" in " ".join(shown)
 
 

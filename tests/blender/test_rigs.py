@@ -492,7 +492,7 @@ def test_a_copy_of_a_rigs_collection_is_no_other_rig(
     """It has the same key, and would be another name for the same settings."""
     first, second = two()
     scene.collection.children.link(first.copy())
-    menu = drawn("rigs", "VIEW3D_MT_kiriko_rigs")
+    menu = drawn("rig_panel", "VIEW3D_MT_kiriko_rigs")
     assert menu.labels == [first.name, second.name]
     choose(first)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
@@ -539,11 +539,11 @@ def test_the_panel_names_the_rig_and_offers_others(
     """One alone is named; of two one is chosen by a menu."""
     add(cube())
     assert "VIEW3D_MT_kiriko_rigs" not in str(
-        drawn("checklist", "VIEW3D_PT_kiriko_checklist").__dict__
+        drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").__dict__
     )
     add(gem())
-    drawn("checklist", "VIEW3D_PT_kiriko_checklist")
-    menu = drawn("rigs", "VIEW3D_MT_kiriko_rigs")
+    drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
+    menu = drawn("rig_panel", "VIEW3D_MT_kiriko_rigs")
     assert menu is not None
 
 

@@ -446,7 +446,9 @@ def test_each_viewer_is_told_of_the_worst_first(
     reports = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.viewer_errors")
     steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
     work = importlib.import_module(f"{kiriko.__name__}.operators.work")
-    panel = importlib.import_module(f"{kiriko.__name__}.panels.viewers").VIEW3D_PT_kiriko_seen_by
+    panel = importlib.import_module(
+        f"{kiriko.__name__}.panels.viewers_panel"
+    ).VIEW3D_PT_kiriko_seen_by
     bpy.ops.kiriko.solve()
     assert "viewers" not in details()
     assert not panel.poll(bpy.context)
@@ -462,7 +464,7 @@ def test_each_viewer_is_told_of_the_worst_first(
     assert told[0]["viewer"] == "far"
 
     assert panel.poll(bpy.context)
-    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
     places = [text.index(f"'{one['viewer']}' sees") for one in told]
     assert places == sorted(places)
     assert f"{told[0]['psnr']:.1f} dB" in text
@@ -475,14 +477,14 @@ def test_the_panel_tells_how_many_points_where_a_viewer_does_not_see_all(
     """Of the 7 x 7: of those that are off by so much, and of those that both eyes see."""
     bpy.ops.kiriko.two_eyes()
     bpy.ops.kiriko.solve()
-    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
     assert [one["n_points"] for one in details()["viewers"]] == [49, 49]
     assert "points" not in text
 
     display = rig["DISPLAY"]
     display.matrix_world.translation.x -= 0.3 * display.dimensions.x
     bpy.ops.kiriko.solve()
-    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
     for one in details()["viewers"]:
         assert 0 < one["n_points"] < 49
         assert f"of the picture, {one['n_points']} of 49 points, displaced" in text
@@ -537,7 +539,7 @@ def test_two_that_are_no_pair_are_told_why_in_words(
     why = refused()
     bpy.ops.kiriko.solve()
     assert "two_eyes" not in details()
-    assert why in " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    assert why in " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
 
     short_reports(kiriko, monkeypatch)
     file = str(tmp_path / "rig.blend")
@@ -588,19 +590,19 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     assert told["mean_depth_m"] == pytest.approx(fine.mean_depth, rel=0.01)
     assert told["largest_vertical_arcmin"] == pytest.approx(fine.largest_vertical, rel=0.01)
 
-    text = " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    text = " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
     assert f"{1e3 * told['mean_depth_m']:.3g} mm in front of its plane on the mean" in text
     assert "Vertical disparity" in text
     for largest, is_warned in ((14.9, False), (15.0, True)):
         changed = {**details(), "two_eyes": {**told, "largest_vertical_arcmin": largest}}
         bpy.context.scene.kiriko.result.details = record_text(changed)
-        texts = drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts
+        texts = drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts
         assert ("Eyes tire from 15 arcmin on" in texts) == is_warned
 
     add(camera(0.01))
     bpy.ops.kiriko.solve()
     assert "two_eyes" not in details()
-    assert "plane" not in " ".join(drawn("viewers", "VIEW3D_PT_kiriko_seen_by").texts)
+    assert "plane" not in " ".join(drawn("viewers_panel", "VIEW3D_PT_kiriko_seen_by").texts)
 
 
 def test_of_a_picture_that_is_no_flat_rectangle_coverage_is_told(rig: dict) -> None:
@@ -618,7 +620,7 @@ def test_the_panel_shows_a_list_where_there_are_several(
     drawn: Callable[..., Layout], rig: dict
 ) -> None:
     """Drawing makes no entry. With one viewer it is the field it was, without Disagreement."""
-    shown = drawn("rig", "VIEW3D_PT_kiriko_rig")
+    shown = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
     assert "viewer" in shown.props
     assert not {"viewers", "disagreement"} & set(shown.props)
     assert {"kiriko.add_viewer", "kiriko.two_eyes", "kiriko.viewer_grid"} <= set(shown.operators)
@@ -627,11 +629,11 @@ def test_the_panel_shows_a_list_where_there_are_several(
     add(camera())
     for number, field in ((0, "viewer"), (1, "camera")):
         ours().viewer_shown = number
-        shown = drawn("rig", "VIEW3D_PT_kiriko_rig")
+        shown = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
         assert {"viewers", "weight", "is_on", "disagreement", field} <= set(shown.props)
         assert {"Kiriko Viewer", "mine"} <= set(shown.texts)
     bpy.data.objects.remove(bpy.data.objects["mine"])
-    assert "No camera" in drawn("rig", "VIEW3D_PT_kiriko_rig").texts
+    assert "No camera" in drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts
 
 
 def test_undo_and_a_file_keep_the_list(kiriko: ModuleType, rig: dict, tmp_path: Path) -> None:

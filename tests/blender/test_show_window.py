@@ -79,7 +79,7 @@ def test_without_a_window_the_button_is_grey(show: ModuleType, scene: bpy.types.
 
 def test_panel_tells_whether_the_window_fits(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
     """The same size is told as such; else both sizes and the keys are named."""
-    panel = importlib.import_module(f"{kiriko.__name__}.panels.show")
+    panel = importlib.import_module(f"{kiriko.__name__}.panels.export_panel")
     assert "1920 x 1080" in panel.words_on((1920, 1080), (1920, 1080), "F11")
     text = panel.words_on((1280, 720), (1920, 1080), "Alt F11")
     assert "1280 x 720" in text

@@ -15,12 +15,12 @@ from small_rigs import cube, inventory, new_object, pixels, primitive, small_rig
 pytestmark = pytest.mark.every_blender
 
 PANELS = (
-    ("checklist", "VIEW3D_PT_kiriko_checklist"),
-    ("solve", "VIEW3D_PT_kiriko_solve"),
-    ("result", "VIEW3D_PT_kiriko_result"),
+    ("checklist_panel", "VIEW3D_PT_kiriko_checklist"),
+    ("solve_panel", "VIEW3D_PT_kiriko_solve"),
+    ("result_panel", "VIEW3D_PT_kiriko_result"),
     ("object", "VIEW3D_PT_kiriko_object"),
-    ("rig", "VIEW3D_PT_kiriko_rig"),
-    ("export", "VIEW3D_PT_kiriko_export"),
+    ("rig_panel", "VIEW3D_PT_kiriko_rig"),
+    ("export_panel", "VIEW3D_PT_kiriko_export"),
 )
 
 
@@ -132,7 +132,7 @@ def test_the_checklist_names_what_is_missing_and_then_nothing(
     """An object with a role alone lacks its parts; a rig of Add Rig can be solved."""
     new_object(primitive("cube", size=0.1), "BLOCKER")
     look()
-    assert "No glass" in " ".join(drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts)
+    assert "No glass" in " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
     assert not bpy.ops.kiriko.solve.poll()
     small_rig(viewer_resolution=32, display_resolution=(32, 32))
     look()

@@ -182,10 +182,10 @@ def test_nobody_is_to_press_solve_while_live_is_on(
 ) -> None:
     """It solves by itself."""
     small_rig()
-    assert "Ready: press Solve." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+    assert "Ready: press Solve." in drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
     bpy.ops.kiriko.live()
     try:
-        assert "Ready." in drawn("checklist", "VIEW3D_PT_kiriko_checklist").texts
+        assert "Ready." in drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
     finally:
         kiriko.operators.live.stop()
 
@@ -290,7 +290,7 @@ def seen_through(kiriko: ModuleType, drawn: Callable[..., Layout]) -> str:
     live = kiriko.operators.live
     while live.is_on() and live.tick() != live.live_follower.IDLE:
         pass
-    texts = " ".join(drawn("solve", "VIEW3D_PT_kiriko_solve").texts)
+    texts = " ".join(drawn("solve_panel", "VIEW3D_PT_kiriko_solve").texts)
     return texts[texts.index("Cycles shows the glass") :] if "Cycles shows" in texts else ""
 
 

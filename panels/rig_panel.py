@@ -1,10 +1,11 @@
-"""The rig: its viewer, its picture, and its parts, which are selected here."""
+"""The rig, or the active one of several: its viewer, its picture, and its parts, selected here."""
 
 import bpy
 
 from ..core.base.messages import Message, quoted
 from ..core.base.numbers import number
 from ..core.blender.properties.objects import ROLE_ITEMS
+from ..core.blender.rigs import active_rig, rigs
 from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
 from ..operators import needed, watch
 from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
@@ -12,8 +13,8 @@ from ..operators.parts import name_part
 from ..operators.surfaces import EYE_BOX, LABELS, RANGE, looked_up
 from ..operators.wrapping import sentence
 from .object import draw_resolution, draw_tone, labelled
-from .viewers import draw_images, draw_more, draw_viewers
-from .words import OfRig
+from .panel_text import OfRig
+from .viewers_panel import draw_images, draw_more, draw_viewers
 
 
 class VIEW3D_PT_kiriko_rig(OfRig, bpy.types.Panel):
@@ -150,3 +151,33 @@ def draw_part(
         row.operator("kiriko.open_picture", text="", icon="FILE_FOLDER")
     if by:
         name_part(row.operator("kiriko.show_part", text="", icon="HIDE_OFF"), thing)
+
+
+class VIEW3D_MT_kiriko_rigs(bpy.types.Menu):
+    """Rigs of the scene, to be shown."""
+
+    bl_idname = "VIEW3D_MT_kiriko_rigs"
+    bl_label = "Choose Rig"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        active = active_rig(context.scene)
+        for rig in rigs(context.scene):
+            icon = "RADIOBUT_ON" if rig == active else "RADIOBUT_OFF"
+            choice = self.layout.operator(
+                "kiriko.choose_rig", text=rig.name, icon=icon, translate=False
+            )
+            choice.rig = rig.name
+
+
+def draw_rigs(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The rig that is shown, by its collection's name, others to be chosen, and one to be added."""
+    found, active = rigs(context.scene), active_rig(context.scene)
+    if not found:
+        return
+
+    row = layout.row(align=True)
+    if len(found) > 1:
+        row.menu(VIEW3D_MT_kiriko_rigs.bl_idname, text="", icon="OUTLINER_COLLECTION")
+    if active is not None:
+        row.prop(active, "name", text="")
+    row.operator_menu_enum("kiriko.add_rig", "kind", text="", icon="ADD")

@@ -15,7 +15,7 @@ from ...core.blender.units import length_of_unit, length_text
 from ...operators.sketcher import Drawing
 from ...operators.telling import in_words
 from . import colours
-from .shapes import arrows_of, labels_of, marks_of
+from .rig_shapes import arrows_of, labels_of, marks_of
 
 FONT = 0
 GAP_PX = 8  # between a place and its words

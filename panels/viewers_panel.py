@@ -10,7 +10,7 @@ from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
 from ..operators import viewer_reports
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
-from .words import OfRig
+from .panel_text import OfRig
 
 ROWS = 4
 

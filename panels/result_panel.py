@@ -13,7 +13,7 @@ from ..core.solve.legibility import READABLE
 from ..operators import live, needed, proposal, watch, work
 from ..operators.telling import in_words
 from ..operators.wrapping import MARGIN, sentence
-from .words import OfRig
+from .panel_text import OfRig
 
 WHOLE = 0.999  # share of the picture from which on nothing needs a remedy
 

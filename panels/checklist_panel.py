@@ -12,8 +12,8 @@ from ..operators.add_rig import KINDS
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
 from .add_menu import add_rig, labels_of
-from .rigs import draw_rigs
-from .words import OfRig, Sidebar, have_room, side_by_side
+from .panel_text import OfRig, Sidebar, have_room, side_by_side
+from .rig_panel import draw_rigs
 
 FIRST = Message(
     "Select your glass and press Add Rig: display, picture and viewer are placed around it, and a"

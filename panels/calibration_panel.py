@@ -8,7 +8,7 @@ from ..core.base.messages import Message, as_message, joined
 from ..core.blender.stored_records import Numbers, Offset, Sentences
 from ..operators.calibrate import TELLS, TEXTS
 from ..operators.wrapping import sentence
-from .words import OfRig
+from .panel_text import OfRig
 
 MOST = 5  # amounts in the list
 

@@ -4,7 +4,7 @@ import bpy
 
 from ..operators import live, look_over, look_through, needed
 from ..operators.wrapping import sentence
-from .words import OfRig
+from .panel_text import OfRig
 
 
 class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
