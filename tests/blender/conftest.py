@@ -12,13 +12,13 @@ from typing import Any
 import bpy
 import pytest
 
+from extension import EXTENSION, loaded
 from long_work import live, rig, window  # noqa: F401, fixtures of tests of long work
 from panel_layout import Layout
 
 # Blender has Python keep nothing of what it compiles, so that each run would compile all anew.
 sys.dont_write_bytecode = bool(os.environ.get("PYTHONDONTWRITEBYTECODE"))
 
-EXTENSION = "bl_ext.user_default.kiriko"
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 
@@ -37,7 +37,7 @@ def blender() -> Iterator[ModuleType]:
 
 
 @pytest.fixture
-def scene(blender: ModuleType) -> bpy.types.Scene:
+def scene(blender) -> bpy.types.Scene:
     """An empty scene in a new file with factory settings."""
     # A file opened without its interface makes Blender keep the windows for all files after it.
     blender.context.preferences.filepaths.use_load_ui = True
@@ -49,7 +49,7 @@ KINDS = {"OBJECT": "objects", "MESH": "meshes", "MATERIAL": "materials"}
 
 
 @pytest.fixture
-def linked(tmp_path: Path) -> Callable[..., bpy.types.ID]:
+def linked(tmp_path) -> Callable[..., bpy.types.ID]:
     """Writes a datablock to another file, and links it from there: of the same name."""
 
     def link(block: bpy.types.ID) -> bpy.types.ID:
@@ -66,49 +66,49 @@ def linked(tmp_path: Path) -> Callable[..., bpy.types.ID]:
 
 
 @pytest.fixture
-def kiriko(blender: ModuleType) -> ModuleType:
+def kiriko(blender) -> ModuleType:
     """The package as Blender has it, not the one tests of core import."""
     return importlib.import_module(EXTENSION)
 
 
 @pytest.fixture
-def read(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[[], Any]:
+def read(scene) -> Callable[[], Any]:
     """Reads the scene as Solve does."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+    module = loaded("core.blender.scene")
     return lambda: module.read(bpy.context, bpy.context.scene)
 
 
 @pytest.fixture
-def errors(kiriko: ModuleType) -> ModuleType:
+def errors(kiriko) -> ModuleType:
     """Module core.base.errors, whose classes Blender's package raises."""
-    return importlib.import_module(f"{kiriko.__name__}.core.base.errors")
+    return loaded("core.base.errors")
 
 
 @pytest.fixture
-def look(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[[], list]:
+def look(scene) -> Callable[[], list]:
     """The entries of a whole look for the checklist, with all meshes."""
-    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    look_over = loaded("operators.look_over")
     return lambda: look_over.look_now(bpy.context)
 
 
 @pytest.fixture
-def no_remedies(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def no_remedies(kiriko, monkeypatch):
     """What would bring lost light back is not looked for, as where there is no time left: for tests
     that do not read it, half of whose time it takes.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.remedies")
+    module = loaded("operators.remedies")
     monkeypatch.setattr(module, "SECONDS", 0.0)
 
 
 @pytest.fixture
-def run(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., int]:
+def run(scene) -> Callable[..., int]:
     """The function that Blender calls for `--command kiriko`; returns the exit code."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line")
+    module = loaded("operators.cli.command_line")
     return lambda *argv: module.run([str(word) for word in argv])
 
 
 @pytest.fixture
-def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
+def core(scene) -> ModuleType:
     """Its core, with the files that read, trace and render; and an empty scene."""
     of_blender = ("nested_glass", "plate", "preview", "scene")
     of_light = ("compile_plan", "plate", "trace")
@@ -118,12 +118,12 @@ def core(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
         *(f"blender.{n}" for n in of_blender),
         *(f"light.{n}" for n in of_light),
     ):
-        importlib.import_module(f"{kiriko.__name__}.core.{name}")
-    return importlib.import_module(f"{kiriko.__name__}.core")
+        loaded(f"core.{name}")
+    return loaded("core")
 
 
 @pytest.fixture
-def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
+def drawn(scene) -> Callable[..., Layout]:
     """Draws a panel by its module and name; returns the drawn layout."""
 
     def draw(
@@ -133,7 +133,7 @@ def drawn(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., Layout]:
         of: bpy.types.Scene | None = None,
         width: int = 300,
     ) -> Layout:
-        panel = getattr(importlib.import_module(f"{kiriko.__name__}.panels.{module}"), name)
+        panel = getattr(loaded(f"panels.{module}"), name)
         functions = {
             name: thing for name, thing in vars(panel).items() if isinstance(thing, FunctionType)
         }

@@ -16,9 +16,9 @@ from typing import Any
 import bpy
 import pytest
 
+from extension import EXTENSION
 from small_rigs import pixels, short_walks, small_rig
 
-EXTENSION = "bl_ext.user_default.kiriko"
 LONG = (
     "solve",
     "simulate",

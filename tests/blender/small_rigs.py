@@ -1,6 +1,5 @@
 """A small rig that solves in a fraction of a second: a cube, 64 pixels."""
 
-import importlib
 from dataclasses import replace
 from types import ModuleType
 
@@ -9,6 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+
+from extension import loaded
 
 SIDE = 0.05
 
@@ -69,7 +70,7 @@ def small_rig(ior: float = 1.49, **options: object) -> dict[str, bpy.types.Objec
 def short_walks(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """An eye box and its curves are found by few looks at nine points of the picture."""
     names = ("core.lab.measure.head_range", "core.lab.measure.head_range")
-    box, curves = (importlib.import_module(f"{kiriko.__name__}.{name}") for name in names)
+    box, curves = (loaded(name) for name in names)
     for module, name, few in (
         (box, "N_POINTS", 3),
         (box, "N_BETWEEN", 2),
@@ -81,7 +82,7 @@ def short_walks(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def short_reports(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runs on a short ladder, and few looks by heads that move."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
+    module = loaded("operators.report")
     whole = module.measure
 
     def short(*args: object, ladders: object, **options: object) -> object:
@@ -94,7 +95,7 @@ def short_reports(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def record_text(fields: dict[str, object]) -> str:
     """Text of a record as Kiriko writes it; `fields` may be parsed from such a text."""
-    kept = importlib.import_module("bl_ext.user_default.kiriko.core.blender.stored_records")
+    kept = loaded("core.blender.stored_records")
     own = ("version", "checksum")
     return kept.text_of({name: value for name, value in fields.items() if name not in own})
 

@@ -1,6 +1,5 @@
 import importlib
 from itertools import permutations
-from pathlib import Path
 from types import ModuleType
 
 import bpy
@@ -8,16 +7,17 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from extension import loaded
 from small_rigs import small_rig
 from test_looking_through import maximise, space, turned_away, view
 
 
 @pytest.fixture
-def compared(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.compared")
+def compared(kiriko) -> ModuleType:
+    return loaded("operators.compared")
 
 
-def test_images_are_those_of_the_solution(scene: bpy.types.Scene, compared: ModuleType) -> None:
+def test_images_are_those_of_the_solution(scene, compared):
     """After is nearer to the ideal image than before, by far; nothing of the scene has changed."""
     small_rig()
     before = {(type(block), block.name) for block in bpy.data.user_map()}
@@ -30,9 +30,7 @@ def test_images_are_those_of_the_solution(scene: bpy.types.Scene, compared: Modu
     assert error["after"] < 0.6 * error["before"]
 
 
-def test_corners_are_those_of_the_cameras_frame(
-    scene: bpy.types.Scene, compared: ModuleType
-) -> None:
+def test_corners_are_those_of_the_cameras_frame(scene, compared):
     """Each against Blender's own frame of a camera that has the pixels of the render."""
     small_rig()
     camera = scene.kiriko.viewer
@@ -48,9 +46,7 @@ def test_corners_are_those_of_the_cameras_frame(
         assert (found / found.z - expected / expected.z).length < 1e-5 * Vector(expected).length
 
 
-def test_comparison_is_saved_with_the_images_that_are_chosen(
-    scene: bpy.types.Scene, kiriko: ModuleType, compared: ModuleType, tmp_path: Path
-) -> None:
+def test_comparison_is_saved_with_the_images_that_are_chosen(scene, compared, tmp_path):
     """Left and right half of the file are the two images to half a step of 8 bits."""
     small_rig()
     bpy.context.window_manager.kiriko.left = "IDEAL"
@@ -62,7 +58,7 @@ def test_comparison_is_saved_with_the_images_that_are_chosen(
         for name in ("left", "right"):
             bpy.context.window_manager.kiriko.property_unset(name)
 
-    io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
+    io = loaded("core.files.image_io")
     numbers, _ = io.read(path)
     made = compared.found(scene).comparison
     assert numbers.shape == (64, 64 + 8 + 64, 3)
@@ -70,7 +66,7 @@ def test_comparison_is_saved_with_the_images_that_are_chosen(
         assert np.abs(part - io.encode(np.clip(image, 0, 1))).max() <= 0.5 / 255 + 1e-6
 
 
-def test_file_that_is_there_is_kept(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_file_that_is_there_is_kept(scene, tmp_path):
     small_rig()
     path = tmp_path / "both.png"
     path.write_text("mine")
@@ -79,7 +75,7 @@ def test_file_that_is_there_is_kept(scene: bpy.types.Scene, tmp_path: Path) -> N
     assert path.read_text() == "mine"
 
 
-def test_remove_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
+def test_remove_rig_leaves_the_comparison(scene):
     """And the view as it was, with the artist's own camera."""
     scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
     scene.collection.objects.link(scene.camera)
@@ -99,9 +95,7 @@ def test_remove_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
     assert view() == before
 
 
-def test_another_file_begins_without_a_comparison(
-    scene: bpy.types.Scene, compared: ModuleType
-) -> None:
+def test_another_file_begins_without_a_comparison(scene, compared):
     """The button is up, and nothing of the file before is held."""
     small_rig()
     bpy.ops.kiriko.before_after()
@@ -121,9 +115,7 @@ def test_another_file_begins_without_a_comparison(
         *map(tuple, ("LMLM", "MLML", "CMCM", "MCMC", "LMCLMC", "MCLMCL")),
     ],
 )
-def test_comparison_and_look_through_in_any_order(
-    scene: bpy.types.Scene, compared: ModuleType, order: tuple[str, ...], is_scenes_camera: bool
-) -> None:
+def test_comparison_and_look_through_in_any_order(scene, compared, order, is_scenes_camera):
     """Each on and off, crossed or not, and the view maximised meanwhile (M): the view and the
     scene's settings are as before; while one of them is on, the view shows the viewer's camera.
     """
@@ -157,9 +149,7 @@ def test_comparison_and_look_through_in_any_order(
 
 
 @pytest.mark.parametrize("looks", ["", "before", "after"])
-def test_a_file_that_is_saved_meanwhile_has_the_artists_view(
-    scene: bpy.types.Scene, tmp_path: Path, looks: str
-) -> None:
+def test_a_file_that_is_saved_meanwhile_has_the_artists_view(scene, tmp_path, looks):
     """And the view goes on after it, in the same way; looked through, too."""
     small_rig()
     scene.camera = bpy.data.objects.new("mine", bpy.data.cameras.new("mine"))
@@ -180,9 +170,7 @@ def test_a_file_that_is_saved_meanwhile_has_the_artists_view(
     assert not any(screen.keys() for screen in bpy.data.screens)
 
 
-def test_a_view_that_the_artist_zooms_meanwhile_keeps_the_zoom(
-    scene: bpy.types.Scene, compared: ModuleType
-) -> None:
+def test_a_view_that_the_artist_zooms_meanwhile_keeps_the_zoom(scene, compared):
     """It shows all of the image at first; a frame of before comes back where it is not touched."""
     small_rig()
     look = space().region_3d
@@ -206,7 +194,7 @@ def test_a_view_that_the_artist_zooms_meanwhile_keeps_the_zoom(
     assert view()["view_camera_zoom"] == 7.0
 
 
-def test_add_rig_leaves_the_comparison(scene: bpy.types.Scene) -> None:
+def test_add_rig_leaves_the_comparison(scene):
     """A second rig: the view has no camera of the first one's."""
     small_rig()
     turned_away()

@@ -1,18 +1,16 @@
-import importlib
 import math
 import re
-from pathlib import Path
-from types import ModuleType
 from xml.etree import ElementTree
 
 import bpy
 import pytest
 from mathutils import Matrix
 
+from extension import loaded
 from small_rigs import small_rig
 
 
-def test_both_sheets_are_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_both_sheets_are_written(scene, tmp_path):
     """Both are SVG files of the paper's size; the scene is as it was."""
     small_rig()
     assert bpy.ops.kiriko.bench_drawing(filepath=str(tmp_path / "bench"), paper="A3") == {
@@ -26,7 +24,7 @@ def test_both_sheets_are_written(scene: bpy.types.Scene, tmp_path: Path) -> None
     assert "Kiriko Plate" in (tmp_path / "bench.svg").read_text()
 
 
-def test_units_of_the_scene_change_no_drawing(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_units_of_the_scene_change_no_drawing(scene, tmp_path):
     """Millimetres are those of the bench, whatever a Blender unit is."""
     small_rig()
     bpy.ops.kiriko.bench_drawing(filepath=str(tmp_path / "a.svg"))
@@ -41,7 +39,7 @@ def test_units_of_the_scene_change_no_drawing(scene: bpy.types.Scene, tmp_path: 
     assert a == b
 
 
-def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_files_that_are_there_are_kept(scene, tmp_path):
     """Both or none: the second sheet alone is reason enough to refuse."""
     small_rig()
     taken = tmp_path / "bench_seen.svg"
@@ -63,9 +61,7 @@ def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -
     assert taken.read_text() != "mine"
 
 
-def test_picture_that_is_seen_edge_on_is_one_sentence(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_picture_that_is_seen_edge_on_is_one_sentence(scene, tmp_path):
     small_rig()
     picture = scene.objects["Kiriko Picture"]
     picture.matrix_world = picture.matrix_world @ Matrix.Rotation(math.pi / 2, 4, "Y")
@@ -74,7 +70,7 @@ def test_picture_that_is_seen_edge_on_is_one_sentence(
     assert not list(tmp_path.iterdir())
 
 
-def test_bent_picture_has_one_sheet(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_bent_picture_has_one_sheet(scene, tmp_path):
     """The lattice has no place on it, and the bench is drawn all the same."""
     small_rig()
     scene.objects["Kiriko Picture"].data.vertices[0].co.z += 0.01
@@ -82,7 +78,7 @@ def test_bent_picture_has_one_sheet(scene: bpy.types.Scene, tmp_path: Path) -> N
     assert [path.name for path in tmp_path.iterdir()] == ["bench.svg"]
 
 
-def test_rig_that_is_none_is_one_sentence(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_rig_that_is_none_is_one_sentence(scene, tmp_path):
     small_rig()
     scene.objects["Kiriko Display"].scale = (0, 0, 0)
     with pytest.raises(RuntimeError, match=r"^Error: .*Kiriko Display.*\.$"):
@@ -90,12 +86,10 @@ def test_rig_that_is_none_is_one_sentence(scene: bpy.types.Scene, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
-def test_command_draws_the_bench(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_command_draws_the_bench(scene, tmp_path, capsys):
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    run = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line").run
+    run = loaded("operators.cli.command_line").run
     out = tmp_path / "out"
     assert run(["drawing", "--out", str(out), "--paper", "A3"]) == 0
     assert {path.name for path in out.iterdir()} == {"bench.svg", "bench_seen.svg"}
@@ -107,9 +101,7 @@ def test_command_draws_the_bench(
     ("name", "written"),
     [("x.pdf", "x"), ("x.PDF", "x"), ("x.svg", "x"), ("x.v2", "x.v2"), ("a.pdf.svg", "a.pdf")],
 )
-def test_a_name_of_another_kind_gets_the_drawings_own_suffix(
-    scene: bpy.types.Scene, tmp_path: Path, name: str, written: str, capfd
-) -> None:
+def test_a_name_of_another_kind_gets_the_drawings_own_suffix(scene, tmp_path, name, written, capfd):
     """SVG is what is written, so that no file is called .pdf.svg; the report has its name."""
     small_rig()
     bpy.ops.kiriko.bench_drawing(filepath=str(tmp_path / name))

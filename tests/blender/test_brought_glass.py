@@ -1,7 +1,5 @@
 """Glass as artists bring it: welded while it is read, solved, and judged by Cycles."""
 
-from types import ModuleType
-
 import bpy
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ CLOSED = [
 
 
 @pytest.fixture
-def brought(kiriko: ModuleType, scene: bpy.types.Scene):
+def brought(scene):
     """Put a shape, 50 mm wide, into the scene as glass."""
 
     def make(name: str) -> bpy.types.Object:

@@ -2,20 +2,18 @@
 studio's colour configuration (tests/known/studio.ocio), for which these tests run once more.
 """
 
-import importlib
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import bpy
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
+from extension import loaded
 from small_rigs import cube, new_object
 
 STUDIO = Path(__file__).parents[1] / "known" / "studio.ocio"
@@ -81,7 +79,7 @@ def has_quads(found: np.ndarray, off: float) -> bool:
 
 
 @pytest.fixture(params=WORKING)
-def working(scene: bpy.types.Scene, request: pytest.FixtureRequest) -> str:
+def working(scene, request) -> str:
     """A new file with this working space."""
     if IS_STUDIO and request.param != WORKING[0]:
         pytest.skip("the configuration has its own")
@@ -91,8 +89,8 @@ def working(scene: bpy.types.Scene, request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def read(kiriko: ModuleType, working: str) -> Callable[[bpy.types.Image], np.ndarray]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
+def read(kiriko, working) -> Callable[[bpy.types.Image], np.ndarray]:
+    module = loaded("core.blender.picture")
     return lambda image: module.read_pixels(image, "the picture")[..., :3]
 
 
@@ -103,7 +101,7 @@ def straight_rig() -> None:
 
 
 @pytest.mark.skipif(IS_STUDIO, reason="it is what this test runs")
-def test_a_studios_configuration() -> None:
+def test_a_studios_configuration():
     """All of these tests hold where no colour space has a name that Blender's own would have, and
     views can be looked through, and movies keep their pixels.
     """
@@ -121,9 +119,7 @@ def test_a_studios_configuration() -> None:
     assert " passed" in run.stdout
 
 
-def test_every_way_writes_the_pictures_own_colours(
-    working: str, run: Callable[..., int], kiriko: ModuleType, tmp_path: Path
-) -> None:
+def test_every_way_writes_the_pictures_own_colours(working, run, kiriko, tmp_path):
     """An 8-bit picture that is seen straight through is what the button, a faster update, a file
     that is opened again, the command line and the preview write, as sRGB numbers.
     """
@@ -142,7 +138,7 @@ def test_every_way_writes_the_pictures_own_colours(
     # half a step of 16 bits
     assert np.abs(light - linear(exported("16.tif"))).max() < 2e-5
 
-    result = importlib.import_module(f"{kiriko.__name__}.core.blender.result")
+    result = loaded("core.blender.result")
     image = scene.kiriko.result.source
     result.update_source(scene, light.reshape(image.size[1], image.size[0], 3))
     assert has_quads(exported("updated.png"), off=1)
@@ -175,9 +171,7 @@ KINDS = [
 
 
 @pytest.mark.parametrize(("name", "kind", "off"), KINDS)
-def test_pictures_of_the_screen_are_read_as_srgb(
-    read: Callable[..., Any], tmp_path: Path, name: str, kind: str, off: float
-) -> None:
+def test_pictures_of_the_screen_are_read_as_srgb(read, tmp_path, name, kind, off):
     """Files in the space that Blender gives a screen's are the sRGB light of their numbers."""
     image = bpy.data.images.load(str(write(tmp_path / name, quads(), kind)))
     off_by = np.abs(read(image) - linear(quads()))
@@ -189,9 +183,7 @@ LINEAR = [("p.exr", "half", 1e-3), ("p.exr", "float", 1e-5), ("p.hdr", "float", 
 
 
 @pytest.mark.parametrize(("name", "kind", "off"), LINEAR)
-def test_linear_pictures_are_read_by_their_primaries(
-    read: Callable[..., Any], tmp_path: Path, name: str, kind: str, off: float
-) -> None:
+def test_linear_pictures_are_read_by_their_primaries(read, tmp_path, name, kind, off):
     """Linear files are Rec.709 by Blender's own default, and the working space of a studio's."""
     image = bpy.data.images.load(str(write(tmp_path / name, linear(quads()).astype("f4"), kind)))
     wanted = linear(quads()) @ (to_rec709("AP1").T if IS_STUDIO else np.eye(3))
@@ -217,9 +209,7 @@ if IS_STUDIO:
 
 @pytest.mark.parametrize("space", SPACES)
 @pytest.mark.parametrize("is_float", [False, True])
-def test_images_in_other_spaces_are_read_by_closed_forms(
-    read: Callable[..., Any], tmp_path: Path, space: str, is_float: bool
-) -> None:
+def test_images_in_other_spaces_are_read_by_closed_forms(read, tmp_path, space, is_float):
     """An image is the light of its numbers by curve and primaries of its space, at 8 bits as at
     16, and whatever the working space is.
     """
@@ -242,9 +232,7 @@ def spaces_of_cycles() -> list[str]:
 
 
 @pytest.mark.parametrize("space", spaces_of_cycles())
-def test_bytes_in_any_space_are_the_light_that_cycles_sends(
-    read: Callable[..., Any], scene: bpy.types.Scene, tmp_path: Path, space: str
-) -> None:
+def test_bytes_in_any_space_are_the_light_that_cycles_sends(read, scene, tmp_path, space):
     """A plane that emits an 8-bit image of random colours sends, in the working space, the light
     that the picture has in Rec.709.
     """
@@ -296,7 +284,7 @@ def emission(image: bpy.types.Image) -> bpy.types.Material:
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 0), reason="no working space to choose")
-def test_a_result_outlives_its_working_space(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_a_result_outlives_its_working_space(scene, tmp_path):
     """A result has its colours after the working space was changed, solved again or not."""
     straight_rig()
     bpy.ops.kiriko.open_picture(filepath=str(write(tmp_path / "p.png", quads(), "uint8")))

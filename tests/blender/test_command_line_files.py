@@ -27,13 +27,7 @@ def saved_and_opened(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", [("solve",), ("solve", "--rig", "all"), ("maps",)])
-def test_the_only_scene_that_has_a_rig_is_taken(
-    scene: bpy.types.Scene,
-    run: Run,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    verb: tuple[str, ...],
-) -> None:
+def test_the_only_scene_that_has_a_rig_is_taken(scene, run, tmp_path, capsys, verb):
     """Whichever scene was shown as the file was saved; a line says so."""
     small_rig()
     scene.name = "Bench"
@@ -45,9 +39,7 @@ def test_the_only_scene_that_has_a_rig_is_taken(
     assert "kiriko: scene 'Bench'" in capsys.readouterr().out
 
 
-def test_of_several_scenes_with_a_rig_none_is_guessed(
-    scene: bpy.types.Scene, run: Run, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_of_several_scenes_with_a_rig_none_is_guessed(scene, run, tmp_path, capsys):
     """They are named, and so is the one that was looked at; a rig's name tells the scene, too. The
     scene that is shown counts where it has a rig.
     """
@@ -71,12 +63,8 @@ def test_of_several_scenes_with_a_rig_none_is_guessed(
 
 
 def test_paths_begin_at_the_file_as_everywhere_in_blender(
-    scene: bpy.types.Scene,
-    run: Run,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    scene, run, tmp_path, capsys, monkeypatch
+):
     """Results, photographs, pictures and zips with // are beside the .blend, wherever the command
     runs; others are where it runs.
     """

@@ -1,23 +1,19 @@
 """The conflict of several viewers, as one of the result's images."""
 
-import importlib
 import json
-from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
+from extension import loaded
 from small_rigs import pixels, small_rig
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
 
 
 @pytest.fixture
-def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+def rig(scene) -> dict[str, bpy.types.Object]:
     """A rig around a cube, with two eyes; the objects by role."""
     found = small_rig()
     bpy.ops.kiriko.two_eyes()
@@ -39,10 +35,10 @@ def one_eye() -> None:
         one.is_on = False
 
 
-def solved(kiriko: ModuleType) -> object:
+def solved() -> object:
     """Core's own solution of the scene."""
-    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
+    work = loaded("operators.work")
+    steps = loaded("core.base.steps")
     settings = work.settings_of(bpy.context.scene)
     return steps.finish(work.session().solve(work.read(bpy.context).rig, settings))
 
@@ -73,15 +69,13 @@ def values(colours: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("way", ["SHARP", "BLENDED"])
-def test_the_image_is_core_s_conflict_in_colours(
-    drawn: Callable[..., Layout], kiriko: ModuleType, rig: dict, way: str
-) -> None:
+def test_the_image_is_core_s_conflict_in_colours(drawn, kiriko, rig, way):
     """Of places where they are compared, of colours else; the panel tells where the scale ends."""
-    reports = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.viewer_errors")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
+    reports = loaded("core.lab.measure.viewer_errors")
+    steps = loaded("core.base.steps")
     bpy.context.scene.kiriko.disagreement = way
     bpy.ops.kiriko.solve()
-    found = solved(kiriko)
+    found = solved()
     _, in_light = steps.finish(reports.conflict_in_light(found))
     expected = found.settled.conflict if way == "SHARP" else in_light
     unit = "px" if way == "SHARP" else "white"
@@ -101,7 +95,7 @@ def test_the_image_is_core_s_conflict_in_colours(
     assert words in texts
 
 
-def test_without_glass_there_is_no_conflict(rig: dict) -> None:
+def test_without_glass_there_is_no_conflict(rig):
     """With index 1 it is 0 to rounding and to a pixel's own curvature, and not stretched to colours
     as if it were something.
     """
@@ -113,7 +107,7 @@ def test_without_glass_there_is_no_conflict(rig: dict) -> None:
     assert np.nanmax(shown) == pytest.approx(told()["largest"] / 0.01, abs=1e-3)
 
 
-def test_it_goes_with_the_second_viewer(rig: dict) -> None:
+def test_it_goes_with_the_second_viewer(rig):
     """Image and panel's line; one that the artist uses stays."""
     bpy.ops.kiriko.solve()
     name = result().conflict.name
@@ -136,13 +130,13 @@ def test_it_goes_with_the_second_viewer(rig: dict) -> None:
     assert name in bpy.data.images
 
 
-def test_solving_again_puts_no_second_one_beside_it(rig: dict) -> None:
+def test_solving_again_puts_no_second_one_beside_it(rig):
     for _ in range(2):
         bpy.ops.kiriko.solve()
     assert [one.name for one in bpy.data.images if "Conflict" in one.name] == ["Kiriko Conflict"]
 
 
-def test_it_is_shown_and_is_no_picture_to_choose(drawn: Callable[..., Layout], rig: dict) -> None:
+def test_it_is_shown_and_is_no_picture_to_choose(drawn, rig):
     bpy.ops.kiriko.solve()
     assert result().shown == result().source
     bpy.ops.kiriko.show_image(image="Kiriko Conflict")
@@ -155,14 +149,14 @@ def test_it_is_shown_and_is_no_picture_to_choose(drawn: Callable[..., Layout], r
     assert listed == ["Kiriko Source", "Kiriko Conflict"]
 
 
-def test_remove_rig_takes_it_along(rig: dict) -> None:
+def test_remove_rig_takes_it_along(rig):
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.remove_rig()
     assert result().conflict is None
     assert not [one.name for one in bpy.data.images if "Conflict" in one.name]
 
 
-def test_undo_and_a_file_keep_it(rig: dict, tmp_path: Path) -> None:
+def test_undo_and_a_file_keep_it(rig, tmp_path):
     bpy.ops.kiriko.solve()
     bpy.ops.ed.undo_push(message="solved")
     before = pixels(result().conflict).copy()

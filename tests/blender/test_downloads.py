@@ -4,17 +4,15 @@ Blender's own exporters write the files and its importers read them, so that cus
 vertices and merged ones come as they do in practice.
 """
 
-import importlib
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
 
 import bmesh
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import pixels, primitive
 from test_checklist import press
 
@@ -122,9 +120,7 @@ def is_wound_one_way(mesh: bpy.types.Mesh) -> bool:
 
 @pytest.mark.parametrize("form", WRITE)
 @pytest.mark.parametrize("name", ["ball", *PROFILES])
-def test_one_button_mends_what_is_downloaded(
-    look: Callable[[], list], no_remedies: None, tmp_path: Path, name: str, form: str
-) -> None:
+def test_one_button_mends_what_is_downloaded(look, no_remedies, tmp_path, name, form):
     """The checklist names flat and flipped faces; after its button the mesh is merged, wound one
     way and smooth, the checklist is empty, and all of the picture is seen.
     """
@@ -152,9 +148,7 @@ def test_one_button_mends_what_is_downloaded(
 
 
 @pytest.mark.parametrize("form", ["obj", "glb"])
-def test_normals_of_a_file_with_flipped_faces_are_not_kept(
-    look: Callable[[], list], no_remedies: None, tmp_path: Path, form: str
-) -> None:
+def test_normals_of_a_file_with_flipped_faces_are_not_kept(look, no_remedies, tmp_path, form):
     """A smooth ball's normals beside flipped faces are wrong in the file, too: after the button it
     gives the source image of a ball that was drawn well.
     """
@@ -197,21 +191,15 @@ def cut_block() -> bpy.types.Mesh:
     ],
     ids=["smooth", "flat", "block", "icosphere", "few"],
 )
-def test_facets_are_those_that_look_flat_on_a_curve(
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    made: Callable[[], bpy.types.Mesh],
-    is_smooth: bool,
-    is_curve: bool,
-) -> None:
+def test_facets_are_those_that_look_flat_on_a_curve(scene, made, is_smooth, is_curve):
     """All faces count, or none: coplanar triangles are one facet, wherever they are flipped."""
-    faults = importlib.import_module(f"{kiriko.__name__}.core.blender.faults")
+    faults = loaded("core.blender.faults")
     mesh = made()
     mesh.shade_smooth() if is_smooth else mesh.shade_flat()
     assert faults.counts_of(mesh).n_facets == (len(mesh.polygons) if is_curve else 0)
 
 
-def test_a_clean_flat_ball_is_offered_shade_smooth_alone(look: Callable[[], list]) -> None:
+def test_a_clean_flat_ball_is_offered_shade_smooth_alone(look):
     """There is nothing to merge and no normal to recalculate."""
     mesh = primitive("icosphere", subdivisions=4, radius=0.03)
     glass = bpy.data.objects.new("ball", mesh)

@@ -5,8 +5,6 @@ scene and the files.
 from collections import Counter
 from functools import partial
 from math import inf
-from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
@@ -20,7 +18,6 @@ from long_work import (
     POINTS,
     SAMPLES,
     TIMER,
-    Window,
     asked,
     broken,
     errors,
@@ -59,9 +56,7 @@ PASSED = {
 
 
 @pytest.mark.parametrize("name", LONG)
-def test_esc_at_every_step_changes_nothing(
-    rig: dict, window: Window, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_esc_at_every_step_changes_nothing(rig, window, monkeypatch, name):
     """Wherever it is stopped all is as before.
 
     A result made afterwards is, to the bit, that of a fresh session.
@@ -94,9 +89,7 @@ def test_esc_at_every_step_changes_nothing(
 
 
 @pytest.mark.parametrize("name", PASSED)
-def test_an_error_at_any_point_is_one_sentence_and_changes_nothing(
-    rig: dict, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, name: str
-) -> None:
+def test_an_error_at_any_point_is_one_sentence_and_changes_nothing(rig, monkeypatch, capsys, name):
     """Whatever goes wrong, foreseen or not, when a point is passed first or last, the last result
     and the scene survive. The next time all is well.
     """
@@ -138,7 +131,7 @@ def test_an_error_at_any_point_is_one_sentence_and_changes_nothing(
             check(point, odd, passes[point])
 
 
-def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window) -> None:
+def test_an_error_in_the_interface_ends_the_work(rig, window):
     """Timer, status bar and progress go with it, and Live, which
     waits for long work to end, is not kept waiting.
     """
@@ -156,7 +149,7 @@ def test_an_error_in_the_interface_ends_the_work(rig: dict, window: Window) -> N
 
 
 @pytest.mark.parametrize("is_given", [True, False])
-def test_esc_at_many_steps_of_add_rig_leaves_nothing(window: Window, is_given: bool) -> None:
+def test_esc_at_many_steps_of_add_rig_leaves_nothing(window, is_given):
     """Around a given glass, or a new ball, no object is made and no role is set until
     all is known.
     """
@@ -191,7 +184,7 @@ def test_esc_at_many_steps_of_add_rig_leaves_nothing(window: Window, is_given: b
         assert state() == before, k
 
 
-def test_long_work_of_one_window_is_waited_for_in_another(rig: dict, window: Window) -> None:
+def test_long_work_of_one_window_is_waited_for_in_another(rig, window):
     """A second one would have both take twice as long, in one session: it is refused with a
     sentence, changes nothing, and begins once the first has ended.
     """
@@ -210,9 +203,7 @@ def test_long_work_of_one_window_is_waited_for_in_another(rig: dict, window: Win
 
 
 @pytest.mark.parametrize("point", ["read", "plan", "trace", "write"])
-def test_a_rig_that_cannot_be_made_leaves_nothing(
-    scene: bpy.types.Scene, kiriko: ModuleType, point: str
-) -> None:
+def test_a_rig_that_cannot_be_made_leaves_nothing(scene, point):
     """Add Rig, broken in its midst, takes back all that it made and set."""
     cube()
     before = state()
@@ -224,7 +215,7 @@ def test_a_rig_that_cannot_be_made_leaves_nothing(
     assert bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64)) == {"FINISHED"}
 
 
-def test_an_error_in_live_is_one_sentence_and_the_image_stays(rig: dict, live: ModuleType) -> None:
+def test_an_error_in_live_is_one_sentence_and_the_image_stays(rig, live):
     """One that was foreseen leaves it on.
 
     Of any other it ends, leaves nothing behind, and can be turned on again.
@@ -254,9 +245,7 @@ def test_an_error_in_live_is_one_sentence_and_the_image_stays(rig: dict, live: M
 
 
 @pytest.mark.parametrize("name", LONG)
-def test_another_file_in_the_middle_is_not_written_to(
-    rig: dict, window: Window, tmp_path: Path, name: str
-) -> None:
+def test_another_file_in_the_middle_is_not_written_to(rig, window, tmp_path, name):
     """Saving makes no difference.
 
     After a load or undo the work ends in a sentence, and nothing is written.
@@ -292,7 +281,7 @@ def test_another_file_in_the_middle_is_not_written_to(
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
-def test_disabling_the_extension_ends_long_work(rig: dict, window: Window) -> None:
+def test_disabling_the_extension_ends_long_work(rig, window):
     """In the middle of a solve, too, timer and status bar go with it.
 
     Enabled again, it solves as before.
@@ -316,9 +305,7 @@ def test_disabling_the_extension_ends_long_work(rig: dict, window: Window) -> No
     assert after == whole("solve")
 
 
-def test_disabling_the_extension_in_the_middle_of_live_and_enabling_it_again(
-    rig: dict, live: ModuleType
-) -> None:
+def test_disabling_the_extension_in_the_middle_of_live_and_enabling_it_again(rig, live):
     """Nothing of it is left, the image is saved with the file.
 
     Turned on again, it follows as before.

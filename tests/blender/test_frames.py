@@ -2,7 +2,7 @@
 
 import importlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise, zip_longest
 from pathlib import Path
 from types import ModuleType
@@ -12,21 +12,22 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import small_rig
 
 
 @pytest.fixture
-def frames(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.frames")
+def frames(kiriko) -> ModuleType:
+    return loaded("operators.frames")
 
 
 @pytest.fixture
-def work(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.work")
+def work(kiriko) -> ModuleType:
+    return loaded("operators.work")
 
 
 @pytest.fixture
-def parts(scene: bpy.types.Scene, tmp_path: Path) -> dict[str, bpy.types.Object]:
+def parts(scene, tmp_path) -> dict[str, bpy.types.Object]:
     """A small rig whose glass turns, saved; the objects by role."""
     parts = small_rig()
     turning(parts["GLASS"])
@@ -88,9 +89,7 @@ MOVES = {
 
 
 @pytest.mark.parametrize("kind", MOVES)
-def test_each_frame_is_that_of_a_solve_by_itself(
-    kind: str, scene: bpy.types.Scene, run: Callable[..., int], work: ModuleType, tmp_path: Path
-) -> None:
+def test_each_frame_is_that_of_a_solve_by_itself(kind, scene, run, work, tmp_path):
     """Bit for bit, whatever moves; frames differ; of a picture alone nothing is traced again."""
     MOVES[kind](small_rig())
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -114,11 +113,9 @@ def test_each_frame_is_that_of_a_solve_by_itself(
     assert did == (["traced", "painted", "painted"] if kind == "picture" else ["traced"] * 3)
 
 
-def test_files_are_named_as_blender_names_renders(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_files_are_named_as_blender_names_renders(scene, tmp_path):
     """By what Blender itself makes of the same path, with our suffix."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    module = loaded("core.blender.frames")
     for name in ("####", "a_##_b", "plain", "##.png", "a.b_###", "x#y##"):
         found = module.frame_files(scene, tmp_path, name, "PNG8", (1, 117, 12345, -3))
         scene.render.filepath = str(tmp_path / name.removesuffix(".png"))
@@ -128,12 +125,7 @@ def test_files_are_named_as_blender_names_renders(
     assert [s.name for s in bpy.data.scenes] == [scene.name]
 
 
-def test_frames_that_are_there_stay_and_missing_ones_are_made(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_frames_that_are_there_stay_and_missing_ones_are_made(run, parts, tmp_path, capsys):
     """A run goes on where it was stopped; --overwrite makes all anew, the same bits; the scene is
     at its frame of before, and its result as it was.
     """
@@ -165,13 +157,7 @@ def test_frames_that_are_there_stay_and_missing_ones_are_made(
 
 
 @pytest.mark.parametrize("change", ["glass", "picture", "tolerance", "nothing"])
-def test_frames_of_an_earlier_scene_are_stale(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    change: str,
-) -> None:
+def test_frames_of_an_earlier_scene_are_stale(run, parts, tmp_path, capsys, change):
     """Frames solved before glass, picture or settings were changed are named, and no movie is made
     of them; solved anew they are no longer stale.
     """
@@ -199,9 +185,7 @@ def test_frames_of_an_earlier_scene_are_stale(
         assert run(*words, "--overwrite") == 0
 
 
-def test_the_scene_gives_range_and_step(
-    run: Callable[..., int], parts: dict[str, bpy.types.Object], tmp_path: Path
-) -> None:
+def test_the_scene_gives_range_and_step(run, parts, tmp_path):
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end, scene.frame_step = 2, 8, 3
     assert run("solve", "--out", folder(tmp_path), "--frames", "scene") == 0
@@ -209,17 +193,11 @@ def test_the_scene_gives_range_and_step(
 
 
 @pytest.mark.skipif(bpy.app.version < (4, 5, 0), reason="braces are characters like others")
-def test_words_in_braces_are_read_by_the_scene(
-    run: Callable[..., int],
-    kiriko: ModuleType,
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_words_in_braces_are_read_by_the_scene(run, kiriko, parts, tmp_path, capsys):
     """By hand from the scene's settings, and as Blender itself names its render; the scene has its
     own path back, after an error too, and there is no undo step.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    module = loaded("core.blender.frames")
     scene = bpy.context.scene
     scene.name = "Show A"
     is_new = bpy.app.version >= (5, 0, 0)  # 4.5 knows no name of the scene, and no folder
@@ -277,14 +255,8 @@ def test_words_in_braces_are_read_by_the_scene(
     ],
 )
 def test_frames_that_cannot_be_meant_are_refused_before_any_work(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    asked: tuple[str, ...],
-    words: str,
-    code: int,
-) -> None:
+    run, parts, tmp_path, capsys, asked, words, code
+):
     assert run("solve", "--out", folder(tmp_path), *asked) == code
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
@@ -293,11 +265,8 @@ def test_frames_that_cannot_be_meant_are_refused_before_any_work(
 
 
 def test_a_frame_that_cannot_be_solved_is_told_and_the_others_are_made(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
+    run, parts, tmp_path, capsys
+):
     """Where all glass is hidden in one frame: its line has the error, and so has the command."""
     glass = parts["GLASS"]
     for frame in (1, 2, 3):
@@ -314,13 +283,7 @@ def test_a_frame_that_cannot_be_solved_is_told_and_the_others_are_made(
 
 
 @pytest.mark.parametrize("part", [None, "a/b", "字" * 90])
-def test_a_log_that_cannot_be_written_is_told_before_any_frame(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    part: str | None,
-) -> None:
+def test_a_log_that_cannot_be_written_is_told_before_any_frame(run, parts, tmp_path, capsys, part):
     """A folder in its place, a name with a folder that is not there, one that no disk takes."""
     out = folder(tmp_path)
     (out / "frames.jsonl").mkdir(parents=True)
@@ -332,13 +295,7 @@ def test_a_log_that_cannot_be_written_is_told_before_any_frame(
 
 
 @pytest.mark.parametrize("way", ["deleted", "without placeholders", "--overwrite"])
-def test_a_frame_of_a_killed_process_is_made_again(
-    run: Callable[..., int],
-    parts: dict[str, bpy.types.Object],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-    way: str,
-) -> None:
+def test_a_frame_of_a_killed_process_is_made_again(run, parts, tmp_path, capsys, way):
     """Its empty file is left out, and a sentence says what to do, by which all frames are there."""
     out = folder(tmp_path)
     out.mkdir()
@@ -365,11 +322,9 @@ def test_a_frame_of_a_killed_process_is_made_again(
     assert list(out.glob(".*")) == []
 
 
-def test_two_runs_with_placeholders_share_the_frames(
-    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
-) -> None:
+def test_two_runs_with_placeholders_share_the_frames(frames, kiriko, parts, tmp_path):
     """Each frame is made once, by one of them; none is half a file."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    module = loaded("core.blender.frames")
     files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", range(1, 5))
     run = frames.Run(files, "PNG8", placeholders=True)
     one = frames.solved(bpy.context, run)
@@ -395,13 +350,11 @@ def test_two_runs_with_placeholders_share_the_frames(
     assert all(path.stat().st_size > 100 for path in files.values())
 
 
-def test_two_runs_that_write_the_same_frames_leave_whole_ones(
-    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
-) -> None:
+def test_two_runs_that_write_the_same_frames_leave_whole_ones(frames, kiriko, parts, tmp_path):
     """Step by step by turns, without placeholders, into one folder: each frame is that of a run by
     itself, and nothing else is left there.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    module = loaded("core.blender.frames")
     alone, shared = tmp_path / "alone", tmp_path / "shared"
     for place in (alone, shared):
         place.mkdir()
@@ -418,9 +371,7 @@ def test_two_runs_that_write_the_same_frames_leave_whole_ones(
     assert sorted(line["frame"] for line in log(shared)) == [1, 1, 2, 2, 3, 3]
 
 
-def test_a_run_that_is_stopped_takes_its_placeholder_back(
-    frames: ModuleType, kiriko: ModuleType, parts: dict[str, bpy.types.Object], tmp_path: Path
-) -> None:
+def test_a_run_that_is_stopped_takes_its_placeholder_back(frames, kiriko, parts, tmp_path):
     """As by Esc: the frame of before is shown, no handler of ours is left; an empty file is
     no frame.
     """
@@ -430,7 +381,7 @@ def test_a_run_that_is_stopped_takes_its_placeholder_back(
         name: list(getattr(bpy.app.handlers, name))
         for name in ("frame_change_post", "depsgraph_update_post")
     }
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.frames")
+    module = loaded("core.blender.frames")
     files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", (1, 2))
     steps = frames.solved(bpy.context, frames.Run(files, "PNG8", placeholders=True))
     for _ in range(3):
@@ -444,6 +395,6 @@ def test_a_run_that_is_stopped_takes_its_placeholder_back(
     assert list(tmp_path.glob(".*")) == []
 
     files[1].touch()
-    steps_of = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
+    steps_of = loaded("core.base.steps")
     assert steps_of.finish(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 2
     assert files[1].stat().st_size > 100

@@ -27,7 +27,7 @@ from long_work import (
 from small_rigs import pixels
 
 
-def test_a_full_disk_leaves_the_file_of_before(rig: dict, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_file_of_before(rig, tmp_path):
     """Export is refused in one sentence at whatever byte the disk is full.
 
     No part of a file is left.
@@ -49,9 +49,7 @@ def test_a_full_disk_leaves_the_file_of_before(rig: dict, tmp_path: Path) -> Non
         }
 
 
-def test_what_the_system_refuses_leaves_the_files_of_before(
-    rig: dict, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_the_system_refuses_leaves_the_files_of_before(rig, monkeypatch):
     """A file that cannot be made, filled or renamed: all are as before, in a report all of them."""
     before = files()
     full = OSError(errno.ENOSPC, "No space left on device")
@@ -65,9 +63,7 @@ def test_what_the_system_refuses_leaves_the_files_of_before(
         assert files() == before
 
 
-def test_a_preview_that_the_disk_cuts_off_changes_nothing(
-    rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_preview_that_the_disk_cuts_off_changes_nothing(rig, tmp_path, monkeypatch):
     """At whatever byte the temporary disk is full, one sentence says where to make room.
 
     A map is refused, too.
@@ -111,9 +107,7 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(
     assert state() == before
 
 
-def test_a_report_is_written_whole_or_not_at_all(
-    rig: dict, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_report_is_written_whole_or_not_at_all(rig, monkeypatch):
     """Where the disk is full in its midst, the earlier one is still there.
 
     The ladder is the earlier one, too.
@@ -136,9 +130,7 @@ def test_a_report_is_written_whole_or_not_at_all(
     assert state() == before
 
 
-def test_the_command_line_writes_all_files_or_none(
-    rig: dict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
+def test_the_command_line_writes_all_files_or_none(rig, tmp_path, monkeypatch, capsys):
     """On a full disk, and after errors that nobody foresaw, the earlier files stay.
 
     One sentence, exit code 1.
@@ -174,8 +166,8 @@ def test_the_command_line_writes_all_files_or_none(
 
 @pytest.mark.parametrize("is_live", [False, True])
 def test_the_source_is_saved_with_the_file_where_temporary_files_have_no_room(
-    rig: dict, tmp_path: Path, is_live: bool
-) -> None:
+    rig, tmp_path, is_live
+):
     """An image that cannot be compressed by way of a file is packed as it
     is: the same numbers after saving and loading.
     """

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from environments import as_module
+from extension import loaded
 
 SEED = 11  # of the rigs tried here; `dev.py fuzz` tries more
 RIGS = (0, 1, 2, 14, 28, 36, 40)  # that take little time
@@ -110,10 +111,8 @@ def test_a_broken_solver_is_found(kiriko, fuzz, monkeypatch, fault, told):
     """A solve that crashes, returns no image, changes the
     scene or does not say why it refuses, fails.
     """
-    import importlib
-
-    solve = importlib.import_module(f"{kiriko.__name__}.operators.solve")
-    importlib.import_module(f"{kiriko.__name__}.core.base.errors")
+    solve = loaded("operators.solve")
+    loaded("core.base.errors")
     right = solve.write_solution
     monkeypatch.setattr(
         solve,

@@ -1,20 +1,19 @@
 """Languages of the interface: nothing is untranslated, in scenes solved in another one, too."""
 
-import importlib
 import re
 import string
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import bpy
 import pytest
 
 import languages as tool
+from extension import EXTENSION, loaded
 from panel_layout import Layout
 from small_rigs import small_rig
 
-EXTENSION = "bl_ext.user_default.kiriko"
 LOCALES = sorted(path.stem for path in (tool.ROOT / "languages").glob("*.po"))
 # letters that need no translation: units, formats, names of products and of ours
 SAME = re.compile(
@@ -24,13 +23,13 @@ SAME = re.compile(
 
 
 @pytest.fixture
-def wanted(kiriko: ModuleType) -> dict[str, str]:
+def wanted(kiriko) -> dict[str, str]:
     """All texts of the interface, each with its place."""
     return tool.needed(kiriko, EXTENSION)
 
 
 @pytest.mark.parametrize("locale", LOCALES)
-def test_nothing_is_untranslated(kiriko: ModuleType, wanted: dict[str, str], locale: str) -> None:
+def test_nothing_is_untranslated(kiriko, wanted, locale):
     """Each label, tooltip and sentence has its text in every language."""
     texts = kiriko.languages.texts_of(locale)
     missing = [tool.entry(text, place) for text, place in wanted.items() if text not in texts]
@@ -41,7 +40,7 @@ def test_nothing_is_untranslated(kiriko: ModuleType, wanted: dict[str, str], loc
 
 
 @pytest.mark.parametrize("locale", LOCALES)
-def test_nothing_is_stale(kiriko: ModuleType, wanted: dict[str, str], locale: str) -> None:
+def test_nothing_is_stale(kiriko, wanted, locale):
     """No language has a text that nobody shows any more."""
     known = {*wanted, *tool.sentences(with_frames=True)}
     stale = [text for text in kiriko.languages.texts_of(locale) if text not in known]
@@ -55,23 +54,21 @@ def places(template: str) -> set[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("locale", LOCALES)
-def test_values_are_those_of_the_english_text(kiriko: ModuleType, locale: str) -> None:
+def test_values_are_those_of_the_english_text(kiriko, locale):
     """A translated template has each value of the English one, in the same form, and no other."""
     for english, text in kiriko.languages.texts_of(locale).items():
         assert places(text) == places(english), english
 
 
 @pytest.mark.parametrize("locale", LOCALES)
-def test_no_language_writes_a_text_twice(kiriko: ModuleType, locale: str) -> None:
+def test_no_language_writes_a_text_twice(kiriko, locale):
     """A file has each English text once."""
     file = Path(kiriko.languages.FOLDER, f"{locale}.po").read_text(encoding="utf-8")
     lines = [line for line in file.splitlines() if line.startswith("msgid ")]
     assert len(lines) == len(set(lines))
 
 
-def test_blender_gets_all_and_forgets_all(
-    kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blender_gets_all_and_forgets_all(kiriko, monkeypatch):
     """Enabling hands every language to Blender, disabling takes each back."""
     there: dict[str, dict] = {}
     stand_in = SimpleNamespace(register=there.__setitem__, unregister=there.pop)
@@ -90,7 +87,7 @@ def test_blender_gets_all_and_forgets_all(
 
 
 @pytest.fixture
-def in_japanese(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], str]:
+def in_japanese(kiriko, monkeypatch) -> Callable[[str], str]:
     """Blender as it is in Japanese, for Blenders without any language; returns its look-up."""
     texts = kiriko.languages.texts_of("ja_JP")
 
@@ -99,18 +96,16 @@ def in_japanese(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable
 
     kinds = "iface", "tip", "rpt", "data"
     stand_in = SimpleNamespace(**{f"pgettext_{kind}": look_up for kind in kinds})
-    telling = importlib.import_module(f"{EXTENSION}.operators.telling")
+    telling = loaded("operators.telling")
     monkeypatch.setattr(telling, "translations", stand_in)
     return look_up
 
 
-def test_a_rig_with_names_in_japanese(
-    scene: bpy.types.Scene, in_japanese: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rig_with_names_in_japanese(scene, in_japanese, monkeypatch):
     """New parts have names as Blender gives them to new data; no name is looked up, so that such a
     rig solves, and goes as a whole.
     """
-    own_words = importlib.import_module(f"{EXTENSION}.core.blender.translation_context")
+    own_words = loaded("core.blender.translation_context")
     stand_in = SimpleNamespace(pgettext_data=lambda text, context: in_japanese(text))
     monkeypatch.setattr(own_words, "translations", stand_in)
     parts = small_rig()
@@ -163,9 +158,7 @@ def shown_texts(
             yield from (*layout.texts, *layout.labels)
 
 
-def test_a_result_solved_in_english_reads_japanese(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene, in_japanese: Callable[[str], str]
-) -> None:
+def test_a_result_solved_in_english_reads_japanese(drawn, scene, in_japanese):
     """The scene keeps the English sentence, which scripts read, and all that another language
     needs: after a change of language no panel has an English word left, the notes' values too.
     """
@@ -182,9 +175,7 @@ def test_a_result_solved_in_english_reads_japanese(
     assert not english_in(texts, in_japanese)
 
 
-def test_before_and_right_after_add_rig(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene, in_japanese: Callable[[str], str]
-) -> None:
+def test_before_and_right_after_add_rig(drawn, scene, in_japanese):
     """The first panel, and the sentences of Add Rig, have no English word left."""
     first = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist")
     assert not english_in([*first.texts, *first.labels], in_japanese)
@@ -192,19 +183,15 @@ def test_before_and_right_after_add_rig(
     assert not english_in(list(shown_texts(drawn)), in_japanese)
 
 
-def test_errors_come_in_the_language_of_reports(
-    scene: bpy.types.Scene, in_japanese: Callable[[str], str]
-) -> None:
+def test_errors_come_in_the_language_of_reports(scene, in_japanese):
     """An operator that fails says so in Japanese, to an artist and to a script."""
     small_rig()["GLASS"].hide_viewport = True
     with pytest.raises(RuntimeError, match="ガラス「Cube」がモニターのアイコンにより非表示です"):
         bpy.ops.kiriko.solve()
 
 
-def test_the_terminal_stays_english(
-    scene: bpy.types.Scene, in_japanese: Callable[[str], str], kiriko: ModuleType
-) -> None:
+def test_the_terminal_stays_english(scene, in_japanese):
     """Scripts and logs read the command line, whatever language the interface has."""
-    telling = importlib.import_module(f"{EXTENSION}.operators.telling")
+    telling = loaded("operators.telling")
     error = telling.KirikoError("The scene has {n} gaps.", n=2)
     assert telling.sentence(error, "The command", translate=str) == "The scene has 2 gaps."

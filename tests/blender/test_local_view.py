@@ -1,12 +1,9 @@
 """A 3D view in local view, as by the key /, shows some objects alone; the rig stays whole."""
 
-import importlib
-from pathlib import Path
-from types import ModuleType
-
 import bpy
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, primitive, small_rig
 from test_looking_through import space
 
@@ -32,7 +29,7 @@ def seen() -> set[bpy.types.Object]:
 
 
 @pytest.mark.usefixtures("no_remedies")
-def test_a_rig_is_solved_from_a_view_that_shows_its_glass_alone(scene: bpy.types.Scene) -> None:
+def test_a_rig_is_solved_from_a_view_that_shows_its_glass_alone(scene):
     """Local view hides nothing from the rig: buttons are active and the picture arrives."""
     glass = small_rig()["GLASS"]
     with bpy.context.temp_override(**in_local_view(glass)):
@@ -41,7 +38,7 @@ def test_a_rig_is_solved_from_a_view_that_shows_its_glass_alone(scene: bpy.types
     assert scene.kiriko.result.coverage > 0.9
 
 
-def test_types_that_a_view_hides_are_parts(scene: bpy.types.Scene) -> None:
+def test_types_that_a_view_hides_are_parts(scene):
     """The filter of types in a view's header is of that view alone, too."""
     small_rig()
     view = in_local_view(*scene.objects)
@@ -53,12 +50,12 @@ def test_types_that_a_view_hides_are_parts(scene: bpy.types.Scene) -> None:
         space().show_object_viewport_mesh = True
 
 
-def test_parts_are_told_in_a_file_dialogue(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+def test_parts_are_told_in_a_file_dialogue(scene):
     """Blender's context there answers None to all names that it does not know, and the dialogue of
     Export Atlas asks for the display.
     """
     display = small_rig()["DISPLAY"]
-    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    needed = loaded("operators.needed")
     area = bpy.context.screen.areas[0]
     before = area.type
     area.type = "FILE_BROWSER"
@@ -71,7 +68,7 @@ def test_parts_are_told_in_a_file_dialogue(kiriko: ModuleType, scene: bpy.types.
 
 
 @pytest.mark.usefixtures("no_remedies")
-def test_a_new_rig_is_seen_in_local_view(scene: bpy.types.Scene) -> None:
+def test_a_new_rig_is_seen_in_local_view(scene):
     """Add Rig shows all that it made in the view that shows the glass alone, and nothing else."""
     glass, other = (new_object(primitive("cube", size=side)) for side in (0.03, 0.01))
     with bpy.context.temp_override(**in_local_view(glass)):
@@ -79,7 +76,7 @@ def test_a_new_rig_is_seen_in_local_view(scene: bpy.types.Scene) -> None:
     assert seen() == set(scene.objects) - {other}
 
 
-def test_the_viewer_looks_at_all_of_the_rig(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_the_viewer_looks_at_all_of_the_rig(scene, tmp_path):
     """Look Through Viewer shows the display in a view that showed the glass alone, after a save,
     too; then that view shows the glass alone again.
     """
@@ -94,9 +91,7 @@ def test_the_viewer_looks_at_all_of_the_rig(scene: bpy.types.Scene, tmp_path: Pa
 
 
 @pytest.mark.parametrize("is_filtered", [False, True])
-def test_a_local_view_that_was_entered_meanwhile_stays(
-    scene: bpy.types.Scene, is_filtered: bool
-) -> None:
+def test_a_local_view_that_was_entered_meanwhile_stays(scene, is_filtered):
     """The artist leaves the view of the glass, and enters one of glass and display, while looking
     through the viewer: that one stays. An object made meanwhile, which no local view shows, and
     types that a view hides, are no sign of another one.

@@ -1,10 +1,11 @@
 """Which events pass a modal operator at work; that the real ones do, only a window can show."""
 
-import importlib
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
 
 import pytest
+
+from extension import loaded
 
 VIEW = {
     "MIDDLEMOUSE": "view3d.rotate",
@@ -19,12 +20,12 @@ EDITS = {
 
 
 @pytest.fixture
-def looking(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.long_work")
+def looking(kiriko) -> ModuleType:
+    return loaded("operators.long_work")
 
 
 @pytest.fixture
-def passes(looking: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable[..., bool]:
+def passes(looking, monkeypatch) -> Callable[..., bool]:
     """Does an event pass, over a viewport of 100 x 100 with a
     sidebar over its right half, by these keymaps?
     """
@@ -60,7 +61,7 @@ def passes(looking: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Callable[...
 SIDES = (("WINDOW", 0, 100), ("UI", 50, 50))
 
 
-def test_the_view_turns_and_nothing_is_edited(passes: Callable[..., bool]) -> None:
+def test_the_view_turns_and_nothing_is_edited(passes):
     """Over the viewport all passes that its keymaps make a view of, and nothing else."""
     assert all(passes(type, found=found) for type, found in VIEW.items())
     assert not any(passes(type, found=found) for type, found in EDITS.items())
@@ -72,7 +73,7 @@ def test_the_view_turns_and_nothing_is_edited(passes: Callable[..., bool]) -> No
     assert not passes("NUMPAD_ENTER")
 
 
-def test_the_sidebar_scrolls_and_no_number_changes(passes: Callable[..., bool]) -> None:
+def test_the_sidebar_scrolls_and_no_number_changes(passes):
     """Over buttons the plain wheel scrolls; with a modifier it changes the button under it."""
     # keymaps of the viewport do not count there
     assert passes("WHEELDOWNMOUSE", x=60, found="transform.translate")
@@ -83,7 +84,7 @@ def test_the_sidebar_scrolls_and_no_number_changes(passes: Callable[..., bool]) 
     assert not passes("WHEELDOWNMOUSE", x=200)
 
 
-def test_a_view_that_takes_the_camera_along_stays(passes: Callable[..., bool]) -> None:
+def test_a_view_that_takes_the_camera_along_stays(passes):
     """With Lock Camera to View turning moves the viewer.
 
     Without a camera Numpad 0 would choose one.
@@ -94,7 +95,7 @@ def test_a_view_that_takes_the_camera_along_stays(passes: Callable[..., bool]) -
     assert passes("WHEELDOWNMOUSE", x=60, has_lock=True)
 
 
-def test_moves_and_timers_pass(passes: Callable[..., bool]) -> None:
+def test_moves_and_timers_pass(passes):
     """Views turn smoothly by timers of their own, drags by moves."""
     for type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "TIMER1", "TIMER_REPORT", "WINDOW_DEACTIVATE"):
         assert passes(type)

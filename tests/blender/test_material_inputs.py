@@ -1,15 +1,13 @@
 """Every input of a shader that changes light through clear glass is read, or told not to be."""
 
-import importlib
 from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, pixels, primitive, small_rig
 from test_scene_materials import glass_shader, new_material
 
@@ -25,7 +23,7 @@ ROUNDING = 1e-5  # of single precision: with the same seed nothing else differs
 
 
 @pytest.fixture
-def bench(scene: bpy.types.Scene, tmp_path: Path) -> Callable[[bpy.types.Material], np.ndarray]:
+def bench(scene, tmp_path) -> Callable[[bpy.types.Material], np.ndarray]:
     """Renders a wedge of a material before a screen in Cycles: light tells by red where it came
     from, by green, a fine pattern, how sharp it is, and by blue how much it is.
     """
@@ -101,11 +99,9 @@ def changed(kind: str, name: str) -> bpy.types.Material:
 
 
 @pytest.mark.parametrize("kind", SHADERS)
-def test_every_input_that_changes_light_in_cycles_is_read_or_told(
-    kiriko: ModuleType, bench: Callable[..., np.ndarray], kind: str
-) -> None:
+def test_every_input_that_changes_light_in_cycles_is_read_or_told(kiriko, bench, kind):
     """And no other is told: whatever version of Blender it is, whatever inputs its shaders have."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.material")
+    module = loaded("core.blender.material")
     material, _, shader = clear(kind)
     plain = bench(material)
     names = [socket.name for socket in shader.inputs if socket.enabled]
@@ -130,13 +126,11 @@ WEIGHTS = {  # inputs, and others without which they change nothing
 
 
 @pytest.mark.parametrize("name", WEIGHTS)
-def test_an_input_that_changes_nothing_is_not_told(
-    kiriko: ModuleType, bench: Callable[..., np.ndarray], name: str
-) -> None:
+def test_an_input_that_changes_nothing_is_not_told(kiriko, bench, name):
     """As the strength of black light: Cycles has the same pixels. One of which a node decides
     it is told.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.material")
+    module = loaded("core.blender.material")
     plain, material = bench(clear("Principled")[0]), changed("Principled", name)
     assert np.abs(bench(material) - plain).max() > ROUNDING
     assert len(module.read_refraction(material).ignored) == 1
@@ -154,12 +148,7 @@ def test_an_input_that_changes_nothing_is_not_told(
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 2, 0), reason="Thin Wall came with Blender 5.2")
-def test_a_thin_wall_is_no_glass(
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    bench: Callable[..., np.ndarray],
-    look: Callable[[], list],
-) -> None:
+def test_a_thin_wall_is_no_glass(scene, bench, look):
     """Cycles sees straight through it, as through glass of index 1. The result names the material;
     Make It Glass, or turning it off, makes it glass.
     """
@@ -187,11 +176,11 @@ def test_a_thin_wall_is_no_glass(
     assert look() == []
 
 
-def test_what_a_node_or_gltf_says_is_told(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+def test_what_a_node_or_gltf_says_is_told(scene):
     """An input that is linked is told to come from nodes, unless a constant feeds it its neutral
     value; dispersion is in the group of Blender's glTF importer, beside the shader.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.material")
+    module = loaded("core.blender.material")
     material, tree, shader = clear("Principled")
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Coat Weight"])
     white = tree.nodes.new("ShaderNodeRGB")

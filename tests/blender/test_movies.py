@@ -1,6 +1,5 @@
 """Movies of frames, by Blender's encoder, decoded again frame by frame."""
 
-import importlib
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import small_rig
 
 SIZE = (256, 192)  # less is too small for AV1
@@ -19,14 +19,14 @@ ROUNDING = {"H264": 5, "H265": 5, "AV1": 6, "PRORES": 3, "FFV1": 0}
 
 
 @pytest.fixture
-def movie(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    importlib.import_module(f"{kiriko.__name__}.operators.export").use_bundled_modules()
-    return importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+def movie(scene) -> ModuleType:
+    loaded("operators.export").use_bundled_modules()
+    return loaded("core.blender.movie")
 
 
 @pytest.fixture
-def core(kiriko: ModuleType) -> Callable[[str], ModuleType]:
-    return lambda name: importlib.import_module(f"{kiriko.__name__}.core.{name}")
+def core(kiriko) -> Callable[[str], ModuleType]:
+    return lambda name: loaded(f"core.{name}")
 
 
 def numbers(n: int) -> np.ndarray:
@@ -72,13 +72,7 @@ def decoded(path: Path, moving: ModuleType, n: int) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("name", ROUNDING)
-def test_each_frame_comes_back_in_its_own_numbers(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    name: str,
-) -> None:
+def test_each_frame_comes_back_in_its_own_numbers(movie, core, scene, tmp_path, name):
     """5 frames; whatever view transform the scene has, none is in the movie; nothing is left."""
     if name not in movie.available():
         pytest.skip("this Blender has no such encoder")
@@ -96,14 +90,7 @@ def test_each_frame_comes_back_in_its_own_numbers(
 
 
 @pytest.mark.parametrize(("name", "rounding"), [("PRORES", 8), ("FFV1", 0)])
-def test_each_pixel_keeps_its_colour(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    name: str,
-    rounding: int,
-) -> None:
+def test_each_pixel_keeps_its_colour(movie, core, scene, tmp_path, name, rounding):
     """Columns of red and of blue, one pixel wide: a codec that
     halves the colours' resolution is off by a hundred.
     """
@@ -118,9 +105,7 @@ def test_each_pixel_keeps_its_colour(
     assert off.max() <= max(rounding, 0.01)
 
 
-def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
-    movie: ModuleType, core: Callable[[str], ModuleType], scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(movie, core, scene, tmp_path):
     """Frame by frame, lossless; Blender's own reader tells the rate."""
     scene.render.fps, scene.render.fps_base = 30, 1.001
     files = written(tmp_path, 60, core("files.image_io"))
@@ -135,14 +120,8 @@ def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(
 
 @pytest.mark.parametrize(("rate", "base"), [(12, 1.0), (30, 1.001)])
 def test_a_film_can_give_the_scene_its_rate_and_range(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture,
-    rate: int,
-    base: float,
-) -> None:
+    movie, core, scene, tmp_path, capfd, rate, base
+):
     """Open Picture says that a film of another rate plays too fast; one button makes rate and range
     the film's, also of a film that begins later.
     """
@@ -171,13 +150,7 @@ def test_a_film_can_give_the_scene_its_rate_and_range(
 
 
 @pytest.mark.parametrize("name", ["{fps}.mkv", "take #1.mkv", "#.mkv"])
-def test_signs_in_its_path_are_its_own(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    name: str,
-) -> None:
+def test_signs_in_its_path_are_its_own(movie, core, scene, tmp_path, name):
     """Blender from 4.5 on reads braces as templates, of the frame rate or of nothing, and in any
     version # as digits of a frame.
     """
@@ -190,13 +163,7 @@ def test_signs_in_its_path_are_its_own(
 
 
 @pytest.mark.parametrize("name", ROUNDING)
-def test_every_codec_has_the_card_and_then_the_frames(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    name: str,
-) -> None:
+def test_every_codec_has_the_card_and_then_the_frames(movie, core, scene, tmp_path, name):
     """The lattice is that of the card, as near as the codec keeps single pixels; words stand over
     it, and the first frame after it has its own numbers.
     """
@@ -219,11 +186,7 @@ def test_every_codec_has_the_card_and_then_the_frames(
         assert off[8:24].max() <= max(ROUNDING[name], 0.01), k
 
 
-def test_a_codec_that_cannot_be_is_refused_with_those_that_can(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_codec_that_cannot_be_is_refused_with_those_that_can(movie, core, monkeypatch):
     """One that this Blender lacks; odd sides; no encoder at all."""
     errors = core("base.errors")
     movie.check("FFV1", (641, 481))
@@ -238,13 +201,8 @@ def test_a_codec_that_cannot_be_is_refused_with_those_that_can(
 
 
 def test_the_command_line_makes_a_movie_of_what_is_there_and_of_what_is_not(
-    run: Callable[..., int],
-    core: Callable[[str], ModuleType],
-    movie: ModuleType,
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
+    run, core, movie, scene, tmp_path, capsys
+):
     """Of frames that move; the movie's frames are the files; one that is there is not replaced."""
     parts = small_rig()
     for frame, brightness in ((1, 0.2), (4, 1.0)):
@@ -267,14 +225,7 @@ def test_the_command_line_makes_a_movie_of_what_is_there_and_of_what_is_not(
     assert not list(out.glob(".*"))
 
 
-def test_a_movie_is_refused_where_its_frames_do_not_fit(
-    run: Callable[..., int],
-    core: Callable[[str], ModuleType],
-    movie: ModuleType,
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_a_movie_is_refused_where_its_frames_do_not_fit(run, core, movie, scene, tmp_path, capsys):
     """Frames in linear light, and a frame of another size that was there; no movie is left."""
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -289,14 +240,7 @@ def test_a_movie_is_refused_where_its_frames_do_not_fit(
     assert not list(out.glob("*.mkv"))
 
 
-def test_a_movie_of_png_files_needs_no_openimageio(
-    run: Callable[..., int],
-    core: Callable[[str], ModuleType],
-    movie: ModuleType,
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_movie_of_png_files_needs_no_openimageio(run, core, movie, scene, tmp_path, monkeypatch):
     """The Python of Debian's Blender has none: Blender itself reads the frames' sizes."""
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -312,13 +256,7 @@ def test_a_movie_of_png_files_needs_no_openimageio(
 
 
 @pytest.mark.parametrize("name", ROUNDING)
-def test_a_disk_that_fills_up_while_blender_encodes_is_told(
-    movie: ModuleType,
-    core: Callable[[str], ModuleType],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    name: str,
-) -> None:
+def test_a_disk_that_fills_up_while_blender_encodes_is_told(movie, core, scene, tmp_path, name):
     """The system takes no more than a few bytes of the file: whatever Blender says of it, that is
     one sentence, and nothing is left in Blender.
     """
@@ -337,9 +275,7 @@ def test_a_disk_that_fills_up_while_blender_encodes_is_told(
     assert len(bpy.data.scenes) == scenes
 
 
-def test_solve_animation_writes_what_the_panel_says(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_solve_animation_writes_what_the_panel_says(scene, tmp_path):
     """Its path, format, the scene's range; the movie of it. Neither changes the scene."""
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -353,7 +289,7 @@ def test_solve_animation_writes_what_the_panel_says(
     (place / "a_003.png").unlink()
     ours.movie_path, ours.movie_codec = "//film", "FFV1"
     assert bpy.ops.kiriko.export_movie() == {"FINISHED"}
-    movie = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+    movie = loaded("core.blender.movie")
     assert movie.n_frames(tmp_path / "film.mkv") == 2
     assert (place / "a_003.png").exists()
     ours.animation_anew = True  # which is of frames alone

@@ -1,10 +1,8 @@
 """Image sequences as pictures: each frame of the scene has its own, by the image user's rule."""
 
-import importlib
 import itertools
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import small_rig
 from test_scene_pictures import SIZE, add_plane, new_material, render, texture_material
 
@@ -20,8 +19,8 @@ FRAMES = 4  # of the sequences here
 
 
 @pytest.fixture
-def moving(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.blender.moving")
+def moving(kiriko) -> ModuleType:
+    return loaded("core.blender.moving")
 
 
 def grey(frame: int) -> int:
@@ -45,9 +44,9 @@ def sequence(place: Path, first: int = 1) -> bpy.types.Image:
     return image
 
 
-def movie(place: Path, kiriko: ModuleType) -> Path:
+def movie(place: Path) -> Path:
     """A lossless movie of the frames of a sequence."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.movie")
+    module = loaded("core.blender.movie")
     bpy.data.images.remove(sequence(place))
     files = [place / f"clip_{k:03}.png" for k in range(1, FRAMES + 1)]
     path = place / "clip.mkv"
@@ -55,12 +54,10 @@ def movie(place: Path, kiriko: ModuleType) -> Path:
     return path
 
 
-def solved_frames(
-    kiriko: ModuleType, place: Path, frames: str
-) -> tuple[list[dict[str, Any]], list[int]]:
+def solved_frames(place: Path, frames: str) -> tuple[list[dict[str, Any]], list[int]]:
     """Lines of the log of frames that are solved, and their greatest grey, of 255."""
-    command = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line")
-    image_io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
+    command = loaded("operators.cli.command_line")
+    image_io = loaded("core.files.image_io")
     bpy.ops.wm.save_as_mainfile(filepath=str(place / "rig.blend"))
     out = place / "out"
     assert command.run(["solve", "--out", str(out), "--frames", frames]) == 0
@@ -74,9 +71,7 @@ def user_of(plane: bpy.types.Object) -> bpy.types.ImageUser:
     return next(node for node in nodes if node.type == "TEX_IMAGE").image_user
 
 
-def test_the_rule_is_that_of_blender(
-    scene: bpy.types.Scene, moving: ModuleType, tmp_path: Path
-) -> None:
+def test_the_rule_is_that_of_blender(scene, moving, tmp_path):
     """Frame numbers and files of sequences are those of Blender's evaluated image user."""
     image = sequence(tmp_path)
     material, tree, _ = new_material()
@@ -101,9 +96,7 @@ def test_the_rule_is_that_of_blender(
 
 
 @pytest.mark.parametrize("is_cyclic", [False, True])
-def test_a_frame_of_the_scene_has_the_picture_that_cycles_shows(
-    read: Callable[[], Any], scene: bpy.types.Scene, tmp_path: Path, is_cyclic: bool
-) -> None:
+def test_a_frame_of_the_scene_has_the_picture_that_cycles_shows(read, scene, tmp_path, is_cyclic):
     """Whether Auto Refresh is on or off; the image of the file stays as it was."""
     image = sequence(tmp_path)
     plane = add_plane(texture_material(image))
@@ -121,10 +114,8 @@ def test_a_frame_of_the_scene_has_the_picture_that_cycles_shows(
     assert [i.name for i in bpy.data.images if i.name.startswith("clip")] == [image.name]
 
 
-def test_a_frame_without_a_file_is_told_with_its_place(
-    read: Callable[[], Any], scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
-) -> None:
-    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
+def test_a_frame_without_a_file_is_told_with_its_place(read, scene, tmp_path):
+    errors = loaded("core.base.errors")
     add_plane(texture_material(sequence(tmp_path)))
     scene.frame_set(9)
     with pytest.raises(errors.ImageError, match=r"at its frame 9 from .*clip_009\.png: .*\.$"):
@@ -133,10 +124,8 @@ def test_a_frame_without_a_file_is_told_with_its_place(
     read()
 
 
-def test_a_result_is_stale_at_another_frame_and_not_at_the_same(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
-) -> None:
-    watch = importlib.import_module(f"{kiriko.__name__}.operators.watch")
+def test_a_result_is_stale_at_another_frame_and_not_at_the_same(scene, tmp_path):
+    watch = loaded("operators.watch")
     parts = small_rig()
     parts["PICTURE"].kiriko.image = sequence(tmp_path)
     scene.frame_set(2)
@@ -148,31 +137,24 @@ def test_a_result_is_stale_at_another_frame_and_not_at_the_same(
     assert not watch.has_changed(bpy.context)
 
 
-def test_frames_of_a_sequence_trace_light_once(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
-) -> None:
+def test_frames_of_a_sequence_trace_light_once(scene, tmp_path):
     """The rig stands still: frames after the first are painted; each is as light as its picture."""
     parts = small_rig()
     parts["PICTURE"].kiriko.image = sequence(tmp_path)
-    log, greys = solved_frames(kiriko, tmp_path, "1-4")
+    log, greys = solved_frames(tmp_path, "1-4")
     assert [line["did"] for line in log] == ["traced"] + ["painted"] * 3
     assert greys == [grey(frame) for frame in range(1, 5)]
 
 
-def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(
-    scene: bpy.types.Scene,
-    kiriko: ModuleType,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture,
-) -> None:
+def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(scene, tmp_path, capfd):
     """In any order; the frames after its end say so, and no others, and the run at its end, which
     the buttons do, too; the image stays as it was.
     """
-    path = movie(tmp_path, kiriko)
+    path = movie(tmp_path)
     small_rig()
     bpy.ops.kiriko.open_picture(filepath=str(path))
     image = bpy.data.images[path.name]
-    log, greys = solved_frames(kiriko, tmp_path, "3,1,2,4,6,5")
+    log, greys = solved_frames(tmp_path, "3,1,2,4,6,5")
     asked = [line["frame"] for line in log]
     assert sorted(asked) == [1, 2, 3, 4, 5, 6]
     assert greys == [grey(min(frame, FRAMES)) for frame in asked]
@@ -201,15 +183,13 @@ def test_a_rig_shows_each_frame_of_a_movie_and_holds_its_last(
 
 
 @pytest.mark.parametrize("is_movie", [False, True])
-def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, is_movie: bool
-) -> None:
+def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(scene, tmp_path, is_movie):
     """It looks while panels are drawn, where Blender refuses to change data, and after each
     change, which a copy of an image would be; a file that is gone is told all the same.
     """
-    look_over = importlib.import_module(f"{kiriko.__name__}.operators.look_over")
+    look_over = loaded("operators.look_over")
     small_rig()
-    file = movie(tmp_path, kiriko) if is_movie else None
+    file = movie(tmp_path) if is_movie else None
     image = sequence(tmp_path) if file is None else bpy.data.images.load(str(file))
     file = file or tmp_path / "clip_003.png"
     plane = next(thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
@@ -238,18 +218,15 @@ def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(
     assert str(file) in text
 
 
-def test_a_movie_whose_file_is_another_by_now_shows_the_new_one(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_a_movie_whose_file_is_another_by_now_shows_the_new_one(scene, tmp_path):
     """With all that Live and a run of frames keep, too: the new pictures, and the new end is told.
     Blender's image still has the number of frames of the old one.
     """
     work, module, encoder = (
-        importlib.import_module(f"{kiriko.__name__}.{name}")
-        for name in ("operators.work", "core.blender.shapes", "core.blender.movie")
+        loaded(name) for name in ("operators.work", "core.blender.shapes", "core.blender.movie")
     )
-    chosen = importlib.import_module(f"{kiriko.__name__}.operators.chosen")
-    path = movie(tmp_path, kiriko)
+    chosen = loaded("operators.chosen")
+    path = movie(tmp_path)
     small_rig()
     bpy.ops.kiriko.open_picture(filepath=str(path))
     kept = module.Kept()
@@ -286,9 +263,7 @@ def chosen(*names: str) -> list[dict[str, str]]:
     return [{"name": name} for name in names]
 
 
-def test_files_that_are_selected_together_are_a_sequence(
-    scene: bpy.types.Scene, read: Callable[[], Any], tmp_path: Path
-) -> None:
+def test_files_that_are_selected_together_are_a_sequence(scene, read, tmp_path):
     """Whichever is the last one clicked, or none, and at whatever number they begin: the first is
     shown at frame 1, the last from its own on. Opened again they are the same image.
     """
@@ -324,9 +299,7 @@ def test_files_that_are_selected_together_are_a_sequence(
         ("a.png", "b.png"),
     ],
 )
-def test_files_that_are_no_sequence_are_refused(
-    scene: bpy.types.Scene, tmp_path: Path, names: tuple[str, str]
-) -> None:
+def test_files_that_are_no_sequence_are_refused(scene, tmp_path, names):
     """A gap, other names, another format, one number twice, none: and the picture stays."""
     picture = small_rig()["PICTURE"]
     before = picture.kiriko.image

@@ -1,22 +1,20 @@
-import importlib
-from pathlib import Path
 from types import ModuleType
 
 import bpy
 import pytest
 
+from extension import loaded
+
 NAMES = ("BALL", "GOBLET", "CUT_CUBE", "BOTTLE")
 
 
 @pytest.fixture
-def needed(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.needed")
+def needed(kiriko) -> ModuleType:
+    return loaded("operators.needed")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_example_is_a_rig_that_can_be_solved(
-    scene: bpy.types.Scene, needed: ModuleType, name: str
-) -> None:
+def test_example_is_a_rig_that_can_be_solved(scene, needed, name):
     """It opens in every Blender as a file without a name, lacks
     nothing, and nearly all of the picture arrives.
     """
@@ -34,7 +32,7 @@ def test_example_is_a_rig_that_can_be_solved(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_glass_of_an_example_is_active(scene: bpy.types.Scene, name: str) -> None:
+def test_the_glass_of_an_example_is_active(scene, name):
     """So that the panel Object shows it, as after Add Rig; a new file has nothing to choose."""
     bpy.ops.kiriko.open_example(example=name)
     glass = bpy.context.view_layer.objects.active
@@ -44,11 +42,9 @@ def test_the_glass_of_an_example_is_active(scene: bpy.types.Scene, name: str) ->
     assert bpy.context.view_layer.objects.active is None
 
 
-def test_an_example_is_framed_after_the_question_whether_to_save(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_example_is_framed_after_the_question_whether_to_save(scene, tmp_path, monkeypatch):
     """Once its file is there, and no file of the artist's that is opened in its place."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.open_example")
+    module = loaded("operators.open_example")
     framed = []
     monkeypatch.setattr(module, "frame_soon", lambda: framed.append(1))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
@@ -63,9 +59,7 @@ def test_an_example_is_framed_after_the_question_whether_to_save(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_plate_of_an_example_is_missed(
-    scene: bpy.types.Scene, needed: ModuleType, name: str
-) -> None:
+def test_the_plate_of_an_example_is_missed(scene, needed, name):
     """Deleted by hand, it is told."""
     bpy.ops.kiriko.open_example(example=name)
     opened = bpy.context.scene
@@ -75,20 +69,18 @@ def test_the_plate_of_an_example_is_missed(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_an_example_tells_can_be_translated(
-    scene: bpy.types.Scene, kiriko: ModuleType, name: str
-) -> None:
+def test_what_an_example_tells_can_be_translated(scene, name):
     """The sentence on its display is kept with its values, as by this version's Add Rig."""
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
+    kept = loaded("core.blender.stored_records")
     bpy.ops.kiriko.open_example(example=name)
     result = bpy.context.scene.kiriko.result
     message = kept.Sentences.read(result.sentences).message(result.summary)
     assert message.values
 
 
-def test_examples_are_those_that_are_offered(kiriko: ModuleType) -> None:
+def test_examples_are_those_that_are_offered(kiriko):
     """Each entry of the menu has its file, and each file an entry."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.open_example")
+    module = loaded("operators.open_example")
     offered = {module.path_of(name).name for name, *_ in module.EXAMPLES}
     assert offered == {path.name for path in module.FOLDER.glob("example_*.blend")}
     assert {name for name, *_ in module.EXAMPLES} == set(NAMES)

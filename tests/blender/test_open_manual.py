@@ -1,22 +1,20 @@
 """The manual's button in a checkout; tests/package has it in an installed zip."""
 
-import importlib
-from pathlib import Path
 from types import ModuleType
 
 import bpy
 import pytest
 
+from extension import loaded
+
 
 @pytest.fixture
-def opening(kiriko: ModuleType) -> ModuleType:
+def opening(kiriko) -> ModuleType:
     """The module of the button."""
-    return importlib.import_module(f"{kiriko.__name__}.operators.open_manual")
+    return loaded("operators.open_manual")
 
 
-def test_without_a_manual_the_button_is_grey(
-    opening: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_a_manual_the_button_is_grey(opening, monkeypatch, tmp_path):
     """It says why, and F1 finds no place of ours."""
     monkeypatch.setattr(opening, "FOLDER", tmp_path / "manual")
     with pytest.raises(RuntimeError, match="not installed from its zip, which holds the manual"):
@@ -26,9 +24,7 @@ def test_without_a_manual_the_button_is_grey(
     assert places == []
 
 
-def test_names_of_folders_may_have_any_letter(
-    opening: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_names_of_folders_may_have_any_letter(opening, monkeypatch, tmp_path):
     """Spaces, signs of URLs and other scripts are written as URLs write them."""
     folder = tmp_path / "ガラス 50 % #1" / "manual"
     (folder / "at").mkdir(parents=True)
@@ -39,7 +35,7 @@ def test_names_of_folders_may_have_any_letter(
     assert places == [("bpy.ops.kiriko.solve", "bpy.ops.kiriko.solve.html")]
 
 
-def test_disabling_takes_the_lookup_back(opening: ModuleType) -> None:
+def test_disabling_takes_the_lookup_back(opening):
     """Blender does not ask an extension that is gone."""
     hooks = bpy.utils._manual_map
     assert hooks.count(opening.places) == 1

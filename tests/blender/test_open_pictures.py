@@ -13,7 +13,7 @@ COLOURS = {"Kiriko Left Eye": (1.0, 0.0, 0.0), "Kiriko Right Eye": (0.0, 0.0, 1.
 
 
 @pytest.fixture
-def folder(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+def folder(scene, tmp_path) -> Path:
     """A rig of two eyes, and a folder with an image of each eye's name."""
     small_rig()
     bpy.ops.kiriko.two_eyes()
@@ -35,7 +35,7 @@ def state() -> tuple:
 
 
 @pytest.mark.parametrize("by", ["{viewer}.png", "Kiriko Left Eye.png", ""])
-def test_each_viewer_has_the_image_of_its_name(folder: Path, by: str) -> None:
+def test_each_viewer_has_the_image_of_its_name(folder, by):
     """By the mark, by the file of either, by the folder; the one who is off has none."""
     assert bpy.ops.kiriko.open_pictures(filepath=str(folder / by)) == {"FINISHED"}
     ours = bpy.context.scene.kiriko
@@ -50,9 +50,7 @@ def test_each_viewer_has_the_image_of_its_name(folder: Path, by: str) -> None:
 
 @pytest.mark.parametrize("by", ["{viewer}.png", "Kiriko Left Eye.png", ""])
 @pytest.mark.parametrize("is_broken", [False, True])
-def test_one_that_is_missing_or_broken_changes_nothing(
-    folder: Path, by: str, is_broken: bool
-) -> None:
+def test_one_that_is_missing_or_broken_changes_nothing(folder, by, is_broken):
     right = folder / "Kiriko Right Eye.png"
     right.unlink()
     if is_broken:
@@ -63,7 +61,7 @@ def test_one_that_is_missing_or_broken_changes_nothing(
     assert state() == before
 
 
-def test_a_file_that_is_nobody_s_is_refused(folder: Path) -> None:
+def test_a_file_that_is_nobody_s_is_refused(folder):
     before = state()
     for path, words in (
         (str(folder / "both.png"), "is the same for 2 viewers: put {viewer} where"),
@@ -74,13 +72,13 @@ def test_a_file_that_is_nobody_s_is_refused(folder: Path) -> None:
         assert state() == before
 
 
-def test_the_panel_has_it_below_the_own_image(drawn, folder: Path) -> None:
+def test_the_panel_has_it_below_the_own_image(drawn, folder):
     bpy.context.scene.kiriko.picture_source = "IMAGE"
     shown: Layout = drawn("rig_panel", "VIEW3D_PT_kiriko_rig")
     assert "kiriko.open_pictures" in shown.operators
 
 
-def test_a_file_that_is_loaded_as_a_sequence_is_opened_beside_it(folder: Path) -> None:
+def test_a_file_that_is_loaded_as_a_sequence_is_opened_beside_it(folder):
     """The sequence is another picture, and stays one."""
     sequence = bpy.data.images.load(str(folder / "Kiriko Left Eye.png"))
     sequence.source = "SEQUENCE"

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import inventory, pixels, short_reports, small_rig
 
 # half of the steps a format has between 0 and 1; half floats have 11 bits
@@ -22,12 +23,12 @@ STEP = {
 
 
 @pytest.fixture
-def io(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
+def io(kiriko) -> ModuleType:
+    return loaded("core.files.image_io")
 
 
 @pytest.fixture
-def solved(scene: bpy.types.Scene) -> bpy.types.Scene:
+def solved(scene) -> bpy.types.Scene:
     """A solved rig whose display is 40 mm wide and half as high, 64 x 32 pixels."""
     small_rig(display_size=0.04, display_resolution=(64, 32))
     bpy.ops.kiriko.solve()
@@ -36,9 +37,7 @@ def solved(scene: bpy.types.Scene) -> bpy.types.Scene:
 
 @pytest.mark.every_blender
 @pytest.mark.parametrize("form", STEP)
-def test_file_holds_the_source_at_the_displays_resolution(
-    solved: bpy.types.Scene, io: ModuleType, tmp_path: Path, form: str
-) -> None:
+def test_file_holds_the_source_at_the_displays_resolution(solved, io, tmp_path, form):
     """A file read back is the source image to half a step of
     the format, as sRGB unless the format is linear.
     """
@@ -64,7 +63,7 @@ def test_file_holds_the_source_at_the_displays_resolution(
     assert ("lin" in space) if form.startswith("EXR") else ("srgb" in space)
 
 
-def test_existing_file_is_replaced_only_when_told(solved: bpy.types.Scene, tmp_path: Path) -> None:
+def test_existing_file_is_replaced_only_when_told(solved, tmp_path):
     """Without overwrite the file stays as it is and the sentence says so.
 
     With it the new one stands there.
@@ -80,9 +79,7 @@ def test_existing_file_is_replaced_only_when_told(solved: bpy.types.Scene, tmp_p
     assert [p.name for p in tmp_path.iterdir()] == ["source.png"]
 
 
-def test_folder_that_cannot_be_written_is_one_sentence(
-    solved: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_folder_that_cannot_be_written_is_one_sentence(solved, tmp_path):
     """A path below a file, or in no folder, is refused with its name, and nothing is left there."""
     (tmp_path / "file").write_bytes(b"")
     for folder in (tmp_path / "file", tmp_path / "nowhere"):
@@ -92,7 +89,7 @@ def test_folder_that_cannot_be_written_is_one_sentence(
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
-def test_relative_path_needs_a_saved_file(solved: bpy.types.Scene, tmp_path: Path) -> None:
+def test_relative_path_needs_a_saved_file(solved, tmp_path):
     """A path that begins with // is refused in a file never
     saved, and is beside the .blend in a saved one.
     """
@@ -104,15 +101,13 @@ def test_relative_path_needs_a_saved_file(solved: bpy.types.Scene, tmp_path: Pat
     assert (tmp_path / "out.png").exists()
 
 
-def test_export_without_a_source_says_to_solve_first(scene: bpy.types.Scene) -> None:
+def test_export_without_a_source_says_to_solve_first(scene):
     """The button is grey before the first solve and says why."""
     with pytest.raises(RuntimeError, match="solve first"):
         bpy.ops.kiriko.export()
 
 
-def test_the_suffix_of_an_explicit_path_chooses_the_format(
-    solved: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_the_suffix_of_an_explicit_path_chooses_the_format(solved, tmp_path):
     """With PNG in the panel, source.exr is written as EXR, all else
     as the panel says, under the name Blender gives it.
 
@@ -128,13 +123,7 @@ def test_the_suffix_of_an_explicit_path_chooses_the_format(
 
 
 @pytest.mark.parametrize("form", ["PNG8", "PNG16"])
-def test_png_is_written_without_openimageio(
-    solved: bpy.types.Scene,
-    io: ModuleType,
-    tmp_path: Path,
-    form: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_png_is_written_without_openimageio(solved, io, tmp_path, form, monkeypatch):
     """By Blender: every pixel is the same as by OpenImageIO, the number of channels too.
 
     No datablock is left over.
@@ -161,9 +150,7 @@ def test_png_is_written_without_openimageio(
 
 
 @pytest.mark.parametrize("form", ["TIFF16", "EXR_HALF", "EXR_FLOAT"])
-def test_what_cannot_be_written_is_grey_with_the_reason(
-    solved: bpy.types.Scene, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_written_is_grey_with_the_reason(solved, tmp_path, form, monkeypatch):
     """Without OpenImageIO the button names the missing module before anything is done.
 
     With PNG it can be pressed.
@@ -180,9 +167,7 @@ def test_what_cannot_be_written_is_grey_with_the_reason(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_png_that_cannot_be_saved_is_one_sentence(
-    solved: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_png_that_cannot_be_saved_is_one_sentence(solved, tmp_path, monkeypatch):
     """Without OpenImageIO, too, a file is whole or is not there."""
 
     def full(path: Path, data: bytes) -> None:
@@ -198,9 +183,7 @@ def test_a_png_that_cannot_be_saved_is_one_sentence(
     assert not list(tmp_path.iterdir())
 
 
-def test_paths_beside_the_blend_bring_no_warning(
-    solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_beside_the_blend_bring_no_warning(solved, tmp_path, kiriko, monkeypatch):
     """The README's example, and the paths of the other
     operators, may begin with // in every version.
     """
@@ -234,14 +217,12 @@ class Chosen(SimpleNamespace):
         self.end_with = lambda context: None  # it began with the rig that is active
 
 
-def test_the_dialogue_completes_the_name_and_the_panel_follows(
-    solved: bpy.types.Scene, tmp_path: Path, kiriko: ModuleType
-) -> None:
+def test_the_dialogue_completes_the_name_and_the_panel_follows(solved, tmp_path, kiriko):
     """So a name that is taken is red before it is chosen, and then replaced.
 
     A name that was not shown is not.
     """
-    cls = importlib.import_module(f"{kiriko.__name__}.operators.export").KIRIKO_OT_export
+    cls = loaded("operators.export").KIRIKO_OT_export
     for typed, named in (
         ("a", "a.png"),
         ("a.jpg", "a.png"),

@@ -1,16 +1,15 @@
 """Export Atlas: warp maps over a grid of heads, whole, in parts, and checked."""
 
-import importlib
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from known.kiriko_zip import kiriko_zip
 from small_rigs import small_rig
 
@@ -23,7 +22,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.glob("*.npz")}
 
 
-def test_atlas_is_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_atlas_is_written(scene, tmp_path):
     """Maps and source images for each place of the head; the scene is as it was."""
     small_rig()
     viewer = scene.kiriko.viewer
@@ -48,7 +47,7 @@ def test_atlas_is_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert tuple(image.size) == (64, 64)
 
 
-def test_lengths_are_in_the_scene_s_unit(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_lengths_are_in_the_scene_s_unit(scene, tmp_path):
     small_rig()
     scene.unit_settings.scale_length = 0.5
     bpy.ops.kiriko.export_atlas(directory=str(tmp_path), tolerance=5.0, **BOX)
@@ -56,12 +55,7 @@ def test_lengths_are_in_the_scene_s_unit(scene: bpy.types.Scene, tmp_path: Path)
     assert told["axes"]["right"][0] == pytest.approx(-0.01)
 
 
-def test_many_machines_make_the_same_maps(
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    run: Callable[..., int],
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_many_machines_make_the_same_maps(scene, tmp_path, run, capsys):
     """Planned, made in parts and checked, it is the atlas that one run makes, bit for bit."""
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -87,12 +81,7 @@ def index(folder: Path) -> dict:
     return {**told, "planned": {**told["planned"], "seconds_a_map": None}}
 
 
-def test_tasks_of_a_job_make_the_atlas_of_one_run(
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    run: Callable[..., int],
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_tasks_of_a_job_make_the_atlas_of_one_run(scene, tmp_path, run, capsys):
     """Task by task, as the bundle has them, some twice: the same files and the same index, where
     the check has the grid halved and where it has not.
     """
@@ -142,11 +131,9 @@ def _filled_in(word: str, values: dict[str, str]) -> str:
     return re.sub(r"\{\{.*?\}\}", lambda found: values[found[0]], word)
 
 
-def test_dialogue_writes_a_job_of_the_same_atlas(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_dialogue_writes_a_job_of_the_same_atlas(scene, tmp_path):
     """As a Job, in the command line's mm; wheels of a checkout may be missing, which is told."""
-    extension = importlib.import_module(f"{kiriko.__name__}.core.lab.farm.extension")
+    extension = loaded("core.lab.farm.extension")
     small_rig()
     scene.unit_settings.scale_length = 0.5
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -169,12 +156,7 @@ def test_dialogue_writes_a_job_of_the_same_atlas(
     assert not (target / "source").exists()
 
 
-def test_mistakes_are_one_sentence(
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    run: Callable[..., int],
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_mistakes_are_one_sentence(scene, tmp_path, run, capsys):
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     out = "atlas", "--out", tmp_path / "out"
@@ -214,13 +196,7 @@ def test_mistakes_are_one_sentence(
 
 
 @pytest.mark.parametrize("name", ["orthographic", "own pixels", "two pictures"])
-def test_a_job_is_refused_as_its_first_task_would_be(
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    run: Callable[..., int],
-    capsys: pytest.CaptureFixture,
-    name: str,
-) -> None:
+def test_a_job_is_refused_as_its_first_task_would_be(scene, tmp_path, run, capsys, name):
     """In the same sentence, by the command and by the button, and nothing is written."""
     parts = small_rig()
     ours = scene.kiriko

@@ -1,18 +1,16 @@
 """Export Maps: the files, and Blender's own compositor as their reader."""
 
-import importlib
 import json
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from known.map_uv import is_nearest, warped
 from known.warp_readers import ramp
 from small_rigs import pixels, small_rig
@@ -35,9 +33,9 @@ def numbers_of(path: Path) -> np.ndarray:
     return pixels(image)
 
 
-def cauchy(kiriko: ModuleType, a: float, b: float) -> Any:
+def cauchy(a: float, b: float) -> Any:
     """An index n = a + b / wavelength^2, as of glass that disperses."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.rig.parts")
+    module = loaded("core.rig.parts")
 
     @dataclass(frozen=True)
     class Cauchy(module.Index):
@@ -50,13 +48,7 @@ def cauchy(kiriko: ModuleType, a: float, b: float) -> Any:
     return Cauchy(a, b)
 
 
-def test_glass_that_disperses_has_a_map_for_each_colour(
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    run: Callable[..., int],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_glass_that_disperses_has_a_map_for_each_colour(scene, run, tmp_path, monkeypatch):
     """By the button and the command line, for each of two viewers: each map is that of glass whose
     index is the same for all light, and is the one of that colour.
     """
@@ -68,7 +60,7 @@ def test_glass_that_disperses_has_a_map_for_each_colour(
     for camera in (first, second):
         scene.kiriko.viewers.add().camera = camera
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    index = cauchy(kiriko, 1.3, 1e-13)
+    index = cauchy(1.3, 1e-13)
     alone = {}
     for nm in (611, 549, 464):
         glass.kiriko.ior = index.at(nm * 1e-9)
@@ -77,7 +69,7 @@ def test_glass_that_disperses_has_a_map_for_each_colour(
         alone[nm] = {path.stem: np.load(path) for path in folder.glob("*.npz")}
         assert alone[nm].keys() == {"warp_Kiriko_Viewer", "warp_Second"}
 
-    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
+    work = loaded("operators.work")
     read = work.read
 
     def dispersing(*arguments: Any) -> Any:
@@ -104,7 +96,7 @@ def test_glass_that_disperses_has_a_map_for_each_colour(
 
 
 @pytest.mark.every_blender
-def test_all_formats_are_written(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_all_formats_are_written(scene, tmp_path):
     """All files and their description; the scene is as it was, without a source image."""
     small_rig()
     assert bpy.ops.kiriko.export_maps(directory=str(tmp_path / "maps"), formats=ALL) == {"FINISHED"}
@@ -134,7 +126,7 @@ def test_all_formats_are_written(scene: bpy.types.Scene, tmp_path: Path) -> None
     assert not of_png[~there][:, :3].any()
 
 
-def test_map_uv_makes_the_source_image(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_map_uv_makes_the_source_image(scene, tmp_path):
     """Blender's compositor, given the picture and the map, shows the places that the map says, to
     1e-3 px; and these are those of Kiriko's own source image.
     """
@@ -165,7 +157,7 @@ def test_map_uv_makes_the_source_image(scene: bpy.types.Scene, tmp_path: Path) -
     assert np.median(off) < 0.05 * 1024 / 64
 
 
-def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_files_that_are_there_are_kept(scene, tmp_path):
     """All or none: one that is taken is reason enough to refuse, before any work."""
     small_rig()
     taken = tmp_path / "view.exr"
@@ -186,9 +178,7 @@ def test_files_that_are_there_are_kept(scene: bpy.types.Scene, tmp_path: Path) -
     assert taken.read_bytes()[:4] == bytes([0x76, 0x2F, 0x31, 0x01])  # OpenEXR's first bytes
 
 
-def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence(scene, tmp_path):
     """It comes before any work, and leaves no folder."""
     small_rig()["PICTURE"].kiriko.image = bpy.data.images.new("Wide", 16384, 1)
     with pytest.raises(RuntimeError, match=r"has 16384 x 1 pixels.* room for 16383: set a"):
@@ -203,9 +193,7 @@ def test_picture_that_ffmpeg_has_no_room_for_is_one_sentence(
         ({"formats": set()}, "No format is chosen for the maps: choose one or more."),
     ],
 )
-def test_nothing_to_write_is_one_sentence(
-    scene: bpy.types.Scene, tmp_path: Path, given: dict, sentence: str
-) -> None:
+def test_nothing_to_write_is_one_sentence(scene, tmp_path, given, sentence):
     small_rig()
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.kiriko.export_maps(**{"directory": str(tmp_path / "new"), **given})
@@ -219,24 +207,17 @@ def export_maps_told(folder: Path, formats: set[str], capfd: pytest.CaptureFixtu
     return capfd.readouterr().out
 
 
-def test_maps_that_memory_does_not_hold_are_refused(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_maps_that_memory_does_not_hold_are_refused(scene, tmp_path, monkeypatch):
     """Before any work, with a remedy."""
     small_rig()
-    options = importlib.import_module(f"{kiriko.__name__}.core.lab.warp.map_files")
+    options = loaded("core.lab.warp.map_files")
     monkeypatch.setattr(options, "BYTES", 1e15)
     with pytest.raises(RuntimeError, match=r"Exporting maps would take about .* GB of memory"):
         bpy.ops.kiriko.export_maps(directory=str(tmp_path), formats={"NPZ"})
     assert not list(tmp_path.iterdir())
 
 
-def test_without_openimageio_all_but_exr_is_written(
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture,
-) -> None:
+def test_without_openimageio_all_but_exr_is_written(scene, tmp_path, monkeypatch, capfd):
     """The PNG has the same numbers, to the last."""
     small_rig()
     both = {"PNG", "NPZ"}
@@ -251,12 +232,10 @@ def test_without_openimageio_all_but_exr_is_written(
     assert np.abs(one - other)[..., :3].max() == 0
 
 
-def test_command_writes_maps_and_prints_the_one_for_ffmpeg(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_command_writes_maps_and_prints_the_one_for_ffmpeg(scene, tmp_path, capsys):
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
-    run = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line").run
+    run = loaded("operators.cli.command_line").run
     out = ["--out", str(tmp_path / "out")]
     given = ["--formats", "ffmpeg", "data", "--times", "4", "--overscan", "5", "--mesh-step", "4"]
     assert run(["maps", *out, *given]) == 0

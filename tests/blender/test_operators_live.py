@@ -1,18 +1,15 @@
-import importlib
 import time
 from collections.abc import Callable, Iterator
 from math import inf
-from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
+from extension import loaded
 from small_rigs import new_object, pixels, primitive, show_scene, small_rig
 
-EXTENSION = "bl_ext.user_default.kiriko"
 MANY = 2000  # turns of which none of these rigs needs a tenth
 
 
@@ -21,7 +18,7 @@ FINAL = ["update_final", "update_solution"]
 
 
 @pytest.fixture
-def live(scene: bpy.types.Scene, kiriko: ModuleType, no_remedies: None) -> Iterator[ModuleType]:
+def live(scene, kiriko, no_remedies) -> Iterator[ModuleType]:
     """Module operators.live on an empty scene; nothing is followed before and after."""
     yield kiriko.operators.live
     kiriko.operators.live.stop()
@@ -59,10 +56,7 @@ def turn(thing: bpy.types.Object, angle: float = 0.1) -> None:
 def plain(live: ModuleType) -> np.ndarray:
     """The source image of the scene as it is, by a session that has never solved anything."""
     work = live.work
-    session, steps = (
-        importlib.import_module(f"{EXTENSION}.core.{name}")
-        for name in ("solve.session", "base.steps")
-    )
+    session, steps = (loaded(f"core.{name}") for name in ("solve.session", "base.steps"))
     solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
     return steps.finish(solve).source
 
@@ -74,7 +68,7 @@ def traces(live: ModuleType) -> list[str]:
 
 
 @pytest.fixture
-def written(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def written(live, monkeypatch) -> list[str]:
     """Names of the writes that live does, in order. Each of them is the last step of its turn,
     however fast the steps after it would be.
     """
@@ -111,7 +105,7 @@ def is_rounding(difference: np.ndarray) -> bool:
 
 
 @pytest.mark.every_blender
-def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> None:
+def test_what_moves_leads_to_the_image_of_a_plain_solve(live):
     """After glass, camera, plate or picture were turned, the
     source image is that of a plain solve, to rounding.
     """
@@ -127,12 +121,12 @@ def test_what_moves_leads_to_the_image_of_a_plain_solve(live: ModuleType) -> Non
         before = after
 
 
-def test_remedies_follow_the_final_image(live: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_remedies_follow_the_final_image(live, monkeypatch):
     """As after Solve, where light is lost: a plate of 3 cm is too small."""
-    monkeypatch.setattr(importlib.import_module(f"{EXTENSION}.operators.remedies"), "SECONDS", inf)
+    monkeypatch.setattr(loaded("operators.remedies"), "SECONDS", inf)
     rig = follow(live)
     result = bpy.context.scene.kiriko.result
-    kept = importlib.import_module(f"{EXTENSION}.core.blender.stored_records")
+    kept = loaded("core.blender.stored_records")
     assert "helps" not in kept.Numbers.read(result.details).by_name
     rig["PLATE"].scale *= 0.03 / max(rig["PLATE"].dimensions)
     bpy.context.view_layer.update()
@@ -142,13 +136,11 @@ def test_remedies_follow_the_final_image(live: ModuleType, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("is_live", [False, True])
-def test_undo_of_a_fit_after_live_shows_the_result_of_the_scene(
-    live: ModuleType, tmp_path: Path, is_live: bool
-) -> None:
+def test_undo_of_a_fit_after_live_shows_the_result_of_the_scene(live, tmp_path, is_live):
     """The display has its size of before and the result is the one that Live made for it, not that
     of an older scene, whether Live is on or off by then, and a file was saved meanwhile.
     """
-    watch = importlib.import_module(f"{EXTENSION}.operators.watch")
+    watch = loaded("operators.watch")
     rig = small_rig()
     bpy.ops.kiriko.solve()
     first = shown()
@@ -179,13 +171,11 @@ def test_undo_of_a_fit_after_live_shows_the_result_of_the_scene(
 
 @pytest.mark.parametrize("first", ["nothing", "solved", "other size"])
 @pytest.mark.parametrize("is_live", [False, True])
-def test_undo_into_live_takes_no_image_for_that_of_its_numbers(
-    live: ModuleType, first: str, is_live: bool
-) -> None:
+def test_undo_into_live_takes_no_image_for_that_of_its_numbers(live, first, is_live):
     """Nor one that was never packed: of a rig that Live alone has solved, or that got another
     display. With Live on as it is undone, Live packs what it shows when it is stopped at once.
     """
-    watch = importlib.import_module(f"{EXTENSION}.operators.watch")
+    watch = loaded("operators.watch")
     rig = small_rig()
     if first != "nothing":
         bpy.ops.kiriko.solve()
@@ -211,9 +201,7 @@ def test_undo_into_live_takes_no_image_for_that_of_its_numbers(
 
 
 @pytest.mark.parametrize("is_changed", [False, True])
-def test_live_keeps_the_image_of_an_opened_file(
-    live: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_changed: bool
-) -> None:
+def test_live_keeps_the_image_of_an_opened_file(live, tmp_path, monkeypatch, is_changed):
     """A file that was solved and saved: nothing is solved or written while the scene is the same,
     not even a coarse image; where it was changed after the solve, it is.
     """
@@ -232,9 +220,7 @@ def test_live_keeps_the_image_of_an_opened_file(
     assert not bpy.context.scene.kiriko.result.is_coarse
 
 
-def test_a_coarse_picture_comes_first(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_coarse_picture_comes_first(live, written, monkeypatch):
     """A viewer of 192 pixels is solved with 64 first, into an
     image of full size that is near the final one.
     """
@@ -256,9 +242,7 @@ def test_a_coarse_picture_comes_first(
     assert 0 < off < 0.1 * moved
 
 
-def test_the_first_coarse_picture_is_on_the_display(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_first_coarse_picture_is_on_the_display(live, written, monkeypatch):
     """Of a rig that was never solved, too: who looks through hard glass would see a dark display
     until the final picture. The note on the material that gave way is in the final result.
     """
@@ -285,9 +269,7 @@ def images_on(thing: bpy.types.Object) -> list[bpy.types.Image]:
     return [node.image for node in nodes if node.type == "TEX_IMAGE"]
 
 
-def test_a_coarse_picture_is_not_exported(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path
-) -> None:
+def test_a_coarse_picture_is_not_exported(live, written, monkeypatch, tmp_path):
     """Where Live is turned off before the final picture, that is said, until a solve has
     made it; numbers of the picture before are not told beside it.
     """
@@ -310,7 +292,7 @@ def test_a_coarse_picture_is_not_exported(
     assert bpy.ops.kiriko.export(filepath=str(tmp_path / "source.png")) == {"FINISHED"}
 
 
-def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[str]) -> None:
+def test_writing_does_not_start_the_next_update(live, written):
     """Once up to date nothing more is written, whatever Blender tells
     of our own writing and of properties that do not count.
     """
@@ -344,9 +326,7 @@ def test_writing_does_not_start_the_next_update(live: ModuleType, written: list[
         ("VIEWER", "use_resolution", False),
     ],
 )
-def test_settings_count_without_an_event(
-    live: ModuleType, owner: str, name: str, value: object
-) -> None:
+def test_settings_count_without_an_event(live, owner, name, value):
     """A script that changes one of Kiriko's settings wakes
     no handler, and is followed all the same.
     """
@@ -360,7 +340,7 @@ def test_settings_count_without_an_event(
     assert is_rounding(shown() - plain(live))
 
 
-def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> None:
+def test_new_picture_costs_no_tracing(live, written):
     """New pixels in the picture's image, or a margin, are painted at once, with the rays
     of before.
     """
@@ -384,7 +364,7 @@ def test_new_picture_costs_no_tracing(live: ModuleType, written: list[str]) -> N
     assert '"rays": 0' in bpy.context.scene.kiriko.result.details
 
 
-def test_what_solve_has_written_stays(live: ModuleType, written: list[str]) -> None:
+def test_what_solve_has_written_stays(live, written):
     """Begun after Solve it writes nothing until something changes; begun after undo, which may
     have put back the image alone, it paints anew, with the rays of before and nothing coarse.
     """
@@ -424,7 +404,7 @@ def test_what_solve_has_written_stays(live: ModuleType, written: list[str]) -> N
     assert is_rounding(shown() - plain(live))
 
 
-def test_what_solve_has_put_elsewhere_is_put_back(live: ModuleType, written: list[str]) -> None:
+def test_what_solve_has_put_elsewhere_is_put_back(live, written):
     """A display whose material is another one by now gets the image again."""
     rig = small_rig()
     bpy.ops.kiriko.solve()
@@ -436,7 +416,7 @@ def test_what_solve_has_put_elsewhere_is_put_back(live: ModuleType, written: lis
     assert live.live_follower.is_on_display(rig["DISPLAY"], image)
 
 
-def test_frames_are_followed(live: ModuleType) -> None:
+def test_frames_are_followed(live):
     """An animated part is solved where it stands at the new frame."""
     rig = small_rig()
     for frame, angle in ((1, 0.0), (9, 0.2)):
@@ -452,12 +432,7 @@ def test_frames_are_followed(live: ModuleType) -> None:
     assert is_rounding(shown() - plain(live))
 
 
-def test_the_final_picture_comes_before_its_numbers(
-    live: ModuleType,
-    written: list[str],
-    drawn: Callable[..., Layout],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_final_picture_comes_before_its_numbers(live, written, drawn, monkeypatch):
     """These take their time while nothing changes; a newer change ends them, and its picture comes
     as soon. Until they are there the result is none that could be exported, and that is said;
     numbers of the picture before are not told.
@@ -490,9 +465,7 @@ def test_the_final_picture_comes_before_its_numbers(
     np.testing.assert_array_equal(shown(), final)
 
 
-def test_a_picture_may_stay_without_numbers(
-    live: ModuleType, written: list[str], drawn: Callable[..., Layout]
-) -> None:
+def test_a_picture_may_stay_without_numbers(live, written, drawn):
     """Where nothing is at work any more: panel and export say so, it is saved with the file, and a
     solve has its numbers.
     """
@@ -519,9 +492,7 @@ def test_a_picture_may_stay_without_numbers(
     assert result.details
 
 
-def test_what_solve_wrote_is_not_kept_once_live_has_shown_another(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_solve_wrote_is_not_kept_once_live_has_shown_another(live, written, monkeypatch):
     """Solved; then Live is stopped after a coarse picture of turned glass, which is turned back:
     the scene is the one that was solved, but the picture is not.
     """
@@ -546,9 +517,7 @@ def test_what_solve_wrote_is_not_kept_once_live_has_shown_another(
     assert not bpy.context.scene.kiriko.result.is_coarse
 
 
-def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
-    live: ModuleType, written: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_newer_change_ends_the_finer_picture_but_not_the_first(live, written, monkeypatch):
     """While something is dragged, first pictures follow each other.
 
     The final one comes when it stands still.
@@ -567,7 +536,7 @@ def test_a_newer_change_ends_the_finer_picture_but_not_the_first(
 
 
 @pytest.mark.parametrize("role", ["GLASS", "PLATE", "DISPLAY", "PICTURE"])
-def test_deleted_object_is_one_sentence_and_the_image_stays(live: ModuleType, role: str) -> None:
+def test_deleted_object_is_one_sentence_and_the_image_stays(live, role):
     """A rig without one of its parts is named; the last image
     stays, in the middle of a solve, too; live goes on.
     """
@@ -593,7 +562,7 @@ def test_deleted_object_is_one_sentence_and_the_image_stays(live: ModuleType, ro
         assert live.status() == (text, True)
 
 
-def test_what_cannot_be_solved_is_followed_on(live: ModuleType) -> None:
+def test_what_cannot_be_solved_is_followed_on(live):
     """A plate that no ray reaches is one sentence; moved back, the image is that of before."""
     rig = follow(live)
     before = shown()
@@ -617,7 +586,7 @@ def test_what_cannot_be_solved_is_followed_on(live: ModuleType) -> None:
     assert is_rounding(shown() - plain(live))
 
 
-def test_undo_is_followed(live: ModuleType) -> None:
+def test_undo_is_followed(live):
     """After undo, also in the middle of an update, the image is that of the scene as it then is."""
     small_rig()
     bpy.ops.kiriko.live()
@@ -672,9 +641,7 @@ STOPS = {
 
 @pytest.mark.parametrize("happen", STOPS)
 @pytest.mark.parametrize("n_turns", [0, 3, MANY])
-def test_another_scene_or_file_stops_it(
-    live: ModuleType, tmp_path: Path, happen: Callable[[str], None], n_turns: int
-) -> None:
+def test_another_scene_or_file_stops_it(live, tmp_path, happen, n_turns):
     """At any moment: nothing of it is left, and the panel says why until the next file."""
     path = str(tmp_path / "rig.blend")
     rig = follow(live)
@@ -692,9 +659,7 @@ def test_another_scene_or_file_stops_it(
 
 
 @pytest.mark.parametrize("n_turns", [0, 1, 3, None])
-def test_a_file_that_is_not_there_stops_nothing(
-    live: ModuleType, tmp_path: Path, n_turns: int | None
-) -> None:
+def test_a_file_that_is_not_there_stops_nothing(live, tmp_path, n_turns):
     """Blender tells that another file is about to be loaded, and then that it is not. The image is
     saved within the file as ever.
     """
@@ -716,7 +681,7 @@ def test_a_file_that_is_not_there_stops_nothing(
     assert is_rounding(shown() - expected)
 
 
-def test_image_is_saved_with_the_file(live: ModuleType, tmp_path) -> None:
+def test_image_is_saved_with_the_file(live, tmp_path):
     """A file saved while live is on holds the image that is shown."""
     rig = follow(live)
     turn(rig["GLASS"])
@@ -731,7 +696,7 @@ def test_image_is_saved_with_the_file(live: ModuleType, tmp_path) -> None:
 
 
 @pytest.mark.every_blender
-def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) -> None:
+def test_turned_off_it_leaves_nothing_but_the_image(live, tmp_path):
     """Pressed again it ends; the image is packed, and no change is followed any more."""
     rig = follow(live)
     before = shown()
@@ -751,9 +716,7 @@ def test_turned_off_it_leaves_nothing_but_the_image(live: ModuleType, tmp_path) 
     assert np.array_equal(shown(), before)
 
 
-def test_panel_and_status_bar_agree(
-    live: ModuleType, drawn: Callable[..., Layout], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_panel_and_status_bar_agree(live, drawn, monkeypatch):
     """Nothing is up to date in the panel while the status bar names a step; it is drawn anew
     whenever the text comes and goes. The numbers of a scene that has changed are faint.
     """
@@ -788,7 +751,7 @@ def test_panel_and_status_bar_agree(
     assert followed._text == ""
 
 
-def test_button_says_what_is_missing(live: ModuleType) -> None:
+def test_button_says_what_is_missing(live):
     """Without a display it cannot be turned on, and says so; it can always be turned off."""
     rig = small_rig()
     rig["DISPLAY"].kiriko.role = "NONE"
@@ -801,12 +764,12 @@ def test_button_says_what_is_missing(live: ModuleType) -> None:
     assert not live.is_on()
 
 
-def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
+def test_kept_shapes_are_what_reading_anew_gives(live):
     """A mesh that stays is the same object.
 
     Moved, mirrored or edited it is, to the bit, that of a new reading.
     """
-    shapes = importlib.import_module(f"{EXTENSION}.core.blender.shapes")
+    shapes = loaded("core.blender.shapes")
     glass = small_rig()["GLASS"]
     for face in glass.data.polygons:
         face.use_smooth = face.index % 2 == 0
@@ -843,9 +806,7 @@ def test_kept_shapes_are_what_reading_anew_gives(live: ModuleType) -> None:
         bpy.app.handlers.depsgraph_update_post.remove(told)
 
 
-def test_another_scene_s_window_tells_which_one_live_follows(
-    live: ModuleType, drawn: Callable[..., Layout]
-) -> None:
+def test_another_scene_s_window_tells_which_one_live_follows(live, drawn):
     """There the button is not pressed, and has Live follow that scene: else nothing would happen
     in it, and one press would stop what goes on in the other window.
     """

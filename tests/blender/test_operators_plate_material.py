@@ -25,7 +25,7 @@ def group_of(material: bpy.types.Material) -> bpy.types.Node:
     return group
 
 
-def test_assets_open_with_pictures(scene: bpy.types.Scene) -> None:
+def test_assets_open_with_pictures(scene):
     """Every Blender finds three materials marked as assets, each
     described, in the catalogue, with a picture.
     """
@@ -46,7 +46,7 @@ def test_assets_open_with_pictures(scene: bpy.types.Scene) -> None:
         assert np.ptp(picture[:, :3].max(axis=1) - picture[:, :3].min(axis=1)) > 0.5  # in colours
 
 
-def test_assets_are_what_the_code_makes(scene: bpy.types.Scene, kiriko: object) -> None:
+def test_assets_are_what_the_code_makes(scene):
     """The groups in the file have the nodes and inputs that core/blender/plate.py builds."""
     from kiriko.core.blender.plate import plate_group
 
@@ -102,7 +102,7 @@ def plain(value: object) -> object:
 
 @pytest.mark.every_blender
 @pytest.mark.parametrize("layout", NAMES)
-def test_active_mesh_gets_the_material(scene: bpy.types.Scene, layout: str) -> None:
+def test_active_mesh_gets_the_material(scene, layout):
     """It takes the active slot of the selected mesh, once
     appended is used again, and is no asset of this file.
     """
@@ -126,7 +126,7 @@ def test_active_mesh_gets_the_material(scene: bpy.types.Scene, layout: str) -> N
     assert not bpy.data.libraries or not any(block.library for block in bpy.data.materials)
 
 
-def test_own_changes_and_namesakes_are_left_alone(scene: bpy.types.Scene) -> None:
+def test_own_changes_and_namesakes_are_left_alone(scene):
     """A renamed, edited plate material is used again as it is.
 
     Another material of its first name is not taken.
@@ -144,7 +144,7 @@ def test_own_changes_and_namesakes_are_left_alone(scene: bpy.types.Scene) -> Non
 
 
 @pytest.mark.parametrize("metres", [1.0, 0.001])
-def test_without_a_selected_mesh_a_plane_is_made(scene: bpy.types.Scene, metres: float) -> None:
+def test_without_a_selected_mesh_a_plane_is_made(scene, metres):
     """A plane of 488 mm at the cursor, selected; its pitch is
     0.5 mm whatever the unit; an unselected mesh stays.
     """
@@ -168,7 +168,7 @@ def test_without_a_selected_mesh_a_plane_is_made(scene: bpy.types.Scene, metres:
     )
 
 
-def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
+def test_what_is_no_plate_is_refused(scene):
     """A cube and a mesh without faces: one sentence each, and nothing is appended or changed."""
     for thing, words in (
         (cube(), "is not flat"),
@@ -183,9 +183,7 @@ def test_what_is_no_plate_is_refused(scene: bpy.types.Scene) -> None:
         assert not thing.material_slots
 
 
-def test_missing_file_is_told(
-    scene: bpy.types.Scene, kiriko: object, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_file_is_told(scene, kiriko, monkeypatch):
     """Without the extension's own file both buttons say so in one sentence, and nothing is made."""
     monkeypatch.setattr(kiriko.operators.preset, "FILE", Path("/nowhere/plate.blend"))
     before = inventory()
@@ -196,9 +194,7 @@ def test_missing_file_is_told(
     assert "Kiriko" not in bpy.context.preferences.filepaths.asset_libraries
 
 
-def test_asset_library_is_added_once_and_only_when_asked(
-    scene: bpy.types.Scene, kiriko: object, capfd: pytest.CaptureFixture
-) -> None:
+def test_asset_library_is_added_once_and_only_when_asked(scene, kiriko, capfd):
     """It is not there before; the button adds the folder and is
     grey from then on; the folder has the materials.
     """
@@ -219,7 +215,7 @@ def test_asset_library_is_added_once_and_only_when_asked(
     assert bpy.ops.kiriko.add_asset_library.poll()
 
 
-def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene: bpy.types.Scene) -> None:
+def test_a_plate_of_a_rig_gets_the_mirrors_of_its_settings(scene):
     """Its model, pitch and the rest in a material of its own.
 
     An ideal plate gets that of the file.

@@ -49,9 +49,7 @@ def frame(thing: bpy.types.Object) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("preset", "side"), [("ASKA3D-200", 0.2), ("ASKA3D-488", 0.488)])
-def test_a_plate_gets_the_size_of_the_product(
-    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, preset: str, side: float
-) -> None:
+def test_a_plate_gets_the_size_of_the_product(scene, capfd, preset, side):
     """The plate of Add Rig is as large as the bought one, where it was; the report says so."""
     plate = activate(small_rig()["PLATE"])
     before = frame(plate)
@@ -70,7 +68,7 @@ def test_a_plate_gets_the_size_of_the_product(
     "way",
     ["scaled", "parent", "delta", "off centre", "upright", "askew", "modifier", "millimetres"],
 )
-def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) -> None:
+def test_a_plane_of_the_users_own_gets_it_too(scene, way):
     """However it came to its size: place of its middle, rotation and mesh stay."""
     unit = 1.0
     thing = plane()
@@ -108,7 +106,7 @@ def test_a_plane_of_the_users_own_gets_it_too(scene: bpy.types.Scene, way: str) 
     assert np.array_equal([vertex.co for vertex in thing.data.vertices], vertices)
 
 
-def test_others_of_the_mesh_and_children_stay(scene: bpy.types.Scene) -> None:
+def test_others_of_the_mesh_and_children_stay(scene):
     """An object of the same mesh keeps its size, a child its place and shape.
 
     The plate's grandchild, too.
@@ -142,9 +140,7 @@ def test_others_of_the_mesh_and_children_stay(scene: bpy.types.Scene) -> None:
         ("instance", "it is an instance"),
     ],
 )
-def test_what_holds_its_size_keeps_it_and_says_why(
-    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, way: str, why: str
-) -> None:
+def test_what_holds_its_size_keeps_it_and_says_why(scene, capfd, way, why):
     """The mirrors are set, the size is not, and the report warns of it with the reason."""
     thing = plane()
     if way == "animated":

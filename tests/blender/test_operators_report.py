@@ -1,15 +1,13 @@
 import csv
-import importlib
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import inventory, pixels, short_reports, small_rig
 
 NAMES = ["eye_box.svg", "report.csv", "report.json", "report.svg"]
@@ -17,15 +15,15 @@ SECONDS = 0.5  # of brute force: a few samples a pixel
 
 
 @pytest.fixture(autouse=True)
-def quick(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def quick(kiriko, monkeypatch):
     """The tests here are of the way to the files."""
     short_reports(kiriko, monkeypatch)
 
 
 @pytest.fixture
-def rig(kiriko: ModuleType, scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+def rig(scene) -> dict[str, bpy.types.Object]:
     """A rig that is not in the session yet."""
-    importlib.import_module(f"{kiriko.__name__}.operators.work").forget()
+    loaded("operators.work").forget()
     return small_rig()
 
 
@@ -33,9 +31,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_report_writes_its_files_and_leaves_the_scene(
-    kiriko: ModuleType, rig: dict, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_report_writes_its_files_and_leaves_the_scene(rig, scene, tmp_path):
     """Four files, of which two agree on the rungs, and one has the curves of the eye box.
 
     Result, image and objects stay as they were, but for the costs.
@@ -54,9 +50,7 @@ def test_report_writes_its_files_and_leaves_the_scene(
     ET.parse(tmp_path / "new" / "report.svg")
     ET.parse(tmp_path / "new" / "eye_box.svg")
     bpy.ops.kiriko.eye_box()
-    box = importlib.import_module(f"{kiriko.__name__}.operators.eye_box").box_of(
-        bpy.data.objects["Kiriko Eye Box"]
-    )
+    box = loaded("operators.eye_box").box_of(bpy.data.objects["Kiriko Eye Box"])
     assert report["eye_box"]["ends_m"] == {name: box[name] for name in report["eye_box"]["ends_m"]}
     assert [one["way"] for one in report["eye_box"]["curves"]] == list(report["eye_box"]["ends_m"])
     bpy.ops.kiriko.remove_eye_box()
@@ -80,9 +74,7 @@ def test_report_writes_its_files_and_leaves_the_scene(
     assert after == numbers
 
 
-def test_a_report_needs_no_solve_before_and_its_costs_serve_the_next(
-    rig: dict, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_a_report_needs_no_solve_before_and_its_costs_serve_the_next(rig, scene, tmp_path):
     """The measured ladder is kept with the scene: the next solve tells its costs by it.
 
     A re-paint keeps them.
@@ -99,7 +91,7 @@ def test_a_report_needs_no_solve_before_and_its_costs_serve_the_next(
     assert json.loads(scene.kiriko.result.details)["cost"] == first["cost"]
 
 
-def test_unsolvable_rig_writes_nothing(rig: dict, scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_unsolvable_rig_writes_nothing(rig, scene, tmp_path):
     """A plate that no ray reaches is one sentence.
 
     Not even the folder is left, and the last result stays.
@@ -113,7 +105,7 @@ def test_unsolvable_rig_writes_nothing(rig: dict, scene: bpy.types.Scene, tmp_pa
     assert scene.kiriko.result.details == before
 
 
-def test_existing_report_is_replaced_only_when_told(rig: dict, tmp_path: Path) -> None:
+def test_existing_report_is_replaced_only_when_told(rig, tmp_path):
     """One of the files is enough to refuse, before any work.
 
     The others are not written beside it.
@@ -130,7 +122,7 @@ def test_existing_report_is_replaced_only_when_told(rig: dict, tmp_path: Path) -
     assert (tmp_path / "report.svg").read_bytes().startswith(b"<svg")
 
 
-def test_folder_that_cannot_be_written_is_one_sentence(rig: dict, tmp_path: Path) -> None:
+def test_folder_that_cannot_be_written_is_one_sentence(rig, tmp_path):
     """A folder below a file, one beside a .blend never saved, and none at all."""
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(RuntimeError, match="cannot be written"):
@@ -143,9 +135,7 @@ def test_folder_that_cannot_be_written_is_one_sentence(rig: dict, tmp_path: Path
     assert names(tmp_path) == ["file"]
 
 
-def test_command_writes_the_report_and_prints_the_table(
-    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_command_writes_the_report_and_prints_the_table(run, rig, tmp_path, capsys):
     """Exit code 0; progress and table on stdout, nothing on stderr, the files in the folder."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     out = tmp_path / "out"
@@ -161,9 +151,7 @@ def test_command_writes_the_report_and_prints_the_table(
     assert run("report", "--out", out, "--overwrite", "--seconds", 0) == 0
 
 
-def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
-    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(run, rig, tmp_path, capsys):
     """Of one viewer its eye box by the limit that is given; of two eyes both, as drawings, too. A
     picture in the viewer's own pixels is told in a sentence.
     """
@@ -225,15 +213,10 @@ def test_command_eyes_writes_what_is_told_of_heads_and_eyes_alone(
 
 @pytest.mark.parametrize("way", ["SHARP", "BLENDED", "own images"])
 def test_several_viewers_are_told_by_the_same_numbers_everywhere(
-    run: Callable[..., int],
-    kiriko: ModuleType,
-    rig: dict,
-    way: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture,
-) -> None:
+    run, kiriko, rig, way, tmp_path, capsys
+):
     """After a solve, in a report, by the verb that measures nothing; and in the same words."""
-    words = importlib.import_module(f"{kiriko.__name__}.operators.viewer_reports")
+    words = loaded("operators.viewer_reports")
     scene = bpy.context.scene
     bpy.ops.kiriko.two_eyes()
     if way == "own images":
@@ -262,18 +245,13 @@ def test_several_viewers_are_told_by_the_same_numbers_everywhere(
 
 
 def test_what_goes_wrong_beside_a_report_does_not_lose_it(
-    run: Callable[..., int],
-    kiriko: ModuleType,
-    rig: dict,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture,
-) -> None:
+    run, kiriko, rig, tmp_path, monkeypatch, capfd
+):
     """All else is there; the missing is told in sentences and in report.json, whether its error was
     foreseen or not. The verb that tells nothing else ends with the error.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.report")
-    errors = importlib.import_module(f"{kiriko.__name__}.core.base.errors")
+    module = loaded("operators.report")
+    errors = loaded("core.base.errors")
 
     def no_eyes(*_: object, **__: object) -> None:
         raise errors.RigError("The eyes are shut: open them.")
@@ -309,18 +287,14 @@ def test_what_goes_wrong_beside_a_report_does_not_lose_it(
 
 
 @pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "soon"])
-def test_a_budget_that_is_no_time_is_refused(
-    run: Callable[..., int], seconds: str, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_budget_that_is_no_time_is_refused(run, seconds, tmp_path, capsys):
     """Exit code 2 and one sentence."""
     assert run("report", "--out", tmp_path / "out", f"--seconds={seconds}") == 2
     assert "--seconds" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("look_down", [0, 60])
-def test_a_rig_without_a_plate_has_its_report(
-    scene: bpy.types.Scene, tmp_path: Path, look_down: float
-) -> None:
+def test_a_rig_without_a_plate_has_its_report(scene, tmp_path, look_down):
     """The same files, that say nothing of a plate; one whose light misses the display is
     refused in a sentence that does not, either.
     """
@@ -345,9 +319,7 @@ def test_a_rig_without_a_plate_has_its_report(
     assert names(tmp_path) == NAMES
 
 
-def test_a_plate_with_mirrors_is_told_by_its_angle(
-    rig: dict, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_a_plate_with_mirrors_is_told_by_its_angle(rig, scene, tmp_path):
     """Two more files: light by angle and path, as docs' table of the plate has it, and a
     diagram.
     """

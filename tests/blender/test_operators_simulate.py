@@ -1,4 +1,3 @@
-import importlib
 import re
 from types import SimpleNamespace
 
@@ -6,11 +5,12 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import inventory, pixels, small_rig
 
 
 @pytest.mark.every_blender
-def test_an_ideal_plate_shows_the_picture_and_no_stray_light(scene, kiriko):
+def test_an_ideal_plate_shows_the_picture_and_no_stray_light(scene):
     small_rig()
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.simulate(samples=4)
@@ -20,7 +20,7 @@ def test_an_ideal_plate_shows_the_picture_and_no_stray_light(scene, kiriko):
     assert np.isfinite(seen).all()
 
 
-def test_mirrors_dim_the_picture(scene, kiriko):
+def test_mirrors_dim_the_picture(scene):
     parts = small_rig()
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.simulate(samples=9)
@@ -51,7 +51,7 @@ def test_another_display_wants_another_solve(scene):
     assert inventory() == before
 
 
-def test_the_operator_says_how_much_is_stray(scene, kiriko):
+def test_the_operator_says_how_much_is_stray(scene):
     """A white display so wide that light of one layer alone comes from it.
 
     More samples, less noise.
@@ -60,8 +60,8 @@ def test_the_operator_says_how_much_is_stray(scene, kiriko):
     bpy.ops.kiriko.solve()
     source = scene.kiriko.result.source
     source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
-    module = importlib.import_module(f"{kiriko.__name__}.operators.simulate")
-    finish = importlib.import_module(f"{kiriko.__name__}.core.base.steps").finish
+    module = loaded("operators.simulate")
+    finish = loaded("core.base.steps").finish
     noises = []
     words = re.compile(
         r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise"
@@ -100,7 +100,7 @@ def test_an_image_of_yours_with_the_name_of_ours_stays(scene):
         assert len(bpy.data.images) == n_images + 1
 
 
-def test_the_image_made_last_is_shown(scene: bpy.types.Scene) -> None:
+def test_the_image_made_last_is_shown(scene):
     """The panel's picture is the source image, then the simulation, then again the source image."""
     small_rig()
     result = scene.kiriko.result

@@ -1,5 +1,4 @@
 import json
-from types import ModuleType
 
 import bpy
 import numpy as np
@@ -14,9 +13,7 @@ def numbers(scene: bpy.types.Scene) -> dict:
     return json.loads(scene.kiriko.result.details)
 
 
-def test_source_is_the_picture_when_nothing_refracts(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_source_is_the_picture_when_nothing_refracts(scene):
     """With an index of 1 a display as large as the picture shows
     the picture itself, upright and unmirrored.
     """
@@ -33,7 +30,7 @@ def test_source_is_the_picture_when_nothing_refracts(
         assert error < 0.25 * np.abs(shown - turned).mean()
 
 
-def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
+def test_result_says_what_was_read_and_done(scene):
     """After a solve the scene holds image, coverage, a
     sentence, and the index with the place it comes from.
     """
@@ -54,9 +51,7 @@ def test_result_says_what_was_read_and_done(scene: bpy.types.Scene) -> None:
     )
 
 
-def test_the_kernel_has_as_many_threads_as_a_render(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_the_kernel_has_as_many_threads_as_a_render(scene, kiriko):
     """The threads of renders hold for solves, whose source image is the same for any number."""
     small_rig()
     sources = []
@@ -69,7 +64,7 @@ def test_the_kernel_has_as_many_threads_as_a_render(
     assert np.array_equal(*sources)
 
 
-def test_source_is_saved_with_the_file(scene: bpy.types.Scene, tmp_path) -> None:
+def test_source_is_saved_with_the_file(scene, tmp_path):
     """Every number of the source image is the same after saving and loading."""
     small_rig()
     bpy.ops.kiriko.solve()
@@ -79,7 +74,7 @@ def test_source_is_saved_with_the_file(scene: bpy.types.Scene, tmp_path) -> None
     assert np.array_equal(before, pixels(bpy.context.scene.kiriko.result.source))
 
 
-def test_material_of_the_user_gives_way_and_is_kept(scene: bpy.types.Scene) -> None:
+def test_material_of_the_user_gives_way_and_is_kept(scene):
     """The display emits the source.
 
     The user's own material stays in the mesh and the file, and the notes name it.
@@ -98,7 +93,7 @@ def test_material_of_the_user_gives_way_and_is_kept(scene: bpy.types.Scene) -> N
     assert images == {scene.kiriko.result.source}
 
 
-def test_solving_again_leaves_no_litter(scene: bpy.types.Scene) -> None:
+def test_solving_again_leaves_no_litter(scene):
     """A second solve replaces image and material of the
     first, also when the display's resolution changes.
     """
@@ -112,7 +107,7 @@ def test_solving_again_leaves_no_litter(scene: bpy.types.Scene) -> None:
     assert tuple(scene.kiriko.result.source.size) == (32, 32)
 
 
-def test_failed_solve_leaves_everything_as_it_was(scene: bpy.types.Scene) -> None:
+def test_failed_solve_leaves_everything_as_it_was(scene):
     """A plate that no ray reaches is one sentence; the earlier result and its image stay."""
     rig = small_rig()
     bpy.ops.kiriko.solve()
@@ -127,9 +122,7 @@ def test_failed_solve_leaves_everything_as_it_was(scene: bpy.types.Scene) -> Non
     assert scene.kiriko.result.summary == summary
 
 
-def test_what_of_the_material_is_not_followed_is_named_in_the_result(
-    scene: bpy.types.Scene,
-) -> None:
+def test_what_of_the_material_is_not_followed_is_named_in_the_result(scene):
     """A rough glass solves as clear glass, and the result's notes say so."""
     glass = small_rig()["GLASS"]
     material = bpy.data.materials.new("Frosted")
@@ -147,7 +140,7 @@ def test_what_of_the_material_is_not_followed_is_named_in_the_result(
     assert "Roughness 0.2" in note
 
 
-def test_a_rig_without_a_plate_is_solved_straight(scene: bpy.types.Scene) -> None:
+def test_a_rig_without_a_plate_is_solved_straight(scene):
     """A display behind the glass, and no plate, of which the rig knows: the sentence says that
     there is none, and Only Through Plate changes nothing.
     """

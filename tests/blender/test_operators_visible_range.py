@@ -1,15 +1,14 @@
-import importlib
-
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import inventory, small_rig
 
 NAME = "Kiriko Visible Range"
 
 
-def test_the_range_is_an_object_around_the_viewer(scene, kiriko):
+def test_the_range_is_an_object_around_the_viewer(scene):
     parts = small_rig()
     bpy.ops.kiriko.visible_range()
     thing = bpy.data.objects[NAME]
@@ -32,7 +31,7 @@ def test_the_range_is_an_object_around_the_viewer(scene, kiriko):
     assert thing.kiriko.role == "NONE"
 
 
-def test_it_is_made_anew_in_place(scene, kiriko):
+def test_it_is_made_anew_in_place(scene):
     small_rig()
     bpy.ops.kiriko.visible_range()
     before = inventory()
@@ -42,7 +41,7 @@ def test_it_is_made_anew_in_place(scene, kiriko):
     assert len(bpy.data.objects[NAME].data.polygons) > whole
 
 
-def test_where_nothing_is_seen_nothing_is_made(scene, kiriko):
+def test_where_nothing_is_seen_nothing_is_made(scene):
     parts = small_rig()
     parts["DISPLAY"].scale = (0.05, 0.05, 0.05)
     before = inventory()
@@ -51,7 +50,7 @@ def test_where_nothing_is_seen_nothing_is_made(scene, kiriko):
     assert inventory() == before
 
 
-def test_it_is_removed_with_its_mesh(scene, kiriko):
+def test_it_is_removed_with_its_mesh(scene):
     """The scene is as it was before; then there is nothing to be removed."""
     small_rig()
     before = inventory()
@@ -65,7 +64,7 @@ def test_it_is_removed_with_its_mesh(scene, kiriko):
 
 def test_colours_grow_brighter_and_end_at_the_scales_ends(kiriko):
     """Lightness grows along the whole scale, as the eye weighs its colours."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.viridis")
+    module = loaded("core.blender.viridis")
     colours = module.viridis(np.linspace(-0.5, 1.5, 41))
     assert np.allclose(colours[0], module.ANCHORS[0])
     assert np.allclose(colours[-1], module.ANCHORS[-1])

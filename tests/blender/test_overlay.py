@@ -1,6 +1,5 @@
 """The overlay: the sketch that is kept up to date, and what is handed to the GPU of it."""
 
-import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from types import ModuleType, SimpleNamespace
@@ -10,15 +9,14 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, primitive, show_scene, small_rig
 
 
 @pytest.fixture
-def sketcher(
-    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[ModuleType]:
+def sketcher(scene, monkeypatch) -> Iterator[ModuleType]:
     """Module operators.sketcher, which takes all viewports for looked at, and does not wait."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.sketcher")
+    module = loaded("operators.sketcher")
     monkeypatch.setattr(module, "is_looked_at", lambda area: area.type == "VIEW_3D")
     monkeypatch.setattr(module, "SHARE", 0.0)
     monkeypatch.setattr(module, "QUIET", 0.0)
@@ -28,11 +26,9 @@ def sketcher(
 
 
 @pytest.fixture
-def overlay(
-    sketcher: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> ModuleType:
+def overlay(sketcher, kiriko, monkeypatch) -> ModuleType:
     """Package panels.overlay, which hands all to a stand-in for the GPU, and hides no error."""
-    module = importlib.import_module(f"{kiriko.__name__}.panels.overlay")
+    module = loaded("panels.overlay")
     for name in ("lines", "words"):
         drawer = getattr(module, name)
         monkeypatch.setattr(drawer, "gpu", PAPER)
@@ -135,7 +131,7 @@ def drawn(overlay: ModuleType) -> list:
     return PAPER.drawn
 
 
-def test_the_light_of_a_rig_is_sketched_where_it_goes(sketcher: ModuleType) -> None:
+def test_the_light_of_a_rig_is_sketched_where_it_goes(sketcher):
     """From viewer to display, in metres, whatever the scene's unit; distances as Add Rig made
     them.
     """
@@ -162,9 +158,7 @@ def test_the_light_of_a_rig_is_sketched_where_it_goes(sketcher: ModuleType) -> N
         assert drawing.sketch.dimensions[0].length == pytest.approx(distance, rel=1e-6)
 
 
-def test_the_sketch_follows_the_scene_and_rests_else(
-    sketcher: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_sketch_follows_the_scene_and_rests_else(sketcher, monkeypatch):
     """A move of the glass changes it; without a change nothing is read; a change that does not
     count leaves it as it is.
     """
@@ -190,7 +184,7 @@ def test_the_sketch_follows_the_scene_and_rests_else(
     assert {note.text for note in third.sketch.notes} >= {"cut off by Max Events"}
 
 
-def test_a_picture_in_the_viewers_pixels_is_looked_at_over_its_frame(sketcher: ModuleType) -> None:
+def test_a_picture_in_the_viewers_pixels_is_looked_at_over_its_frame(sketcher):
     """The corners are those of the frame, and no plane is needed."""
     small_rig()
     ours = bpy.context.scene.kiriko
@@ -249,11 +243,7 @@ def bent_plate(rig: dict[str, bpy.types.Object]) -> None:
         bent_plate,
     ],
 )
-def test_a_rig_that_cannot_be_solved_is_drawn_as_far_as_it_goes(
-    sketcher: ModuleType,
-    overlay: ModuleType,
-    spoil: Callable[[dict[str, bpy.types.Object]], None],
-) -> None:
+def test_a_rig_that_cannot_be_solved_is_drawn_as_far_as_it_goes(sketcher, overlay, spoil):
     """No light, no error, and all that is drawn has a place."""
     rig = small_rig()
     assert looked(sketcher).sketch.light.ways
@@ -266,7 +256,7 @@ def test_a_rig_that_cannot_be_solved_is_drawn_as_far_as_it_goes(
         assert PAPER.drawn
 
 
-def test_it_is_drawn_in_the_colours_of_its_light(sketcher: ModuleType, overlay: ModuleType) -> None:
+def test_it_is_drawn_in_the_colours_of_its_light(sketcher, overlay):
     """Ways that arrive in one colour, those that are lost, and the hatch, in another, in Blender's
     units.
     """
@@ -284,9 +274,7 @@ def test_it_is_drawn_in_the_colours_of_its_light(sketcher: ModuleType, overlay: 
     assert len(PAPER.lines_of(colours.LOST)) == 2  # ways and hatch
 
 
-def test_words_are_distances_in_the_scenes_unit_and_reasons(
-    sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_words_are_distances_in_the_scenes_unit_and_reasons(sketcher, overlay, monkeypatch):
     """Each where it belongs, the same words once where they would stand over each other."""
     bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
     rig = small_rig(distance=0.15)
@@ -326,9 +314,7 @@ class Flat(tuple):
         return super().__new__(cls, (2000 * place[1] + 500, 2000 * place[2] + 500))
 
 
-def test_nothing_is_drawn_where_it_is_not_asked_for(
-    sketcher: ModuleType, overlay: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_drawn_where_it_is_not_asked_for(sketcher, overlay, monkeypatch):
     """Not with the toggle off, not where the tab is closed, not over another scene."""
     small_rig()
     looked(sketcher)
@@ -346,12 +332,7 @@ def test_nothing_is_drawn_where_it_is_not_asked_for(
     assert not drawn(overlay)
 
 
-def test_an_error_ends_the_overlay_and_is_told_once(
-    sketcher: ModuleType,
-    overlay: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
-) -> None:
+def test_an_error_ends_the_overlay_and_is_told_once(sketcher, overlay, monkeypatch, capsys):
     """Blender goes on drawing, the console has the traceback, and it is not tried again."""
     small_rig()
     looked(sketcher)

@@ -1,19 +1,18 @@
 """An image for each of several viewers, in that viewer's own pixels, in Blender."""
 
-import importlib
 from collections.abc import Iterator
-from types import ModuleType
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import pixels, small_rig
 
 
 @pytest.fixture
-def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+def rig(scene) -> dict[str, bpy.types.Object]:
     """A rig around a cube of two viewers, whose pictures are images; the objects by role."""
     parts = small_rig()
     thing = ours().viewer.copy()
@@ -44,21 +43,21 @@ def give(first: bpy.types.Image | None, second: bpy.types.Image | None) -> None:
         one.image = image
 
 
-def work(kiriko: ModuleType) -> Any:
-    return importlib.import_module(f"{kiriko.__name__}.operators.work")
+def work() -> Any:
+    return loaded("operators.work")
 
 
 def source() -> np.ndarray:
     return pixels(ours().result.source).copy()
 
 
-def test_each_viewer_sees_its_own_image(kiriko: ModuleType, rig: dict) -> None:
+def test_each_viewer_sees_its_own_image(kiriko, rig):
     """Red for the one, blue for the other: where both see a display pixel it shows the mean by
     weight, elsewhere the one colour; each viewer's ideal image is its own.
     """
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1)))
     ours().viewers[1].weight = 3.0
-    read = work(kiriko).read(bpy.context).rig
+    read = work().read(bpy.context).rig
     assert {one.name: one.image[0, 0, :3].tolist() for one in read.picture.own} == {
         "Kiriko Viewer": [1, 0, 0],
         "mine": [0, 0, 1],
@@ -72,7 +71,7 @@ def test_each_viewer_sees_its_own_image(kiriko: ModuleType, rig: dict) -> None:
     assert (np.abs(colours[lit] - [0.25, 0, 0.75]).max(axis=1) < 0.01).mean() > 0.2
 
 
-def test_images_go_along_with_their_viewers(kiriko: ModuleType, rig: dict) -> None:
+def test_images_go_along_with_their_viewers(kiriko, rig):
     """Moved in the list, which solves to the same. The last viewer's is the scene's image."""
     red, blue = plain("red", (1, 0, 0)), plain("blue", (0, 0, 1))
     give(red, blue)
@@ -92,7 +91,7 @@ def test_images_go_along_with_their_viewers(kiriko: ModuleType, rig: dict) -> No
     assert (len(ours().viewers), ours().picture_image) == (0, blue)
 
 
-def test_eyes_that_are_made_anew_keep_all_images(kiriko: ModuleType, rig: dict) -> None:
+def test_eyes_that_are_made_anew_keep_all_images(kiriko, rig):
     """Theirs, the viewer's they stand around, and that of all. A grid of heads has none of them."""
     ours().viewer_shown = 1
     bpy.ops.kiriko.remove_viewer()
@@ -110,24 +109,24 @@ def test_eyes_that_are_made_anew_keep_all_images(kiriko: ModuleType, rig: dict) 
     assert ours().picture_image.name == "of all"
 
 
-def test_viewers_without_images_see_that_of_the_scene(kiriko: ModuleType, rig: dict) -> None:
+def test_viewers_without_images_see_that_of_the_scene(kiriko, rig):
     """So it is before any is chosen; an image of a viewer who is off does not count."""
     grey, red = plain("grey", (0.5, 0.5, 0.5)), plain("red", (1, 0, 0))
     ours().picture_image = grey
-    assert work(kiriko).read(bpy.context).rig.picture.own == ()
+    assert work().read(bpy.context).rig.picture.own == ()
     give(None, red)
     ours().viewers[1].is_on = False
-    picture = work(kiriko).read(bpy.context).rig.picture
+    picture = work().read(bpy.context).rig.picture
     assert (picture.name, picture.own) == ("grey", ())
 
     # a plane is the same for all
     ours().viewers[1].is_on = True
     ours().picture_source = "PLANE"
-    assert work(kiriko).read(bpy.context).rig.picture.own == ()
+    assert work().read(bpy.context).rig.picture.own == ()
 
 
 @pytest.fixture
-def solved(kiriko: ModuleType, rig: dict) -> Iterator[np.ndarray]:
+def solved(kiriko, rig) -> Iterator[np.ndarray]:
     """The source image of a solve for both, which is there afterwards as before."""
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1)))
     bpy.ops.kiriko.solve()
@@ -136,7 +135,7 @@ def solved(kiriko: ModuleType, rig: dict) -> Iterator[np.ndarray]:
     assert np.array_equal(source(), before)
 
 
-def test_a_missing_image_is_one_sentence(kiriko: ModuleType, solved: np.ndarray) -> None:
+def test_a_missing_image_is_one_sentence(kiriko, solved):
     """Of one that is not chosen, of one whose file is gone, and where nobody has one."""
     second = ours().viewers[1]
     second.image = None
@@ -156,9 +155,9 @@ def test_a_missing_image_is_one_sentence(kiriko: ModuleType, solved: np.ndarray)
         bpy.ops.kiriko.solve()
 
 
-def test_an_image_of_another_size_is_told_and_stretched(kiriko: ModuleType, rig: dict) -> None:
+def test_an_image_of_another_size_is_told_and_stretched(kiriko, rig):
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1), 32))
-    reading = work(kiriko).read(bpy.context)
+    reading = work().read(bpy.context)
     told = [str(note) for note in reading.notes if "its viewer" in str(note)]
     size = next(v for v in reading.rig.viewers if v.name == "mine")
     assert told == [
@@ -168,9 +167,9 @@ def test_an_image_of_another_size_is_told_and_stretched(kiriko: ModuleType, rig:
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
-def test_a_result_is_stale_where_a_viewer_gets_another_image(kiriko: ModuleType, rig: dict) -> None:
-    scene_now = work(kiriko).scene_now
-    chosen = importlib.import_module(f"{kiriko.__name__}.operators.chosen").chosen_settings
+def test_a_result_is_stale_where_a_viewer_gets_another_image(kiriko, rig):
+    scene_now = work().scene_now
+    chosen = loaded("operators.chosen").chosen_settings
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1)))
     before, listed = scene_now(bpy.context), chosen(bpy.context.scene)
     ours().viewers[1].image = plain("green", (0, 1, 0))
@@ -182,7 +181,7 @@ def test_a_result_is_stale_where_a_viewer_gets_another_image(kiriko: ModuleType,
     assert scene_now(bpy.context).is_same(before)
 
 
-def test_the_lattice_takes_the_place_of_all_images(kiriko: ModuleType, rig: dict) -> None:
+def test_the_lattice_takes_the_place_of_all_images(kiriko, rig):
     """Calibrate needs it, whichever viewer takes the photograph."""
     give(plain("red", (1, 0, 0)), plain("blue", (0, 0, 1)))
     bpy.ops.kiriko.lattice_picture()

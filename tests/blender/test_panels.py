@@ -1,17 +1,17 @@
 """The panels, drawn on a layout that checks its items and keeps them (fixture `drawn`)."""
 
-import importlib
 import json
 import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import blf
 import bpy
 import pytest
 
+from extension import loaded
 from kiriko.core.base.words import percent, summary
 from panel_layout import Layout
 from small_rigs import cube, new_object, primitive, record_text, small_rig
@@ -25,7 +25,7 @@ OWN = {
 
 
 @pytest.mark.parametrize("model", OWN)
-def test_a_plate_shows_the_settings_of_its_model(drawn: Callable[..., Layout], model: str) -> None:
+def test_a_plate_shows_the_settings_of_its_model(drawn, model):
     """An ideal plate has none but the model; only crossed layers can be crossed wrong."""
     plate = small_rig()["PLATE"]
     plate.kiriko.plate.model = model
@@ -34,9 +34,7 @@ def test_a_plate_shows_the_settings_of_its_model(drawn: Callable[..., Layout], m
     assert "kiriko.plate_preset" in shown.operators
 
 
-def test_a_picture_shows_what_is_solved(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_a_picture_shows_what_is_solved(drawn, scene):
     """The name of the image, wherever it was chosen, beside buttons.
 
     The menu offers images, but not Kiriko's own.
@@ -60,9 +58,7 @@ def test_a_picture_shows_what_is_solved(
     assert "Render Result" not in offered
 
 
-def test_an_image_as_the_picture_that_is_not_chosen_is_missing(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_an_image_as_the_picture_that_is_not_chosen_is_missing(drawn, scene):
     """The list has no picture plane then, the checklist has the
     reason, and Solve and Live are grey with that reason.
     """
@@ -107,9 +103,7 @@ def open_file(scene: bpy.types.Scene, path: Path) -> bpy.types.Image:
     return scene.objects["Kiriko Picture"].kiriko.image
 
 
-def test_a_glass_shows_the_index_in_use(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_a_glass_shows_the_index_in_use(drawn, scene):
     """Its material's, with the name of that, or the default; while it is on the override alone."""
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
@@ -133,9 +127,7 @@ def test_a_glass_shows_the_index_in_use(
 
 
 @pytest.mark.parametrize("source", ["PLANE", "IMAGE"])
-def test_solve_is_grey_while_the_pictures_file_is_missing(
-    look: Callable[[], list], scene: bpy.types.Scene, tmp_path: Path, source: str
-) -> None:
+def test_solve_is_grey_while_the_pictures_file_is_missing(look, scene, tmp_path, source):
     """With the sentence of the checklist; once the file is there again it can be pressed."""
     small_rig()
     path = tmp_path / "mine.png"
@@ -153,9 +145,7 @@ def test_solve_is_grey_while_the_pictures_file_is_missing(
 
 
 @pytest.mark.parametrize("role", ["DISPLAY", "PICTURE"])
-def test_solve_is_grey_while_a_part_is_doubled(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene, role: str
-) -> None:
+def test_solve_is_grey_while_a_part_is_doubled(drawn, scene, role):
     """With the sentence of the checklist, until one of both is left out or hidden."""
     other = small_rig()[role].copy()
     scene.collection.objects.link(other)
@@ -179,12 +169,7 @@ def test_solve_is_grey_while_a_part_is_doubled(
     ],
 )
 @pytest.mark.parametrize("role", ["GLASS", "DISPLAY", "PICTURE"])
-def test_a_script_that_gives_a_camera_a_role_is_told(
-    drawn: Callable[..., Layout],
-    look: Callable[[], list],
-    make: Callable[[], bpy.types.ID | None],
-    role: str,
-) -> None:
+def test_a_script_that_gives_a_camera_a_role_is_told(drawn, look, make, role):
     """The checklist says why it can be no part, with a button that takes the role back; Solve is
     grey for that reason.
     """
@@ -202,7 +187,7 @@ def test_a_script_that_gives_a_camera_a_role_is_told(
     assert bpy.ops.kiriko.solve.poll()
 
 
-def test_a_rig_in_the_making_says_what_it_lacks(drawn: Callable[..., Layout]) -> None:
+def test_a_rig_in_the_making_says_what_it_lacks(drawn):
     """Each part that is needed and not there is named."""
     new_object(primitive("cube", size=0.1), "BLOCKER")
     text = " ".join(drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts)
@@ -228,17 +213,12 @@ PANELS = (
 )
 
 
-def test_before_there_is_a_rig_there_is_one_button(
-    drawn: Callable[..., Layout],
-    scene: bpy.types.Scene,
-    kiriko: ModuleType,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_before_there_is_a_rig_there_is_one_button(drawn, scene, monkeypatch):
     """One sentence and Add Rig; no other panel is there. A
     single object with a role, or a result, brings them all.
     """
     # on a busy machine a look may take so long that its answer is kept
-    needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
+    needed = loaded("operators.needed")
     monkeypatch.setattr(needed, "LONG", float("inf"))
     shown = drawn(*PANELS[0])
     assert shown.operators == ["kiriko.add_rig"] * 2 + ["kiriko.open_example"]
@@ -268,7 +248,7 @@ def test_before_there_is_a_rig_there_is_one_button(
     assert all(polled())
 
 
-def test_buttons_stay_where_they_are(drawn: Callable[..., Layout]) -> None:
+def test_buttons_stay_where_they_are(drawn):
     """Nothing in or above Solve and Result depends on the active object."""
     parts = small_rig()
     for module, name in PANELS[:3]:
@@ -276,7 +256,7 @@ def test_buttons_stay_where_they_are(drawn: Callable[..., Layout]) -> None:
         assert len({(*x.props, *x.operators, *x.texts) for x in layouts}) == 1
 
 
-def test_a_list_selects_what_it_names(drawn: Callable[..., Layout]) -> None:
+def test_a_list_selects_what_it_names(drawn):
     """Each part is named by a button, which selects it and makes it active.
 
     A hidden one has another button beside it, and is not selected before that is pressed.
@@ -301,7 +281,7 @@ def test_a_list_selects_what_it_names(drawn: Callable[..., Layout]) -> None:
         bpy.ops.kiriko.select_part(part="nobody")
 
 
-def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.types.Scene) -> None:
+def test_a_coarse_image_is_called_one(drawn, scene):
     """With numbers of a result before, and with none: then there is no share of the
     picture either.
     """
@@ -330,9 +310,7 @@ def test_a_coarse_image_is_called_one(drawn: Callable[..., Layout], scene: bpy.t
     assert " ".join(drawn("result_panel", "VIEW3D_PT_kiriko_result").texts) == words
 
 
-def test_the_result_tells_brightness_and_blur_of_mirrors(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_the_result_tells_brightness_and_blur_of_mirrors(drawn, scene):
     """The numbers of the solve in one sentence, with their standard errors.
 
     Nothing of it with an ideal plate.
@@ -361,9 +339,7 @@ def test_the_result_tells_brightness_and_blur_of_mirrors(
     assert "Rays: " in text
 
 
-def test_all_of_the_picture_is_accounted_for(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_all_of_the_picture_is_accounted_for(drawn, scene):
     """Details tell the share that is shown as the sentence does, and each share that is lost."""
     small_rig()
     bpy.ops.kiriko.solve()
@@ -392,15 +368,13 @@ def menu_verbs(drawn: Callable[..., Layout]) -> list[str]:
 
 
 @pytest.mark.parametrize("version", ["menu", "entry"])
-def test_each_verb_is_in_a_menu(
-    drawn: Callable[..., Layout], kiriko: ModuleType, version: str
-) -> None:
+def test_each_verb_is_in_a_menu(drawn, kiriko, version):
     """Object > Kiriko has every operator but those that need a part's name, and File > Export one.
 
     Blender's search finds operators in menus.
     """
     if version == "entry":
-        menus = importlib.import_module(f"{kiriko.__name__}.panels.menus")
+        menus = loaded("panels.menus")
         small_rig()
         here = SimpleNamespace(layout=Layout())
         menus.draw_in_export(here, bpy.context)
@@ -410,7 +384,7 @@ def test_each_verb_is_in_a_menu(
             assert menus.__name__ in drawers
         return
 
-    classes = importlib.import_module(f"{kiriko.__name__}.operators").CLASSES
+    classes = loaded("operators").CLASSES
     own = {
         "add_plate_material",
         "add_asset_library",
@@ -418,7 +392,7 @@ def test_each_verb_is_in_a_menu(
         "choose_rig",
         "show_image",
     }  # elsewhere in menus
-    parts = importlib.import_module(f"{kiriko.__name__}.operators.parts")
+    parts = loaded("operators.parts")
     named = {c.bl_idname for c in classes if issubclass(c, parts.NamesPart)}
     verbs = {c.bl_idname for c in classes} - named - {f"kiriko.{name}" for name in own}
     found = set(menu_verbs(drawn))
@@ -438,13 +412,13 @@ def test_each_verb_is_in_a_menu(
     ],
 )
 @pytest.mark.parametrize("width", [60.0, 130.0, 240.0])
-def test_text_wraps_by_its_measured_width(kiriko: ModuleType, text: str, width: float) -> None:
+def test_text_wraps_by_its_measured_width(kiriko, text, width):
     """No line is wider than it may be, none could take the next piece, and no letter is lost.
 
     Japanese breaks anywhere but before a mark that closes, or after one that opens. A number stays
     with its unit.
     """
-    wrapping = importlib.import_module(f"{kiriko.__name__}.operators.wrapping")
+    wrapping = loaded("operators.wrapping")
     lines = wrapping.wrapped(text, width)
     blf.size(0, wrapping.POINTS)
     assert all(blf.dimensions(0, line)[0] <= width for line in lines)
@@ -459,9 +433,7 @@ def test_text_wraps_by_its_measured_width(kiriko: ModuleType, text: str, width: 
         assert is_cut or blf.dimensions(0, line + joint + piece)[0] > width
 
 
-def test_lost_light_and_open_glass_are_warned_of(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_lost_light_and_open_glass_are_warned_of(drawn, scene):
     """With the sign for errors, which other notes do not have.
 
     A result of an earlier version has no warnings.
@@ -495,9 +467,7 @@ def test_lost_light_and_open_glass_are_warned_of(
     assert drawn("result_panel", "VIEW3D_PT_kiriko_details").icons[first] == "INFO"
 
 
-def test_what_was_simulated_is_told_until_the_next_result(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_what_was_simulated_is_told_until_the_next_result(drawn, scene, tmp_path):
     """The numbers of Simulate stay in the panel and in the
     file, and go with the source image they are of.
     """
@@ -520,9 +490,7 @@ def test_what_was_simulated_is_told_until_the_next_result(
     assert "Kiriko Seen" not in " ".join(shown.texts)
 
 
-def test_a_camera_shows_the_pixels_it_is_solved_with(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
+def test_a_camera_shows_the_pixels_it_is_solved_with(drawn, scene):
     """Its own, or those of the render, as the viewer and as the active object.
 
     It is offered no role.
@@ -538,7 +506,7 @@ def test_a_camera_shows_the_pixels_it_is_solved_with(
     assert shown.texts.count("As the render: 1920 x 1080 px") == 1
 
 
-def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) -> None:
+def test_what_has_no_surface_is_offered_no_role(drawn):
     """Light, armature, lattice and empty say why.
 
     One that has a role all the same can be set back.
@@ -561,7 +529,7 @@ def test_what_has_no_surface_is_offered_no_role(drawn: Callable[..., Layout]) ->
         assert "Set the role to None" in " ".join(shown.texts)
 
 
-def test_opaque_glass_has_a_button_that_makes_it_glass(drawn: Callable[..., Layout]) -> None:
+def test_opaque_glass_has_a_button_that_makes_it_glass(drawn):
     """Until it refracts, or has an index of its own."""
     thing = cube()
     thing.kiriko.role = "GLASS"
@@ -580,7 +548,7 @@ def test_opaque_glass_has_a_button_that_makes_it_glass(drawn: Callable[..., Layo
     assert grey.use_fake_user
 
 
-def test_the_menu_has_each_verb_once(drawn: Callable[..., Layout]) -> None:
+def test_the_menu_has_each_verb_once(drawn):
     """But Add Rig, of which there are two kinds."""
     small_rig()
     verbs = [v for v in menu_verbs(drawn) if v != "kiriko.add_rig"]

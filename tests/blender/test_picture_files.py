@@ -2,18 +2,16 @@
 picture are refused.
 """
 
-import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import bpy
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
+from extension import loaded
 from known.profiles import COLUMNS, fixed, profile
 from small_rigs import small_rig
 
@@ -53,13 +51,13 @@ def write(path: Path, found: np.ndarray, kind: str = "uint8", **about: object) -
 
 
 @pytest.fixture
-def picture(scene: bpy.types.Scene) -> bpy.types.Object:
+def picture(scene) -> bpy.types.Object:
     return small_rig()["PICTURE"]
 
 
 @pytest.fixture
-def linear(kiriko: ModuleType) -> Callable[[bpy.types.Image], np.ndarray]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
+def linear(kiriko) -> Callable[[bpy.types.Image], np.ndarray]:
+    module = loaded("core.blender.picture")
     return lambda image: module.read_pixels(image, "the picture")[..., :3]
 
 
@@ -71,13 +69,8 @@ def opened(picture: bpy.types.Object, path: Path) -> bpy.types.Image:
 @pytest.mark.parametrize("orientation", STORED)
 @pytest.mark.parametrize(("name", "kind"), [("p.png", "uint8"), ("p.tif", "uint16")])
 def test_open_picture_turns_a_photograph_upright(
-    picture: bpy.types.Object,
-    linear: Callable[..., Any],
-    tmp_path: Path,
-    orientation: int,
-    name: str,
-    kind: str,
-) -> None:
+    picture, linear, tmp_path, orientation, name, kind
+):
     """Its pixels are those of the same picture that is stored upright, also when they are loaded
     anew; unpacking it would not take the place of its file.
     """
@@ -98,10 +91,8 @@ def test_open_picture_turns_a_photograph_upright(
     assert "turned" not in bpy.context.scene.kiriko.result.notes
 
 
-def test_viewers_images_are_turned_upright(
-    picture: bpy.types.Object, kiriko: ModuleType, tmp_path: Path
-) -> None:
-    images = importlib.import_module(f"{kiriko.__name__}.operators.viewer_images")
+def test_viewers_images_are_turned_upright(picture, kiriko, tmp_path):
+    images = loaded("operators.viewer_images")
     path = write(tmp_path / "p.png", STORED[6](TALL), Orientation=6)
     images.open_images(bpy.context.scene, str(path))
     assert tuple(bpy.context.scene.kiriko.picture_image.size) == (16, 24)
@@ -210,13 +201,8 @@ def source() -> np.ndarray:
     [*(("p.png", "uint8", k) for k in (1, 2, 3, 5, 6, 8)), ("p.tif", "uint16", 6)],
 )
 def test_a_photograph_is_solved_as_if_it_were_stored_upright(
-    picture: bpy.types.Object,
-    tmp_path: Path,
-    way: Callable[[Path], None],
-    name: str,
-    kind: str,
-    orientation: int,
-) -> None:
+    picture, tmp_path, way, name, kind, orientation
+):
     from_disk(write(tmp_path / f"upright_{name}", TALL, kind))
     wanted = source()
     way(write(tmp_path / name, STORED[orientation](TALL), kind, Orientation=orientation))
@@ -224,9 +210,7 @@ def test_a_photograph_is_solved_as_if_it_were_stored_upright(
 
 
 @pytest.mark.parametrize("orientation", [1, 6])
-def test_what_was_turned_and_saved_in_blender_stays(
-    picture: bpy.types.Object, tmp_path: Path, orientation: int
-) -> None:
+def test_what_was_turned_and_saved_in_blender_stays(picture, tmp_path, orientation):
     """Blender saves the orientation of a PNG that it loaded as mere text, which turns nothing."""
     path = write(tmp_path / "p.png", STORED[orientation](TALL), Orientation=orientation)
     image = bpy.data.images.load(str(path))
@@ -241,7 +225,7 @@ def test_what_was_turned_and_saved_in_blender_stays(
     assert "stored turned" not in bpy.context.scene.kiriko.result.notes
 
 
-def test_choosing_turns_a_copy_of_a_photograph(picture: bpy.types.Object, tmp_path: Path) -> None:
+def test_choosing_turns_a_copy_of_a_photograph(picture, tmp_path):
     """The image that a scene may show elsewhere stays as it is, and its file is never written to,
     also where the copy is unpacked.
     """
@@ -258,9 +242,7 @@ def test_choosing_turns_a_copy_of_a_photograph(picture: bpy.types.Object, tmp_pa
 
 
 @pytest.mark.parametrize("is_packed", [False, True])
-def test_a_turned_photograph_that_blender_loaded_is_reported(
-    picture: bpy.types.Object, tmp_path: Path, is_packed: bool
-) -> None:
+def test_a_turned_photograph_that_blender_loaded_is_reported(picture, tmp_path, is_packed):
     """With the buttons that turn it; one that is upright is not."""
     for orientation in (1, 6):
         stored = STORED[orientation](TALL)
@@ -277,12 +259,8 @@ def test_a_turned_photograph_that_blender_loaded_is_reported(
 
 @pytest.mark.parametrize("orientation", [1, 6])
 def test_without_openimageio_a_turned_photograph_is_reported(
-    picture: bpy.types.Object,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture,
-    orientation: int,
-) -> None:
+    picture, tmp_path, monkeypatch, capfd, orientation
+):
     """As it is chosen, and in the result; buttons that cannot turn it are not proposed."""
     path = write(tmp_path / "p.jpg", STORED[orientation](TALL), Orientation=orientation)
     monkeypatch.setitem(sys.modules, "OpenImageIO", None)
@@ -297,13 +275,8 @@ def test_without_openimageio_a_turned_photograph_is_reported(
 @pytest.mark.parametrize("columns", COLUMNS)
 @pytest.mark.parametrize(("name", "orientation"), [("p.jpg", 6), ("p.png", 1), ("p.tif", 1)])
 def test_a_profile_that_blender_does_not_apply_is_reported(
-    picture: bpy.types.Object,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture,
-    name: str,
-    columns: str,
-    orientation: int,
-) -> None:
+    picture, tmp_path, capfd, name, columns, orientation
+):
     """When the picture is opened, and by the result, also of one that is turned; sRGB's own profile
     is not.
     """
@@ -317,9 +290,7 @@ def test_a_profile_that_blender_does_not_apply_is_reported(
 
 
 @pytest.mark.parametrize("is_alike", [False, True])
-def test_colours_of_a_file_that_blender_does_not_apply_are_reported(
-    picture: bpy.types.Object, tmp_path: Path, is_alike: bool
-) -> None:
+def test_colours_of_a_file_that_blender_does_not_apply_are_reported(picture, tmp_path, is_alike):
     """Unless they are those that it takes, by itself or because the artist chose them."""
     path = write(tmp_path / "p.exr", TALL, "float", chromaticities=REC709 if is_alike else AP1)
     image = opened(picture, path)
@@ -355,9 +326,7 @@ CUT = [
 
 
 @pytest.mark.parametrize(("name", "kind", "part"), CUT)
-def test_a_picture_that_is_cut_off_is_refused(
-    picture: bpy.types.Object, tmp_path: Path, name: str, kind: str, part: float
-) -> None:
+def test_a_picture_that_is_cut_off_is_refused(picture, tmp_path, name, kind, part):
     """By Open Picture, and by Solve where Blender loaded it or its file was cut since."""
     noise = np.random.default_rng(4).random((256, 256, 3)).astype(np.float32)
     path = write(tmp_path / name, noise, kind)
@@ -378,7 +347,7 @@ def test_a_picture_that_is_cut_off_is_refused(
     bpy.ops.kiriko.solve()
 
 
-def test_a_packed_picture_needs_no_file(picture: bpy.types.Object, tmp_path: Path) -> None:
+def test_a_packed_picture_needs_no_file(picture, tmp_path):
     path = write(tmp_path / "p.jpg", TALL)
     image = opened(picture, path)
     image.pack()
@@ -387,9 +356,7 @@ def test_a_packed_picture_needs_no_file(picture: bpy.types.Object, tmp_path: Pat
 
 
 @pytest.mark.parametrize("kind", ["layers", "views"])
-def test_images_of_several_layers_are_named(
-    picture: bpy.types.Object, tmp_path: Path, kind: str
-) -> None:
+def test_images_of_several_layers_are_named(picture, tmp_path, kind):
     """As what they are, and with what to do, not as broken."""
     scene = bpy.data.scenes.new("render")
     scene.collection.objects.link(bpy.data.objects.new("eye", bpy.data.cameras.new("eye")))
@@ -415,9 +382,7 @@ LONG = "x" * 300
 
 
 @pytest.mark.parametrize("path", [f"/tmp/{LONG}.png", f"/tmp/{LONG}/p.png"])
-def test_a_path_that_is_too_long_is_one_sentence(
-    picture: bpy.types.Object, tmp_path: Path, capfd: pytest.CaptureFixture, path: str
-) -> None:
+def test_a_path_that_is_too_long_is_one_sentence(picture, tmp_path, capfd, path):
     """By each button that takes a path; nothing is printed but that."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "p.blend"))
     bpy.ops.kiriko.solve()

@@ -1,13 +1,12 @@
 """How light the picture is wanted and how the display shines: the same to Kiriko, Cycles, files."""
 
-import importlib
-from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import pixels, small_rig
 
 GREY = 0.5
@@ -29,7 +28,7 @@ def solved(scene: bpy.types.Scene, kiriko: ModuleType) -> tuple[np.ndarray, np.n
     reading = work.read(bpy.context)
     steps = work.session().solve(reading.rig, work.settings_of(scene))
     seen = kiriko.core.base.steps.finish(steps).seen()
-    preview = importlib.import_module(f"{kiriko.__name__}.core.blender.preview")
+    preview = loaded("core.blender.preview")
     rendered = preview.render_preview(
         scene, reading, scene.kiriko.result.source, samples=16, fresnel=False, surroundings=False
     )
@@ -41,9 +40,7 @@ def solved(scene: bpy.types.Scene, kiriko: ModuleType) -> tuple[np.ndarray, np.n
     ("tone", "black_level"),
     [((1.0, 1.0, 0.0), 0.0), ((0.8, 1.0, 0.0), 0.1), ((0.9, 2.2, 0.1), 0.02)],
 )
-def test_a_grey_card_is_seen_as_light_as_is_wished(
-    scene: bpy.types.Scene, kiriko: ModuleType, tone: tuple, black_level: float
-) -> None:
+def test_a_grey_card_is_seen_as_light_as_is_wished(scene, kiriko, tone, black_level):
     """Within 1 %, by Kiriko and in Cycles, whatever the picture's and the display's settings."""
     parts = grey_card()
     ours = parts["PICTURE"].kiriko.picture
@@ -57,7 +54,7 @@ def test_a_grey_card_is_seen_as_light_as_is_wished(
     assert rendered == pytest.approx(wished, rel=0.01)
 
 
-def test_black_shines_where_nothing_is_wanted(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+def test_black_shines_where_nothing_is_wanted(scene, kiriko):
     """A black card is seen as light as the display's black is; the display in the scene, too."""
     parts = grey_card()
     parts["PICTURE"].kiriko.picture.brightness = 0.0
@@ -78,9 +75,7 @@ def test_black_shines_where_nothing_is_wanted(scene: bpy.types.Scene, kiriko: Mo
     assert raised() == []
 
 
-def test_an_image_in_the_viewers_pixels_has_a_tone_of_its_own(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_an_image_in_the_viewers_pixels_has_a_tone_of_its_own(scene, kiriko):
     """The scene's settings count for it, and the plane's do not."""
     parts = grey_card()
     parts["PICTURE"].kiriko.picture.brightness = 0.1
@@ -92,9 +87,7 @@ def test_an_image_in_the_viewers_pixels_has_a_tone_of_its_own(
 
 
 @pytest.mark.parametrize("encoding", ["SRGB", "POWER"])
-def test_a_file_is_encoded_for_the_display(
-    scene: bpy.types.Scene, tmp_path: Path, encoding: str
-) -> None:
+def test_a_file_is_encoded_for_the_display(scene, tmp_path, encoding):
     """Numbers of a 16-bit file, decoded as the display does, are the source image; to 16 bits.
 
     The result is not old by it: light lands where it did.

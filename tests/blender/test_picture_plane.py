@@ -112,9 +112,7 @@ def is_solved(read: Callable[[], Any], chosen: bpy.types.Image) -> bool:
 
 
 @pytest.mark.parametrize("size", [(900, 600), (90, 30), (30, 90), (64, 64)])
-def test_the_plane_gets_the_shape_of_a_chosen_image(
-    scene: bpy.types.Scene, size: tuple[int, int]
-) -> None:
+def test_the_plane_gets_the_shape_of_a_chosen_image(scene, size):
     """Its area, middle and direction stay; nothing is noted; undo
     and redo bring shape and image back and again.
     """
@@ -158,7 +156,7 @@ def test_the_plane_gets_the_shape_of_a_chosen_image(
         "no z",
     ],
 )
-def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:  # noqa: C901 - a case each way
+def test_any_plane_gets_it(scene, way):  # noqa: C901 - a case each way
     """However it came to its shape: of its image the
     proportions are the image's, its area and middle stay.
     """
@@ -206,7 +204,7 @@ def test_any_plane_gets_it(scene: bpy.types.Scene, way: str) -> None:  # noqa: C
         assert np.array_equal(placed(other)[0], beside)
 
 
-def test_what_hangs_on_the_plane_stays(scene: bpy.types.Scene) -> None:
+def test_what_hangs_on_the_plane_stays(scene):
     """A child is neither moved nor scaled."""
     thing = picture_plane()
     child = new_object(primitive("cube", size=0.01))
@@ -229,9 +227,7 @@ def test_what_hangs_on_the_plane_stays(scene: bpy.types.Scene) -> None:
         ("constraint", "a constraint or a driver holds it"),
     ],
 )
-def test_a_plane_that_cannot_be_fitted_says_why(
-    scene: bpy.types.Scene, capfd: pytest.CaptureFixture, way: str, reason: str
-) -> None:
+def test_a_plane_that_cannot_be_fitted_says_why(scene, capfd, way, reason):
     """The image is chosen all the same, the plane is as it was,
     and Fit to Image is refused with the same reason.
     """
@@ -265,9 +261,7 @@ def test_a_plane_that_cannot_be_fitted_says_why(
 @pytest.mark.parametrize(
     ("size", "words"), [((90, 30), "33 % of its width"), ((60, 90), "67 % of its height")]
 )
-def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(
-    scene: bpy.types.Scene, size: tuple[int, int], words: str
-) -> None:
+def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(scene, size, words):
     """An image that a script sets leaves the plane alone; Solve
     names it, and Fit to Image puts it right.
     """
@@ -292,7 +286,7 @@ def test_a_script_keeps_the_shape_it_gave_and_solve_says_by_how_much(
     assert not bpy.ops.kiriko.fit_picture.poll()
 
 
-def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_an_image_is_opened_from_its_file(scene, tmp_path):
     """It is chosen, shown and fitted; opened again it is the
     same image; a file that is no image leaves nothing behind.
     """
@@ -319,7 +313,7 @@ def test_an_image_is_opened_from_its_file(scene: bpy.types.Scene, tmp_path: Path
     assert texture_of(picture).image.name == "art.png"
 
 
-def test_the_open_file_itself_is_no_choice(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_the_open_file_itself_is_no_choice(scene, tmp_path):
     """Blender's file browser names it until another file is clicked."""
     activate(small_rig()["PICTURE"])
     path = str(tmp_path / "rig.blend")
@@ -330,7 +324,7 @@ def test_the_open_file_itself_is_no_choice(scene: bpy.types.Scene, tmp_path: Pat
                 verb(filepath=named)
 
 
-def test_buttons_say_which_picture_they_need(scene: bpy.types.Scene) -> None:
+def test_buttons_say_which_picture_they_need(scene):
     """The active picture, or the only one.
 
     With none, or two of which none is active, they are grey.
@@ -358,7 +352,7 @@ def test_buttons_say_which_picture_they_need(scene: bpy.types.Scene) -> None:
         choose(chosen)
 
 
-def test_the_plane_shows_what_is_solved(read: Callable[[], Any]) -> None:
+def test_the_plane_shows_what_is_solved(read):
     """An image that is chosen, by an artist or a script, is in the material.
 
     One chosen in the material is solved.
@@ -385,9 +379,7 @@ def test_the_plane_shows_what_is_solved(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize("way", ["slot", "mesh", "group", "fake user"])
-def test_what_others_show_is_not_changed(
-    read: Callable[[], Any], capfd: pytest.CaptureFixture, way: str
-) -> None:
+def test_what_others_show_is_not_changed(read, capfd, way):
     """A material, or node group, that others use is copied first, and the report names the copy."""
     picture = activate(small_rig()["PICTURE"])
     lattice = bpy.data.images["Kiriko Lattice"]
@@ -463,7 +455,7 @@ def grouped(thing: bpy.types.Object, shown: bpy.types.Image, slot: int = 0) -> b
 
 
 @pytest.mark.parametrize("way", ["none", "plain", "empty"])
-def test_a_plane_that_showed_nothing_shows_it(read: Callable[[], Any], way: str) -> None:
+def test_a_plane_that_showed_nothing_shows_it(read, way):
     """Without material, or with one that has no image, it gets one.
 
     An empty image texture is filled.
@@ -492,7 +484,7 @@ def test_a_plane_that_showed_nothing_shows_it(read: Callable[[], Any], way: str)
     assert is_solved(read, chosen)
 
 
-def test_the_lattice_has_the_shape_of_its_plane(scene: bpy.types.Scene) -> None:
+def test_the_lattice_has_the_shape_of_its_plane(scene):
     """Show Lattice on a plane of 3 to 1 draws round dots, and nothing is squeezed."""
     picture = activate(small_rig()["PICTURE"])
     choose(image(90, 30))

@@ -191,7 +191,7 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, pose: str) -> None:
+def test_light_beyond_the_plate_is_the_tracers(core, layout, pose):
     """Image, stray light and light that goes through: class, landing and
     throughput, on both sides, wherever it stands.
     """
@@ -202,7 +202,7 @@ def test_light_beyond_the_plate_is_the_tracers(core: ModuleType, layout: str, po
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_reflected_light_is_the_tracers(core: ModuleType, pose: str) -> None:
+def test_reflected_light_is_the_tracers(core, pose):
     """Light that the face reflects comes from the face, half the
     thickness before the plane, with Fresnel's share.
     """
@@ -210,7 +210,7 @@ def test_reflected_light_is_the_tracers(core: ModuleType, pose: str) -> None:
     assert_agree(core, read(core, plate, core.rig.rig.MirrorArray()), "reflected")
 
 
-def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
+def test_plate_in_a_plane_across_its_x_axis(core):
     """Where the object's x axis stands upright on the
     plate, mirrors stand at 45 degrees to its y axis.
     """
@@ -221,7 +221,7 @@ def test_plate_in_a_plane_across_its_x_axis(core: ModuleType) -> None:
     assert_agree(core, read(core, plate, core.rig.rig.MirrorArray(), axis=1), "folded")
 
 
-def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
+def test_all_light_is_the_sum_of_its_classes(core):
     """With everything on, Cycles' mean over 64 samples is the
     classes' sum, to four times its standard error.
     """
@@ -247,7 +247,7 @@ def test_all_light_is_the_sum_of_its_classes(core: ModuleType) -> None:
     assert 0 < scatter < 0.01 * whole.mean()
 
 
-def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core: ModuleType) -> None:
+def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core):
     """render_map divides by the throughput: its third channel is 1
     where light arrives, and u, v are within 0..1.
     """
@@ -260,9 +260,7 @@ def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core: ModuleType) ->
     assert np.ptp(found[..., 0]) > 0.1
 
 
-def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(
-    core: ModuleType, scene: bpy.types.Scene
-) -> None:
+def test_preview_takes_the_mirrors_of_the_rig_and_leaves_nothing(core, scene):
     """The plate's numbers are in the group's inputs, in Blender units.
 
     Afterwards the file is as before.

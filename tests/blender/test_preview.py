@@ -1,5 +1,3 @@
-import importlib
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import bmesh
@@ -8,6 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from extension import loaded
 from known import closed_forms
 from small_rigs import cube, inventory, linear_lattice, new_object, pixels, primitive, small_rig
 from test_ends_with_its_rig import Dialogue, in_window
@@ -73,7 +72,7 @@ def assert_agree(
     assert np.quantile(apart, quantile) < tolerance
 
 
-def test_plain_picture_appears_in_mid_air(core: ModuleType, scene: bpy.types.Scene) -> None:
+def test_plain_picture_appears_in_mid_air(core, scene):
     """With no glass at all the viewer sees the display's pixels
     in the picture's place, upright and unmirrored.
     """
@@ -87,7 +86,7 @@ def test_plain_picture_appears_in_mid_air(core: ModuleType, scene: bpy.types.Sce
     assert np.abs(seen - source).mean() < 1e-3
 
 
-def test_map_without_glass_is_the_mirror_image(core: ModuleType, scene: bpy.types.Scene) -> None:
+def test_map_without_glass_is_the_mirror_image(core, scene):
     """Cycles lands at the mirror image of the point on the
     aerial plane: u, v run with the viewer's image.
     """
@@ -101,13 +100,13 @@ def test_map_without_glass_is_the_mirror_image(core: ModuleType, scene: bpy.type
 
 
 @pytest.mark.every_blender
-def test_cycles_agrees_on_a_turned_cube(core: ModuleType) -> None:
+def test_cycles_agrees_on_a_turned_cube(core):
     """Through flat faces, Cycles and Kiriko's tracer land on the same point."""
     small_rig(display_size=0.2)["GLASS"].rotation_euler.z = np.radians(15.8)
     assert_agree(core)
 
 
-def test_the_preview_has_the_viewers_own_pixels(core: ModuleType, scene: bpy.types.Scene) -> None:
+def test_the_preview_has_the_viewers_own_pixels(core, scene):
     """Cycles renders the frame that is solved, and a percentage
     of it, whatever shape the scene's render has.
     """
@@ -128,7 +127,7 @@ def test_the_preview_has_the_viewers_own_pixels(core: ModuleType, scene: bpy.typ
     assert half.shape[:2] == (54, 96)  # of the half of 1920 x 1080
 
 
-def test_cycles_agrees_on_a_smooth_ball(core: ModuleType, scene: bpy.types.Scene) -> None:
+def test_cycles_agrees_on_a_smooth_ball(core, scene):
     """Through smooth-shaded faces, too.
 
     Towards its rim a ball's lever on a normal's error grows without bound.
@@ -137,9 +136,7 @@ def test_cycles_agrees_on_a_smooth_ball(core: ModuleType, scene: bpy.types.Scene
     assert_agree(core, share=0.4, tolerance=10 * SINGLE, quantile=0.99)
 
 
-def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
-    core: ModuleType, scene: bpy.types.Scene
-) -> None:
+def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core, scene):
     """Cycles lands where the analytic ball does, to 0.01 display px.
 
     As drawn the same faces miss by ten times that.
@@ -169,9 +166,7 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(
 
 
 @pytest.mark.parametrize("way", ["inside out", "mirrored", "instance", "millimetres"])
-def test_cycles_agrees_on_a_curved_surface(
-    core: ModuleType, scene: bpy.types.Scene, way: str
-) -> None:
+def test_cycles_agrees_on_a_curved_surface(core, scene, way):
     """The fine triangles stand where the coarse ball stands and face out, however it was drawn."""
     millimetres = 1000 if way == "millimetres" else 1
     if way == "millimetres":
@@ -203,7 +198,7 @@ def test_cycles_agrees_on_a_curved_surface(
     assert_agree(core, share=0.4, quantile=0.95)
 
 
-def test_cycles_agrees_on_a_solid_within_another(core: ModuleType) -> None:
+def test_cycles_agrees_on_a_solid_within_another(core):
     """A solid wholly inside another has the ratio of the
     two indices in Cycles, and the tracers agree.
     """
@@ -224,7 +219,7 @@ def test_cycles_agrees_on_a_solid_within_another(core: ModuleType) -> None:
     assert_agree(core)
 
 
-def test_solid_hidden_by_priority_is_left_out(core: ModuleType) -> None:
+def test_solid_hidden_by_priority_is_left_out(core):
     """An inner solid of lower priority changes nothing: the outer one is the glass that
     is there.
     """
@@ -239,7 +234,7 @@ def test_solid_hidden_by_priority_is_left_out(core: ModuleType) -> None:
     assert_agree(core)
 
 
-def test_cycles_agrees_on_a_hollow_glass(core: ModuleType) -> None:
+def test_cycles_agrees_on_a_hollow_glass(core):
     """A shell inside a shell is a cavity; its faces are drawn to look into it."""
     glass = small_rig(display_size=0.2)["GLASS"]
     shape = bmesh.new()
@@ -252,9 +247,7 @@ def test_cycles_agrees_on_a_hollow_glass(core: ModuleType) -> None:
 
 
 @pytest.mark.parametrize(("gap", "is_noted"), [(-0.01, True), (0.0, True), (0.001, False)])
-def test_touching_solids_are_said_to_be_not_comparable(
-    core: ModuleType, gap: float, is_noted: bool
-) -> None:
+def test_touching_solids_are_said_to_be_not_comparable(core, gap, is_noted):
     """Solids that overlap or share a face make a note that names both.
 
     A gap of a millimetre makes none.
@@ -269,7 +262,7 @@ def test_touching_solids_are_said_to_be_not_comparable(
     assert all("not comparable" in note and "'Block' and 'Cube'" in note for note in notes)
 
 
-def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> None:
+def test_preview_shows_the_picture(scene, core):
     """The source image as Cycles shows it is closer to the
     ideal image than the plain picture as it shows that.
     """
@@ -297,7 +290,7 @@ def test_preview_shows_the_picture(scene: bpy.types.Scene, core: ModuleType) -> 
     assert errors[0] < errors[1] / 3
 
 
-def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
+def test_nothing_of_the_users_is_touched(scene):
     """After a preview the file holds one image more.
 
     Engine, samples, colours, materials and scene are as before.
@@ -337,15 +330,13 @@ def test_nothing_of_the_users_is_touched(scene: bpy.types.Scene) -> None:
 
 
 @pytest.mark.parametrize("is_spoilt", [False, True])
-def test_a_click_is_answered_before_the_scene_is_made(
-    kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, is_spoilt: bool
-) -> None:
+def test_a_click_is_answered_before_the_scene_is_made(kiriko, scene, monkeypatch, is_spoilt):
     """The status bar tells of the preparation, which begins with the timer's first turn; a second
     click meanwhile begins nothing. The text goes, where there can be no preview, too.
     """
     small_rig()
     bpy.ops.kiriko.solve()
-    module = importlib.import_module(f"{kiriko.__name__}.operators.preview")
+    module = loaded("operators.preview")
     own = {"context": bpy.context, "data": bpy.data, "ops": bpy.ops}
     app = SimpleNamespace(background=False, is_job_running=bpy.app.is_job_running)
     monkeypatch.setattr(module, "bpy", SimpleNamespace(app=app, **own))
@@ -385,9 +376,7 @@ def test_a_click_is_answered_before_the_scene_is_made(
     assert scenes() == before
 
 
-def test_preview_cut_short_is_cleaned_up_by_the_next(
-    scene: bpy.types.Scene, core: ModuleType
-) -> None:
+def test_preview_cut_short_is_cleaned_up_by_the_next(scene, core):
     """The leavings of a preview that never came to its end go with the next one."""
     small_rig()
     before = inventory()
@@ -398,9 +387,7 @@ def test_preview_cut_short_is_cleaned_up_by_the_next(
     assert inventory() == before
 
 
-def test_surroundings_are_there_only_when_asked_for(
-    scene: bpy.types.Scene, core: ModuleType
-) -> None:
+def test_surroundings_are_there_only_when_asked_for(scene, core):
     """An object without a role hides the glass when the
     surroundings are shown; Kiriko's own view leaves it out.
     """
@@ -423,9 +410,7 @@ def test_surroundings_are_there_only_when_asked_for(
     assert shown[1] == 0
 
 
-def test_a_preview_that_cannot_be_is_refused_before_the_render(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_a_preview_that_cannot_be_is_refused_before_the_render(scene, tmp_path):
     """An empty border, a path relative to no file, another
     suffix, a folder that is none: one sentence, no image.
     """
@@ -446,9 +431,7 @@ def test_a_preview_that_cannot_be_is_refused_before_the_render(
 
 
 @pytest.mark.parametrize("is_upright", [False, True])
-def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
-    core: ModuleType, scene: bpy.types.Scene, is_upright: bool
-) -> None:
+def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(core, scene, is_upright):
     """Its place is sheared; where its mesh stands upright on
     its own plane the mesh is. Mean luminance to 5 %.
     """
@@ -478,8 +461,8 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(
 @pytest.mark.parametrize("ior", [0.6, 1.0, 1.49, 100.0])
 @pytest.mark.parametrize("is_behind", [False, True])
 def test_light_is_refracted_or_totally_reflected_as_snell_says(
-    core: ModuleType, scene: bpy.types.Scene, tmp_path: Path, ior: float, is_behind: bool
-) -> None:
+    core, scene, tmp_path, ior, is_behind
+):
     """At one interface without reflections, seen from either side, for relative indices that nested
     glass has, too: what is seen is the sky beyond, white, or the ground on this side, black.
     """

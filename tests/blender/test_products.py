@@ -1,14 +1,10 @@
 """Products of the catalogue on objects: given by operators, told by values."""
 
-import importlib
-from collections.abc import Callable
-from types import ModuleType
-
 import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
+from extension import loaded
 from small_rigs import small_rig
 from test_ugly_glass import scatter
 
@@ -30,9 +26,7 @@ def corners(thing: bpy.types.Object) -> np.ndarray:
 
 @pytest.mark.parametrize("is_upright", [False, True])
 @pytest.mark.parametrize("unit", [1.0, 0.001])
-def test_a_display_becomes_a_phone_in_its_place(
-    scene: bpy.types.Scene, read: Callable, unit: float, is_upright: bool
-) -> None:
+def test_a_display_becomes_a_phone_in_its_place(scene, read, unit, is_upright):
     """Its middle stays, its sides and pixels are the phone's, lying or upright."""
     scene.unit_settings.scale_length = unit
     display = activate(small_rig()["DISPLAY"])
@@ -47,7 +41,7 @@ def test_a_display_becomes_a_phone_in_its_place(
     assert corners(display).mean(axis=0) == pytest.approx(middle, abs=SINGLE / unit)
 
 
-def test_what_add_rig_told_of_another_display_is_told_no_more(scene: bpy.types.Scene) -> None:
+def test_what_add_rig_told_of_another_display_is_told_no_more(scene):
     """A result that was solved is told to be old instead, and stays."""
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))
     display = next(thing for thing in scene.objects if thing.kiriko.role == "DISPLAY")
@@ -64,9 +58,7 @@ def test_what_add_rig_told_of_another_display_is_told_no_more(scene: bpy.types.S
     assert scene.kiriko.result.summary == solved
 
 
-def test_an_object_shows_the_product_that_it_is(
-    scene: bpy.types.Scene, drawn: Callable[..., Layout]
-) -> None:
+def test_an_object_shows_the_product_that_it_is(scene, drawn):
     """The menu's name is the product while all values are its own, and Custom after a change."""
     parts = small_rig()
 
@@ -93,9 +85,7 @@ def test_an_object_shows_the_product_that_it_is(
     assert shown("GLASS") == "Custom"
 
 
-def test_light_is_set_and_told_in_the_panels(
-    scene: bpy.types.Scene, drawn: Callable[..., Layout]
-) -> None:
+def test_light_is_set_and_told_in_the_panels(scene, drawn):
     """Picture and display have their settings; Details tell the luminance of white as seen."""
     parts = small_rig()
     tone = {"brightness", "gamma", "black_level"}
@@ -115,9 +105,7 @@ def test_light_is_set_and_told_in_the_panels(
     assert "White is seen at about 400 cd/m\N{SUPERSCRIPT TWO}" in " ".join(shown)
 
 
-def test_glass_of_its_own_gets_the_index_in_its_material(
-    scene: bpy.types.Scene, read: Callable, capfd: pytest.CaptureFixture
-) -> None:
+def test_glass_of_its_own_gets_the_index_in_its_material(scene, read, capfd):
     """Then renders in Cycles have it, too; the override stays off."""
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
@@ -161,14 +149,8 @@ def instance_of(glass: bpy.types.Object) -> bpy.types.Object:
     ],
 )
 def test_glass_that_shows_other_objects_is_the_product_that_these_are(
-    scene: bpy.types.Scene,
-    kiriko: ModuleType,
-    read: Callable,
-    capfd: pytest.CaptureFixture,
-    make: Callable[[bpy.types.Object], bpy.types.Object],
-    name: str | None,
-    why: str,
-) -> None:
+    scene, read, capfd, make, name, why
+):
     """Not acrylic, whose index is taken where no material refracts; what geometry nodes show may
     have many.
     """
@@ -181,7 +163,7 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     scene.collection.objects.link(glass)
     glass.kiriko.role = "GLASS"
     activate(glass)
-    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
+    chosen = loaded("core.blender.chosen_product")
     found = chosen.glass_product(glass)
     assert (found and found.name) == name
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.3333, abs=1e-6)
@@ -200,9 +182,7 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
         ("override", "it is on"),
     ],
 )
-def test_other_glass_gets_it_as_its_override(
-    scene: bpy.types.Scene, read: Callable, capfd: pytest.CaptureFixture, way: str, why: str
-) -> None:
+def test_other_glass_gets_it_as_its_override(scene, read, capfd, way, why):
     """Materials that are not its own, or not plain, stay; the report says why."""
     glass = activate(small_rig()["GLASS"])
     glass.kiriko.use_ior = False
@@ -229,9 +209,7 @@ def test_other_glass_gets_it_as_its_override(
         assert socket.default_value == pytest.approx(1.49)
 
 
-def test_a_display_that_is_held_keeps_its_size(
-    scene: bpy.types.Scene, capfd: pytest.CaptureFixture
-) -> None:
+def test_a_display_that_is_held_keeps_its_size(scene, capfd):
     """It gets the pixels, and a warning with the reason; undo is one step."""
     display = activate(small_rig()["DISPLAY"])
     display.lock_scale[0] = True

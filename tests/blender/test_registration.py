@@ -1,12 +1,10 @@
-from types import ModuleType
-
 import addon_utils
 import bpy
 import pytest
 
-pytestmark = pytest.mark.every_blender
+from extension import EXTENSION
 
-EXTENSION = "bl_ext.user_default.kiriko"
+pytestmark = pytest.mark.every_blender
 
 
 def kiriko_classes() -> set[str]:
@@ -25,7 +23,7 @@ def kiriko_classes() -> set[str]:
     }
 
 
-def test_registration_is_undone(blender: ModuleType) -> None:
+def test_registration_is_undone(blender):
     """Disabling takes back everything that enabling
     added, and enabling again brings all of it back.
     """
@@ -38,14 +36,14 @@ def test_registration_is_undone(blender: ModuleType) -> None:
     assert kiriko_classes() == before
 
 
-def test_enabled_extension_breaks_no_policy(blender: ModuleType) -> None:
+def test_enabled_extension_breaks_no_policy(blender):
     """Blender has no complaint about the enabled extension,
     such as a module outside its own package.
     """
     assert addon_utils._extensions_warnings_get() == {}
 
 
-def test_scene_is_empty_and_kiriko_stays_enabled(scene: bpy.types.Scene) -> None:
+def test_scene_is_empty_and_kiriko_stays_enabled(scene):
     """A test begins with an empty scene, in which Kiriko's settings are there."""
     assert len(scene.objects) == 0
     assert EXTENSION in bpy.context.preferences.addons

@@ -1,9 +1,6 @@
 """Images for each viewer: rendered from another scene, and opened by a file name."""
 
-import importlib
-from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -11,6 +8,7 @@ import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
 
+from extension import loaded
 from small_rigs import inventory, pixels, small_rig
 
 NAMES = ("Kiriko Viewer", "mine")
@@ -18,7 +16,7 @@ SIZES = {"Kiriko Viewer": (48, 40), "mine": (32, 64)}
 
 
 @pytest.fixture
-def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+def rig(scene) -> dict[str, bpy.types.Object]:
     """A rig around a cube, of two viewers with pixels of their own; the objects by role."""
     parts = small_rig()
     thing = ours().viewer.copy()
@@ -94,7 +92,7 @@ def middle(image: bpy.types.Image) -> np.ndarray:
     return np.array([(light * x).sum(), (light * y).sum()]) / light.sum()
 
 
-def test_each_viewer_gets_a_render_from_its_own_place(kiriko: ModuleType, rig: dict) -> None:
+def test_each_viewer_gets_a_render_from_its_own_place(kiriko, rig):
     """Of its own size; a small disc is where Blender's projection of its middle has it. The other
     scene is as it was, and the images are in the file.
     """
@@ -125,7 +123,7 @@ def test_each_viewer_gets_a_render_from_its_own_place(kiriko: ModuleType, rig: d
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
-def test_rendered_anew_the_images_before_go(kiriko: ModuleType, rig: dict) -> None:
+def test_rendered_anew_the_images_before_go(kiriko, rig):
     other_scene()
     bpy.ops.kiriko.render_pictures(scene="world")
     n = len(bpy.data.images)
@@ -134,9 +132,7 @@ def test_rendered_anew_the_images_before_go(kiriko: ModuleType, rig: dict) -> No
     assert len(bpy.data.images) == n
 
 
-def test_renders_that_nobody_uses_any_more_go_with_the_next_and_with_the_rig(
-    kiriko: ModuleType, rig: dict
-) -> None:
+def test_renders_that_nobody_uses_any_more_go_with_the_next_and_with_the_rig(kiriko, rig):
     """Of eyes that a grid replaced, and of viewers whose rig is removed. One that is used
     elsewhere, that has a fake user, or that the artist made, stays.
     """
@@ -171,7 +167,7 @@ def test_renders_that_nobody_uses_any_more_go_with_the_next_and_with_the_rig(
     assert images() == before | {*kept, mine}
 
 
-def test_a_scene_that_is_not_clear_is_refused(kiriko: ModuleType, rig: dict) -> None:
+def test_a_scene_that_is_not_clear_is_refused(kiriko, rig):
     """No other scene, one that is not there, one of two."""
     with pytest.raises(RuntimeError, match="There is no other scene"):
         bpy.ops.kiriko.render_pictures()
@@ -184,7 +180,7 @@ def test_a_scene_that_is_not_clear_is_refused(kiriko: ModuleType, rig: dict) -> 
     assert [one.image for one in ours().viewers] == [None, None]
 
 
-def test_all_is_rendered_at_the_frame_of_the_viewers_scene(kiriko: ModuleType, rig: dict) -> None:
+def test_all_is_rendered_at_the_frame_of_the_viewers_scene(kiriko, rig):
     """A lens with keyframes is that which the viewer is solved for, and what moves in the other
     scene is where it is then, whatever frame that one is at; there it is left. The camera's data
     stay one, with their keyframes.
@@ -218,7 +214,7 @@ def test_all_is_rendered_at_the_frame_of_the_viewers_scene(kiriko: ModuleType, r
     assert np.abs(np.array((elsewhere - wanted)[:2]) * SIZES["mine"]).max() > 1
 
 
-def test_no_words_are_burnt_into_what_viewers_see(kiriko: ModuleType, rig: dict) -> None:
+def test_no_words_are_burnt_into_what_viewers_see(kiriko, rig):
     """A scene may have stamps on its own renders."""
     other = other_scene()
     bpy.data.objects["disc"].location = rig["PICTURE"].matrix_world.translation
@@ -262,9 +258,7 @@ def with_file_outputs(scene: bpy.types.Scene, folder: Path) -> list[bpy.types.No
     return made
 
 
-def test_nodes_that_write_files_are_mute_meanwhile(
-    kiriko: ModuleType, rig: dict, tmp_path: Path
-) -> None:
+def test_nodes_that_write_files_are_mute_meanwhile(kiriko, rig, tmp_path):
     """Each viewer's render would overwrite what they wrote. By itself the scene goes on writing."""
     other = other_scene()
     folder = tmp_path / "written"
@@ -277,7 +271,7 @@ def test_nodes_that_write_files_are_mute_meanwhile(
     assert list(folder.iterdir())
 
 
-def test_a_scene_without_a_layer_to_render_is_told(kiriko: ModuleType, rig: dict) -> None:
+def test_a_scene_without_a_layer_to_render_is_told(kiriko, rig):
     """Blender 5.2 ends with a signal where such a scene is rendered."""
     other = other_scene()
     other.view_layers[0].use = False
@@ -296,9 +290,7 @@ def write(path: Path, level: float) -> None:
     bpy.data.images.remove(image)
 
 
-def test_a_file_name_has_the_viewer_in_it(
-    run: Callable[..., int], rig: dict, tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_file_name_has_the_viewer_in_it(run, rig, tmp_path, capsys):
     """By the camera's name as it is, or as every disk takes it. A file that is missing, or the same
     for all, is told in a sentence, and nothing is changed or written.
     """
@@ -327,11 +319,11 @@ def test_a_file_name_has_the_viewer_in_it(
         assert ours().picture_source == "PLANE"
 
 
-def test_a_file_is_of_one_viewer(kiriko: ModuleType, rig: dict, tmp_path: Path) -> None:
+def test_a_file_is_of_one_viewer(kiriko, rig, tmp_path):
     """Whose name it has as it is, though another's is like it where signs are not allowed: such
     a one has a number. The files of `solve --viewers` are named alike.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.viewer_images")
+    module = loaded("operators.viewer_images")
     for old, new in zip(NAMES, ("an eye", "an_eye"), strict=True):
         bpy.data.objects[old].name = new
     for n, name in enumerate(("an_eye", "an_eye_2")):
@@ -342,7 +334,7 @@ def test_a_file_is_of_one_viewer(kiriko: ModuleType, rig: dict, tmp_path: Path) 
             "an eye": "an_eye_2",
             "an_eye": "an_eye",
         }
-    reports = importlib.import_module(f"{kiriko.__name__}.operators.viewer_reports")
+    reports = loaded("operators.viewer_reports")
     files = reports.file_names(bpy.context.scene, ["an eye"])
     assert files["seen an eye"] == "seen_an_eye_2.png"
     (tmp_path / "an_eye_2.png").unlink()

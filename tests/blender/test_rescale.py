@@ -34,9 +34,7 @@ def bench(scene: bpy.types.Scene) -> dict[str, float]:
 
 @pytest.mark.parametrize("kind", ["IN_GLASS", "BEHIND_GLASS"])
 @pytest.mark.parametrize("side", [2.0, 50.0])
-def test_a_rig_of_a_rescaled_scene_can_be_built(
-    scene: bpy.types.Scene, kind: str, side: float
-) -> None:
+def test_a_rig_of_a_rescaled_scene_can_be_built(scene, kind, side):
     """Its lengths are those of a rig that is added after the scene was rescaled."""
     options = {"kind": kind, "viewer_resolution": 64, "display_resolution": (64, 64)}
     factor = 0.02 / side
@@ -61,7 +59,7 @@ def test_a_rig_of_a_rescaled_scene_can_be_built(
     assert scene.kiriko.result.summary == shown
 
 
-def test_a_rig_in_real_sizes_only_changes_with_the_scene(scene: bpy.types.Scene) -> None:
+def test_a_rig_in_real_sizes_only_changes_with_the_scene(scene):
     """Where glass is small before and after, every length is the same number of units."""
     cube(0.04)
     bpy.ops.kiriko.add_rig(viewer_resolution=64, display_resolution=(64, 64))

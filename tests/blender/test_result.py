@@ -1,4 +1,3 @@
-import importlib
 import json
 import re
 from types import ModuleType
@@ -7,15 +6,16 @@ import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, pixels, primitive, small_rig
 
 
 @pytest.fixture
-def result(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.core.blender.result")
+def result(scene) -> ModuleType:
+    return loaded("core.blender.result")
 
 
-def test_image_keeps_every_number(result: ModuleType) -> None:
+def test_image_keeps_every_number(result):
     """Pixels written to a datablock come back bit for bit,
     row 0 at the top, also above 1 and below 0.
     """
@@ -26,9 +26,7 @@ def test_image_keeps_every_number(result: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("shape", [(517, 1021), (3000, 2), (1, 1), (40, 30)])
-def test_a_thumbnail_has_the_mean_light_of_its_pixels(
-    result: ModuleType, shape: tuple[int, int]
-) -> None:
+def test_a_thumbnail_has_the_mean_light_of_its_pixels(result, shape):
     """Stripes one pixel wide are as grey as sRGB writes half of their light, to a step of 8 bits,
     and row 0 is at the top. A newer image has its own, and so has one that undo brings back.
     """
@@ -65,7 +63,7 @@ def test_a_thumbnail_has_the_mean_light_of_its_pixels(
     assert off(numbers) < 1 / 255
 
 
-def test_new_image_takes_the_place_of_the_old(result: ModuleType) -> None:
+def test_new_image_takes_the_place_of_the_old(result):
     """Whoever used the old image uses the new one, under the same name."""
     old = result.replace_image(None, "picture", np.zeros((2, 2, 3)))
     bpy.context.scene.kiriko.picture_image = old
@@ -74,7 +72,7 @@ def test_new_image_takes_the_place_of_the_old(result: ModuleType) -> None:
     assert [image.name for image in bpy.data.images] == ["picture"]
 
 
-def test_display_that_shares_its_mesh_leaves_the_other_alone(result: ModuleType) -> None:
+def test_display_that_shares_its_mesh_leaves_the_other_alone(result):
     """The source goes on the display only, not on another object with the same mesh."""
     mesh = bpy.data.meshes.new("sheet")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
@@ -90,7 +88,7 @@ def test_display_that_shares_its_mesh_leaves_the_other_alone(result: ModuleType)
     assert "'Mine'" in notes[0]
 
 
-def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> None:
+def test_details_say_how_far_the_tessellation_is_off(scene):
     """Nothing for a cube; for a smooth ball a number of
     display pixels, which falls as the ball gets finer.
     """
@@ -116,7 +114,7 @@ def test_details_say_how_far_the_tessellation_is_off(scene: bpy.types.Scene) -> 
     assert found[0] > 2 * found[1] > 4 * found[2] > 0
 
 
-def test_lengths_in_notes_are_in_the_scenes_unit(scene: bpy.types.Scene) -> None:
+def test_lengths_in_notes_are_in_the_scenes_unit(scene):
     """A rig 10 km away, in which glass nearer than some inches touches."""
     parts = small_rig()
     for part in parts.values():

@@ -1,10 +1,8 @@
-import importlib
-from types import ModuleType
-
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import cube, new_object, primitive, small_rig
 
 SINGLE = 1e-6  # of 1: Blender keeps positions and colours in float32
@@ -18,7 +16,7 @@ def with_material(name: str, *others: bpy.types.Object) -> bpy.types.Material:
     return material
 
 
-def test_parts_that_are_made_let_see_the_picture(scene: bpy.types.Scene) -> None:
+def test_parts_that_are_made_let_see_the_picture(scene):
     """Glass and plate are see-through in Solid, which takes
     the material's colour; the picture stands in front.
     """
@@ -31,14 +29,14 @@ def test_parts_that_are_made_let_see_the_picture(scene: bpy.types.Scene) -> None
     assert [rig[role].show_name for role in ("PLATE", "PICTURE", "DISPLAY")] == [True] * 3
 
 
-def test_names_do_not_cover_each_other(scene: bpy.types.Scene) -> None:
+def test_names_do_not_cover_each_other(scene):
     """Without a plate the picture stands on the display: two names at one place cannot be read."""
     bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", viewer_resolution=32, display_resolution=(32, 32))
     named = [thing for thing in scene.objects if thing.show_name]
     assert [thing.kiriko.role for thing in named] == ["DISPLAY"]
 
 
-def test_an_ideal_plate_is_a_portal_in_cycles_and_tinted_in_eevee(scene: bpy.types.Scene) -> None:
+def test_an_ideal_plate_is_a_portal_in_cycles_and_tinted_in_eevee(scene):
     """Each engine finds an output of its own: EEVEE would draw a portal black."""
     tree = small_rig()["PLATE"].active_material.node_tree
     kinds = {
@@ -48,7 +46,7 @@ def test_an_ideal_plate_is_a_portal_in_cycles_and_tinted_in_eevee(scene: bpy.typ
     assert kinds == {"CYCLES": "ShaderNodeBsdfRayPortal", "EEVEE": "ShaderNodeMixShader"}
 
 
-def test_glass_of_the_artist_is_seen_through_by_its_material(scene: bpy.types.Scene) -> None:
+def test_glass_of_the_artist_is_seen_through_by_its_material(scene):
     """Its colour stays, its alpha is what the ball's is."""
     cube()
     material = with_material("Mine")
@@ -57,7 +55,7 @@ def test_glass_of_the_artist_is_seen_through_by_its_material(scene: bpy.types.Sc
     assert tuple(material.diffuse_color) == pytest.approx((0.1, 0.2, 0.3, 0.3), abs=SINGLE)
 
 
-def test_a_material_that_others_have_too_is_left(scene: bpy.types.Scene) -> None:
+def test_a_material_that_others_have_too_is_left(scene):
     """The glass is drawn by its edges instead, and the other thing as before."""
     glass = cube()
     other = new_object(primitive("cube", size=1.0))
@@ -68,7 +66,7 @@ def test_a_material_that_others_have_too_is_left(scene: bpy.types.Scene) -> None
     assert (glass.display_type, other.display_type) == ("WIRE", "TEXTURED")
 
 
-def test_glass_without_a_material_is_solid_once_it_is_made_glass(scene: bpy.types.Scene) -> None:
+def test_glass_without_a_material_is_solid_once_it_is_made_glass(scene):
     """It has no colour to be see-through by, until Make It Glass gives it one."""
     glass = small_rig()["GLASS"]
     assert glass.display_type == "WIRE"
@@ -78,16 +76,14 @@ def test_glass_without_a_material_is_solid_once_it_is_made_glass(scene: bpy.type
     assert glass.active_material.diffuse_color[3] <= 0.5
 
 
-def shown(kiriko: ModuleType, *parts: bpy.types.Object) -> list:
+def shown(*parts: bpy.types.Object) -> list:
     """The images that are drawn over a view on these parts."""
-    drawn = importlib.import_module(f"{kiriko.__name__}.core.blender.shown_images")
+    drawn = loaded("core.blender.shown_images")
     bpy.context.view_layer.update()
     return list(drawn.shown_images(bpy.context.scene, bpy.context.view_layer, list(parts)))
 
 
-def test_the_picture_is_drawn_where_it_stands_with_the_image_it_shows(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_the_picture_is_drawn_where_it_stands_with_the_image_it_shows(scene):
     """Each corner has its place in the image, also after the
     plane is moved and another image is chosen.
     """
@@ -96,7 +92,7 @@ def test_the_picture_is_drawn_where_it_stands_with_the_image_it_shows(
     picture.kiriko.image = mine
     picture.location.x, picture.rotation_euler.y = 0.01, 0.3
     picture.scale.x = 2
-    (drawn,) = shown(kiriko, picture)
+    (drawn,) = shown(picture)
     assert drawn.image == mine
     assert drawn.is_picture
 
@@ -115,16 +111,14 @@ def test_the_picture_is_drawn_where_it_stands_with_the_image_it_shows(
     assert max(off) < SINGLE
 
 
-def test_the_source_image_is_drawn_on_the_front_of_the_display(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_the_source_image_is_drawn_on_the_front_of_the_display(scene):
     """Nothing before there is one. Its corners run as Blender's
     fronts do, so that the back can be left out.
     """
     display = small_rig()["DISPLAY"]
-    assert shown(kiriko, display) == []
+    assert shown(display) == []
     bpy.ops.kiriko.solve()
-    (drawn,) = shown(kiriko, display)
+    (drawn,) = shown(display)
     assert drawn.image == scene.kiriko.result.source
     assert not drawn.is_picture
     a, b, c = drawn.points[:3]
@@ -133,13 +127,11 @@ def test_the_source_image_is_drawn_on_the_front_of_the_display(
 
 @pytest.mark.parametrize("is_perspective", [True, False])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
-def test_a_frame_holds_all_points_and_no_more(
-    kiriko: ModuleType, is_perspective: bool, size: float
-) -> None:
+def test_a_frame_holds_all_points_and_no_more(kiriko, is_perspective, size):
     """Random points, seen by Blender's projection, are within the
     part of the view that is free, and reach its sides; none is cut off.
     """
-    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    framing = loaded("core.blender.framing")
     random = np.random.default_rng(3)
     points = size * random.normal(size=(40, 3)) + 5 * size
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
@@ -171,13 +163,11 @@ def test_a_frame_holds_all_points_and_no_more(
 
 @pytest.mark.parametrize("image", [(512, 512), (1920, 1080), (300, 900)])
 @pytest.mark.parametrize("size", [(1129, 725), (480, 900), (700, 260)])
-def test_nothing_covers_the_image_of_a_camera_view(
-    kiriko: ModuleType, size: tuple[int, int], image: tuple[int, int]
-) -> None:
+def test_nothing_covers_the_image_of_a_camera_view(kiriko, size, image):
     """Where Blender draws the frame of a camera with that zoom and offset, it is in the middle of
     what is free, and fills nine tenths of it.
     """
-    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    framing = loaded("core.blender.framing")
     left, right, bottom, top = 58, 220, 8, 54
     window = framing.Window(*size, left, right, bottom, top, 50.0, is_perspective=True)
     zoom, offset = framing.image_framed(image, window)
@@ -192,14 +182,12 @@ def test_nothing_covers_the_image_of_a_camera_view(
     assert (2 * half / (high - low)).max() == pytest.approx(0.9)
 
 
-def test_what_is_made_far_from_the_bench_comes_into_sight(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_what_is_made_far_from_the_bench_comes_into_sight(scene):
     """As eye box and visible range, around the viewer: else nothing but their legend was seen. The
     view keeps its direction, and its place where the object is in sight, or a camera is its eye.
     """
-    framing = importlib.import_module(f"{kiriko.__name__}.operators.framing")
-    core = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    framing = loaded("operators.framing")
+    core = loaded("core.blender.framing")
     rig = small_rig()
     framing.frame_rig(bpy.context)
     area = framing.view_of(bpy.context)
@@ -230,11 +218,11 @@ def test_what_is_made_far_from_the_bench_comes_into_sight(
         assert core.in_sight(framing.corners(thing), axes, place, framing.window_of(area)).all()
 
 
-def test_a_view_turns_only_where_it_hardly_sees_the_picture(kiriko: ModuleType) -> None:
+def test_a_view_turns_only_where_it_hardly_sees_the_picture(kiriko):
     """Seen from the front it stays; from the side or from behind it
     turns to where the picture is well seen, upright.
     """
-    framing = importlib.import_module(f"{kiriko.__name__}.core.blender.framing")
+    framing = loaded("core.blender.framing")
     front = np.array([0.0, -1.0, 0.0])
     straight = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     assert np.array_equal(framing.turned(straight, front), straight)

@@ -1,5 +1,4 @@
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import bmesh
@@ -78,7 +77,7 @@ def node_group(build: Callable[[Any, Any, Any], None]) -> bpy.types.NodeTree:
     return tree
 
 
-def test_modifier_and_mirroring_parent(read: Callable[[], Any]) -> None:
+def test_modifier_and_mirroring_parent(read):
     """Vertices of an arrayed cube under a parent of scale
     (2, -3, 0.5) are where the formulas put them.
     """
@@ -102,7 +101,7 @@ def test_modifier_and_mirroring_parent(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize("signs", CORNERS.astype(int).tolist())
-def test_outside_stays_outside(read: Callable[[], Any], signs: list[int]) -> None:
+def test_outside_stays_outside(read, signs):
     """Whatever axes are mirrored, triangles and corner normals face out.
 
     The volume is |det| times the local one.
@@ -118,7 +117,7 @@ def test_outside_stays_outside(read: Callable[[], Any], signs: list[int]) -> Non
     assert (np.einsum("tcj,tj->tc", mesh.corner_normals, plane_normals(mesh)) > 0.8).all()
 
 
-def test_normals_of_a_squeezed_ball(read: Callable[[], Any]) -> None:
+def test_normals_of_a_squeezed_ball(read):
     """Corner normals of a unit ball scaled to an ellipsoid are the gradient of its quadric."""
     glass = add(ball(64), "GLASS")
     glass.scale = radii = np.array([1.0, 3.0, -0.5])
@@ -134,7 +133,7 @@ def test_normals_of_a_squeezed_ball(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize("shading", ["smooth", "flat", "sharp edges", "mixed", "custom"])
-def test_shading(read: Callable[[], Any], shading: str) -> None:
+def test_shading(read, shading):
     """Normals on smooth triangles are Blender's own corner
     normals, carried over by the inverse transpose.
     """
@@ -184,7 +183,7 @@ def test_shading(read: Callable[[], Any], shading: str) -> None:
     assert np.abs(mesh.corner_normals - normals[:, ::-1])[is_smooth].max() < 2e-6
 
 
-def test_collection_instances(read: Callable[[], Any]) -> None:
+def test_collection_instances(read):
     """Each instance of a collection is a part of its own,
     placed by empty, collection offset and member.
     """
@@ -212,7 +211,7 @@ def test_collection_instances(read: Callable[[], Any]) -> None:
         assert volume(glass.mesh) == pytest.approx(8.0)
 
 
-def test_role_of_an_instancing_empty(read: Callable[[], Any]) -> None:
+def test_role_of_an_instancing_empty(read):
     """Members without a role take that of the empty that
     instances their collection, nested ones too.
     """
@@ -232,7 +231,7 @@ def test_role_of_an_instancing_empty(read: Callable[[], Any]) -> None:
     assert_same_points(glass.mesh.vertices, CORNERS + np.array([1, 2, 7]), 64 * SINGLE)
 
 
-def test_instances_of_geometry_nodes(read: Callable[[], Any]) -> None:
+def test_instances_of_geometry_nodes(read):
     """Cubes that nodes instance on the points of a glass are
     glass, and its own emptied mesh is no error.
     """
@@ -257,7 +256,7 @@ def test_instances_of_geometry_nodes(read: Callable[[], Any]) -> None:
     assert_same_points(centres, CORNERS, 1e-6)
 
 
-def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
+def test_surfaces_that_are_no_meshes(read):
     """A bevelled curve, a text and a family of metaballs are each read once, closed and
     facing out.
     """
@@ -294,7 +293,7 @@ def test_surfaces_that_are_no_meshes(read: Callable[[], Any]) -> None:
     assert volume(glasses["drop"]) > 0
 
 
-def test_unit_scale(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_unit_scale(read, scene):
     """A file in millimetres is read in metres.
 
     Without a unit system a unit is a metre, as in Blender.
@@ -309,7 +308,7 @@ def test_unit_scale(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
     assert_same_points(read().rig.glasses[0].mesh.vertices, CORNERS + np.array([5, 0, 0]), 1e-6)
 
 
-def test_numbers_are_exact(read: Callable[[], Any]) -> None:
+def test_numbers_are_exact(read):
     """Without a turn, world coordinates are the float32 numbers of
     mesh and matrix added in float64, bit for bit.
     """
@@ -322,7 +321,7 @@ def test_numbers_are_exact(read: Callable[[], Any]) -> None:
     assert np.array_equal(mesh.vertices, local + np.array(glass.location, dtype=float))
 
 
-def test_driver_and_animation(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_driver_and_animation(read, scene):
     """A keyed location and a driven override are read as they are at the current frame."""
     glass = add(cube(), "GLASS")
     for frame, x in ((1, 0.0), (11, 10.0)):
@@ -341,7 +340,7 @@ def test_driver_and_animation(read: Callable[[], Any], scene: bpy.types.Scene) -
         assert found.ior(5e-7) == pytest.approx(1.5 + frame / 100, rel=1e-6)
 
 
-def test_mesh_in_edit_mode(read: Callable[[], Any]) -> None:
+def test_mesh_in_edit_mode(read):
     """A glass in edit mode is read as it is being edited."""
     glass = add(cube(), "GLASS")
     bpy.context.view_layer.objects.active = glass
@@ -355,7 +354,7 @@ def test_mesh_in_edit_mode(read: Callable[[], Any]) -> None:
     assert volume(mesh) == pytest.approx(64.0)
 
 
-def test_triangles_without_area(read: Callable[[], Any]) -> None:
+def test_triangles_without_area(read):
     """Triangles on a line are left out and counted; the others keep their normals and places."""
     data = bpy.data.meshes.new("slivers")
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0, 0), (0.5, 0.5, 0)]
@@ -384,9 +383,7 @@ def test_triangles_without_area(read: Callable[[], Any]) -> None:
     ],
     ids=["no mesh", "no curve", "scaled to nothing", "NaN", "infinite"],
 )
-def test_what_is_no_glass_gets_through_to_the_check(
-    read: Callable[[], Any], errors: ModuleType, make: Callable[[], bpy.types.ID], words: str
-) -> None:
+def test_what_is_no_glass_gets_through_to_the_check(read, errors, make, words):
     """Its role and name are there, so that the check can say which it is."""
     thing = add(make(), "GLASS", "hollow")
     if words == "no faces":
@@ -405,9 +402,7 @@ def with_vertex(bad: float) -> bpy.types.Mesh:
 
 
 @pytest.mark.parametrize("way", ["viewport", "eye", "render", "collection", "excluded"])
-def test_hidden_parts_are_left_out(
-    read: Callable[[], Any], scene: bpy.types.Scene, way: str
-) -> None:
+def test_hidden_parts_are_left_out(read, scene, way):
     """An object hidden in viewport or render is no part of the rig, and a note says so."""
     thing = add(cube(), "BLOCKER", "screen")
     add(cube(), "GLASS", "stone")
@@ -433,7 +428,7 @@ def test_hidden_parts_are_left_out(
     assert "'screen' has the role Blocker but is hidden" in reading.notes[0]
 
 
-def test_render_levels_are_noted(read: Callable[[], Any]) -> None:
+def test_render_levels_are_noted(read):
     """A glass that is finer in renders than in the
     viewport is read as in the viewport, with a note.
     """
@@ -447,7 +442,7 @@ def test_render_levels_are_noted(read: Callable[[], Any]) -> None:
     assert not any("another shape" in note for note in read().notes)
 
 
-def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_display_size_and_uv(read, scene):
     """A turned, scaled rectangle has the size of its UV square, a
     skewed or bent one has none; UV keeps to corners.
     """
@@ -485,7 +480,7 @@ def test_display_size_and_uv(read: Callable[[], Any], scene: bpy.types.Scene) ->
     assert read().display_size is None
 
 
-def test_roles_in_their_places(read: Callable[[], Any]) -> None:
+def test_roles_in_their_places(read):
     """Each role fills its own tuple of the rig.
 
     Only glass and mirrors carry normals, only displays carry UV.
@@ -514,7 +509,7 @@ def test_roles_in_their_places(read: Callable[[], Any]) -> None:
     assert [group[0].mesh.uv is not None for group in groups] == [False, False, False, True, False]
 
 
-def test_reading_leaves_nothing_behind(read: Callable[[], Any]) -> None:
+def test_reading_leaves_nothing_behind(read):
     """Reading makes no datablocks and gives the same numbers again."""
     add(ball(), "GLASS").matrix_world = Matrix.Rotation(0.3, 4, "X")
     first = read()

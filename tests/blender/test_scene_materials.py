@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from typing import Any
 
 import bmesh
@@ -64,7 +63,7 @@ def index(reading: Any) -> float:
     ("kind", "source"),
     [("Glass", "Glass BSDF"), ("Refraction", "Refraction BSDF"), ("Principled", "Principled BSDF")],
 )
-def test_index_of_a_shader(read: Callable[[], Any], kind: str, source: str) -> None:
+def test_index_of_a_shader(read, kind, source):
     """The index is that of the material's refractive shader; a clear one leaves nothing out."""
     material, tree, output = new_material()
     tree.links.new(glass_shader(tree, kind, 1.73).outputs[0], output.inputs["Surface"])
@@ -78,7 +77,7 @@ def test_index_of_a_shader(read: Callable[[], Any], kind: str, source: str) -> N
     assert reading.notes == ()
 
 
-def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
+def test_index_through_nodes_that_pass_it_on(read):
     """Groups, reroutes, muted nodes and Value nodes are
     looked through, in and out of nested groups.
     """
@@ -112,7 +111,7 @@ def test_index_through_nodes_that_pass_it_on(read: Callable[[], Any]) -> None:
     assert reading.notes == ()
 
 
-def test_index_set_on_a_group_node(read: Callable[[], Any]) -> None:
+def test_index_set_on_a_group_node(read):
     """An index that a group offers as an input is the value
     on the group node, not the group's default.
     """
@@ -134,7 +133,7 @@ def test_index_set_on_a_group_node(read: Callable[[], Any]) -> None:
     assert index(read()) == pytest.approx(1.9)
 
 
-def test_index_driven_by_nodes(read: Callable[[], Any]) -> None:
+def test_index_driven_by_nodes(read):
     """Where nodes compute the index, the number in the socket is used and a note says so."""
     material, tree, output = new_material()
     shader = glass_shader(tree, ior=1.55)
@@ -147,7 +146,7 @@ def test_index_driven_by_nodes(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize(("share", "ignored"), [(0.5, ("mixed with Transparent BSDF",)), (1.0, ())])
-def test_mixed_shaders(read: Callable[[], Any], share: float, ignored: tuple[str, ...]) -> None:
+def test_mixed_shaders(read, share, ignored):
     """The refractive one of mixed shaders counts.
 
     The other is named unless its share is nothing.
@@ -165,7 +164,7 @@ def test_mixed_shaders(read: Callable[[], Any], share: float, ignored: tuple[str
     assert reading.materials[0].ignored == ignored
 
 
-def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
+def test_what_is_not_followed_is_named(read):
     """Roughness, tint, thin film, coat, normal map, volume and displacement are listed by name."""
     material, tree, output = new_material()
     shader = glass_shader(tree, "Principled")
@@ -194,7 +193,7 @@ def test_what_is_not_followed_is_named(read: Callable[[], Any]) -> None:
     }
 
 
-def test_override_wins(read: Callable[[], Any]) -> None:
+def test_override_wins(read):
     """The object's own index goes before the material's, and
     what the material asks for is still named.
     """
@@ -211,7 +210,7 @@ def test_override_wins(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize("kind", ["none", "opaque", "no nodes"])
-def test_glass_without_refraction(read: Callable[[], Any], kind: str) -> None:
+def test_glass_without_refraction(read, kind):
     """Without a refractive material the index is that of acrylic, 1.49, and a note says so."""
     if kind == "none":
         add_glass()
@@ -230,7 +229,7 @@ def test_glass_without_refraction(read: Callable[[], Any], kind: str) -> None:
     )
 
 
-def test_materials_of_different_index(read: Callable[[], Any]) -> None:
+def test_materials_of_different_index(read):
     """The material on most faces counts for the whole glass.
 
     All are listed, and a note names the difference.
@@ -248,7 +247,7 @@ def test_materials_of_different_index(read: Callable[[], Any]) -> None:
     )
 
 
-def test_faces_that_do_not_refract(read: Callable[[], Any]) -> None:
+def test_faces_that_do_not_refract(read):
     """Faces of an opaque material on a glass are part of it,
     whatever their number, and a note names the material.
     """
@@ -262,7 +261,7 @@ def test_faces_that_do_not_refract(read: Callable[[], Any]) -> None:
     )
 
 
-def test_material_of_the_object(read: Callable[[], Any]) -> None:
+def test_material_of_the_object(read):
     """A slot that holds the object's own material goes before the mesh's.
 
     An index beyond the slots is the last one.
@@ -276,7 +275,7 @@ def test_material_of_the_object(read: Callable[[], Any]) -> None:
     assert reading.materials[0].material_name == "of the object"
 
 
-def test_material_set_by_geometry_nodes(read: Callable[[], Any]) -> None:
+def test_material_set_by_geometry_nodes(read):
     """A material that geometry nodes put on the evaluated mesh is the one that is read."""
     stone = add_glass(clear_material(1.5, "before"))
     tree = bpy.data.node_groups.new("nodes", "GeometryNodeTree")

@@ -1,14 +1,12 @@
-import importlib
-from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import small_rig
 
 SIZE = (24, 16)  # pixels of the pictures here
@@ -134,14 +132,7 @@ FILES = [
         if alpha != "STRAIGHT" or file[1] == "Non-Color"  # elsewhere straight alpha is coverage
     ],
 )
-def test_opaque_pixels_are_the_light_that_cycles_sends(
-    read: Callable[[], Any],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    ending: str,
-    space: str,
-    alpha: str,
-) -> None:
+def test_opaque_pixels_are_the_light_that_cycles_sends(read, scene, tmp_path, ending, space, alpha):
     """Where alpha is no coverage, colours are those that Cycles
     renders from the texture, and the picture is opaque.
     """
@@ -171,14 +162,8 @@ def test_opaque_pixels_are_the_light_that_cycles_sends(
     ],
 )
 def test_transparent_pixels_are_the_light_that_cycles_sends(
-    read: Callable[[], Any],
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    ending: str,
-    space: str,
-    alpha: str,
-    tolerance: float,
-) -> None:
+    read, scene, tmp_path, ending, space, alpha, tolerance
+):
     """Premultiplied colours are those that Cycles renders over
     black where alpha makes the plane transparent.
     """
@@ -212,15 +197,8 @@ def test_transparent_pixels_are_the_light_that_cycles_sends(
     [(".png", "sRGB", "STRAIGHT", 2.5 / 255), (".exr", "Linear Rec.709", "PREMUL", 1e-6)],
 )
 def test_the_planes_own_material_shows_the_light_that_is_solved(
-    read: Callable[[], Any],
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    tmp_path: Path,
-    ending: str,
-    space: str,
-    alpha: str,
-    tolerance: float,
-) -> None:
+    read, kiriko, scene, tmp_path, ending, space, alpha, tolerance
+):
     """The material that Add Rig gives to the picture is see-through where the image is."""
     path = tmp_path / f"art{ending}"
     write(random_pixels(), path)
@@ -233,7 +211,7 @@ def test_the_planes_own_material_shows_the_light_that_is_solved(
 
 
 @pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"])
-def test_transparent_is_dark(scene: bpy.types.Scene, mode: str) -> None:
+def test_transparent_is_dark(scene, mode):
     """A gradient of alpha is solved as the opaque image of the same light over black is.
 
     Where the mode says that alpha is no coverage, it is solved as the colours alone.
@@ -270,7 +248,7 @@ def test_transparent_is_dark(scene: bpy.types.Scene, mode: str) -> None:
     assert coverage == wanted_coverage
 
 
-def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
+def test_premultiplied_bytes(read, tmp_path):
     """An 8-bit file of encoded colours times alpha gives
     linear colours times alpha, to the file's 8 bits.
     """
@@ -289,12 +267,10 @@ def test_premultiplied_bytes(read: Callable[[], Any], tmp_path: Path) -> None:
 @pytest.mark.parametrize("space", ["sRGB", "Non-Color"])
 @pytest.mark.parametrize("alpha", ["STRAIGHT", "NONE"])
 @pytest.mark.parametrize("is_float", [False, True])
-def test_the_kernel_decodes_as_numpy_does(
-    kiriko: ModuleType, errors: ModuleType, is_float: bool, alpha: str, space: str
-) -> None:
+def test_the_kernel_decodes_as_numpy_does(kiriko, errors, is_float, alpha, space):
     """Bit for bit; a number that is none is refused by both."""
-    picture = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
-    loading = importlib.import_module(f"{kiriko.__name__}.core.native.loading")
+    picture = loaded("core.blender.picture")
+    loading = loaded("core.native.loading")
     image = bpy.data.images.new("p", *SIZE, alpha=True, float_buffer=is_float)
     image.colorspace_settings.name = space
     image.alpha_mode = alpha
@@ -314,9 +290,7 @@ def test_the_kernel_decodes_as_numpy_does(
 
 @pytest.mark.every_blender
 @pytest.mark.parametrize("channels", [1, 3])
-def test_pictures_with_fewer_channels(
-    read: Callable[[], Any], tmp_path: Path, channels: int
-) -> None:
+def test_pictures_with_fewer_channels(read, tmp_path, channels):
     """A grey picture has three equal channels, one without alpha is opaque."""
     pixels = random_pixels()[..., :channels]
     write(pixels, tmp_path / "art.exr")
@@ -327,7 +301,7 @@ def test_pictures_with_fewer_channels(
 
 
 @pytest.mark.every_blender
-def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) -> None:
+def test_generated_and_packed_pictures(read, tmp_path):
     """Generated pictures are read from memory, a packed one when its file is gone."""
     plane = add_plane(None)
     pixels = random_pixels()[::-1]
@@ -350,7 +324,7 @@ def test_generated_and_packed_pictures(read: Callable[[], Any], tmp_path: Path) 
     assert read().rig.picture.image.shape == (SIZE[1], SIZE[0], 4)
 
 
-def test_image_of_the_object_goes_before_the_material(read: Callable[[], Any]) -> None:
+def test_image_of_the_object_goes_before_the_material(read):
     """An image chosen on the object is the picture, whatever its material shows."""
     plane = add_plane(texture_material(generated("material")))
     own = generated("own", is_float=True)
@@ -359,7 +333,7 @@ def test_image_of_the_object_goes_before_the_material(read: Callable[[], Any]) -
     assert (read().rig.picture.image == 0.25).all()
 
 
-def test_texture_behind_simple_nodes(read: Callable[[], Any]) -> None:
+def test_texture_behind_simple_nodes(read):
     """The texture is found behind colour nodes, in a group, in a Principled shader.
 
     A note names the colour nodes.
@@ -387,7 +361,7 @@ def test_texture_behind_simple_nodes(read: Callable[[], Any]) -> None:
 
 
 @pytest.mark.parametrize("way", ["named", "used in renders", "moved"])
-def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
+def test_uv_map_of_the_texture(read, way):
     """The picture's UV is the map its texture asks for, else the one used in renders.
 
     A Mapping node is noted.
@@ -426,7 +400,7 @@ def test_uv_map_of_the_texture(read: Callable[[], Any], way: str) -> None:
         assert ["squeezed to 44 % of its width" in note for note in reading.notes] == [True]
 
 
-def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_picture_in_the_viewers_pixels(read, scene):
     """An image chosen for the scene is the picture, without a plane.
 
     An unused plane and another shape are noted.
@@ -449,7 +423,7 @@ def test_picture_in_the_viewers_pixels(read: Callable[[], Any], scene: bpy.types
     assert any("'render' has 24 x 16 pixels, the viewer 48 x 64" in note for note in read().notes)
 
 
-def test_picture_without_an_image(read: Callable[[], Any], errors: ModuleType) -> None:
+def test_picture_without_an_image(read, errors):
     """A plane without material, without texture or with an empty texture is named, with
     what to do.
     """
@@ -465,9 +439,7 @@ def test_picture_without_an_image(read: Callable[[], Any], errors: ModuleType) -
 
 
 @pytest.mark.parametrize("how", ["missing", "broken"])
-def test_picture_file_that_cannot_be_read(
-    read: Callable[[], Any], errors: ModuleType, tmp_path: Path, how: str
-) -> None:
+def test_picture_file_that_cannot_be_read(read, errors, tmp_path, how):
     """A missing or broken file is named together with its object."""
     path = tmp_path / "art.png"
     if how == "broken":
@@ -485,9 +457,7 @@ def test_picture_file_that_cannot_be_read(
         read()
 
 
-def test_pictures_without_pixels(
-    read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType, tmp_path: Path
-) -> None:
+def test_pictures_without_pixels(read, scene, errors, tmp_path):
     """A render result and numbers that are not finite are refused with a remedy."""
     plane = add_plane(None)
     render(scene, tmp_path)
@@ -518,7 +488,7 @@ def test_pictures_without_pixels(
         read()
 
 
-def test_tiled_picture(read: Callable[[], Any]) -> None:
+def test_tiled_picture(read):
     """Of a picture in several tiles the first is read, and a note says so."""
     plane = add_plane(None)
     plane.kiriko.image = bpy.data.images.new("tiles", *SIZE, tiled=True)
@@ -527,7 +497,7 @@ def test_tiled_picture(read: Callable[[], Any]) -> None:
     assert reading.notes == ("Only the first tile of the image 'tiles' is used.",)
 
 
-def test_an_image_without_a_file_is_told_to_be_empty(scene: bpy.types.Scene) -> None:
+def test_an_image_without_a_file_is_told_to_be_empty(scene):
     """As Blender makes one whose file was never chosen: no path stands in the sentence."""
     picture = small_rig()["PICTURE"]
     picture.kiriko.image = empty = bpy.data.images.new("Empty", 8, 8)

@@ -1,16 +1,15 @@
-import importlib
-
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 
+from extension import loaded
 from small_rigs import new_object, primitive, small_rig
 
 
 @pytest.fixture
-def read(scene, kiriko):
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+def read(scene):
+    module = loaded("core.blender.scene")
     return lambda: module.read(bpy.context, scene).rig.plates
 
 

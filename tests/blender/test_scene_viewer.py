@@ -1,7 +1,5 @@
-import importlib
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -9,6 +7,8 @@ import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Matrix, Vector
+
+from extension import loaded
 
 SINGLE = 2e-6  # Blender computes frames and projections in float32, in a few steps
 
@@ -26,8 +26,8 @@ CAMERAS = {
 
 
 @pytest.fixture
-def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+def read(scene) -> Callable[[], Any]:
+    module = loaded("core.blender.scene")
     return lambda: module.read(bpy.context, scene).rig.viewer
 
 
@@ -54,9 +54,7 @@ def add_camera(scene: bpy.types.Scene, kind: str = "perspective") -> bpy.types.O
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_window_is_the_view_frame(
-    read: Callable[[], Any], scene: bpy.types.Scene, kind: str
-) -> None:
+def test_window_is_the_view_frame(read, scene, kind):
     """The corners of the window are those of Blender's own view frame."""
     camera = add_camera(scene, kind)
     frame = np.array(camera.data.view_frame(scene=scene))
@@ -73,9 +71,7 @@ def test_window_is_the_view_frame(
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_points_are_where_blender_sees_them(
-    read: Callable[[], Any], scene: bpy.types.Scene, kind: str
-) -> None:
+def test_points_are_where_blender_sees_them(read, scene, kind):
     """Random points project to the viewer pixels that
     world_to_camera_view gives, and rays lead back through them.
     """
@@ -163,9 +159,7 @@ def aim(camera: bpy.types.Object) -> None:
         "mirrored",
     ],
 )
-def test_pixel_grid_of_cycles(
-    read: Callable[[], Any], scene: bpy.types.Scene, case: str, tmp_path: Path
-) -> None:
+def test_pixel_grid_of_cycles(read, scene, case, tmp_path):
     """A place that Cycles sees at the centre of pixel (i, j) projects there, to 0.01 px."""
     camera = add_camera(scene, case if case in CAMERAS else "perspective")
     aim(camera)
@@ -188,7 +182,7 @@ def test_pixel_grid_of_cycles(
     assert np.abs(off).max() < 0.01
 
 
-def test_scaled_parent_and_constraint(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_scaled_parent_and_constraint(read, scene):
     """Parents and constraints move the viewer, an even scale changes nothing.
 
     Its axes are orthonormal to rounding.
@@ -211,7 +205,7 @@ def test_scaled_parent_and_constraint(read: Callable[[], Any], scene: bpy.types.
     assert np.abs(viewer.axes @ viewer.axes.T - np.eye(3)).max() < 1e-15 * 4
 
 
-def test_viewer_in_millimetres(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_viewer_in_millimetres(read, scene):
     """Position and orthographic window are in metres, whatever the scene's unit.
 
     Perspective tangents do not change.
@@ -226,9 +220,7 @@ def test_viewer_in_millimetres(read: Callable[[], Any], scene: bpy.types.Scene) 
     assert right - left == pytest.approx(1.7e-3)
 
 
-def test_chosen_viewer_goes_before_the_camera(
-    read: Callable[[], Any], scene: bpy.types.Scene
-) -> None:
+def test_chosen_viewer_goes_before_the_camera(read, scene):
     """The scene's camera is the viewer only where no other is chosen."""
     add_camera(scene)
     other = add_camera(scene)
@@ -239,9 +231,7 @@ def test_chosen_viewer_goes_before_the_camera(
     assert read().name == "other"
 
 
-def test_cameras_that_cannot_be_followed(
-    read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType
-) -> None:
+def test_cameras_that_cannot_be_followed(read, scene, errors):
     """A panoramic, a sheared and a vanished camera are refused by name, with the reason.
 
     So is an object that is no camera.
@@ -266,9 +256,7 @@ def test_cameras_that_cannot_be_followed(
 
 
 @pytest.mark.parametrize("way", ["disabled", "collection disabled", "excluded", "unlinked"])
-def test_viewer_whose_place_is_stale(
-    read: Callable[[], Any], scene: bpy.types.Scene, errors: ModuleType, way: str
-) -> None:
+def test_viewer_whose_place_is_stale(read, scene, errors, way):
     """A viewer that Blender does not keep in place is refused, but
     read where it is when it is the scene's camera.
     """
@@ -306,7 +294,7 @@ def test_viewer_whose_place_is_stale(
     assert read().position[0] == 7.0
 
 
-def test_viewer_hidden_by_its_eye(read: Callable[[], Any], scene: bpy.types.Scene) -> None:
+def test_viewer_hidden_by_its_eye(read, scene):
     """A viewer hidden by the eye in the outliner follows its parent all the same."""
     camera = add_camera(scene)
     scene.camera, scene.kiriko.viewer = None, camera
@@ -316,9 +304,9 @@ def test_viewer_hidden_by_its_eye(read: Callable[[], Any], scene: bpy.types.Scen
     assert read().position[0] == 7.0
 
 
-def test_depth_of_field_is_noted(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+def test_depth_of_field_is_noted(scene):
     """A camera with depth of field is solved as a pinhole, and a note says so."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+    module = loaded("core.blender.scene")
     add_camera(scene).data.dof.use_dof = True
     assert (
         "The viewer 'eye' has depth of field: solved as a pinhole."
@@ -327,9 +315,7 @@ def test_depth_of_field_is_noted(scene: bpy.types.Scene, kiriko: ModuleType) -> 
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_a_viewer_with_pixels_of_its_own(
-    read: Callable[[], Any], scene: bpy.types.Scene, kind: str
-) -> None:
+def test_a_viewer_with_pixels_of_its_own(read, scene, kind):
     """Whatever the scene's render has, it is read as from
     a render of those pixels, which are square.
     """

@@ -85,7 +85,7 @@ def totally_reflected(plan, origins, directions):
 
 
 @pytest.mark.parametrize("make", [add_solid_suzanne, add_bottle])
-def test_solves_and_cycles_follows_the_same_light(kiriko, scene, make):
+def test_solves_and_cycles_follows_the_same_light(scene, make):
     """Cycles as a map tracer lands each viewer pixel's middle where
     core does, to 0.1 display px for 99 % of the light that was refracted alone.
 
@@ -153,7 +153,7 @@ def test_previews(kiriko, scene, make):
     assert np.median(shown[dots] / seen[dots]) > 0.6
 
 
-def test_the_map_of_suzanne_keeps_the_tolerance(kiriko, scene):
+def test_the_map_of_suzanne_keeps_the_tolerance(scene):
     """Held to a ray through each pixel's middle, where it is not
     sampled, as tests/core/test_view_map.py holds others.
 

@@ -1,15 +1,10 @@
 """What asks most of Blender and has no other test that the gate runs in every version."""
 
-import importlib
-from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
-
 import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
+from extension import loaded
 from small_rigs import cube, inventory, new_object, pixels, primitive, small_rig
 
 pytestmark = pytest.mark.every_blender
@@ -25,7 +20,7 @@ PANELS = (
 
 
 @pytest.fixture
-def solved(scene: bpy.types.Scene) -> bpy.types.Scene:
+def solved(scene) -> bpy.types.Scene:
     """A scene with a small rig and its source image."""
     small_rig(viewer_resolution=32, display_resolution=(32, 32))
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
@@ -37,9 +32,9 @@ def source() -> np.ndarray:
     return pixels(bpy.context.scene.kiriko.result.source)[..., :3].copy()
 
 
-def test_each_operator_can_be_called(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+def test_each_operator_can_be_called(scene):
     """Blender knows each operator, its tooltip and its properties."""
-    for cls in importlib.import_module(f"{kiriko.__name__}.operators").CLASSES:
+    for cls in loaded("operators").CLASSES:
         group, name = cls.bl_idname.split(".")
         told = getattr(getattr(bpy.ops, group), name).get_rna_type()
         assert told.description
@@ -48,13 +43,7 @@ def test_each_operator_can_be_called(kiriko: ModuleType, scene: bpy.types.Scene)
 
 @pytest.mark.parametrize(("module", "name"), PANELS)
 @pytest.mark.parametrize("is_solved", [False, True])
-def test_panels_are_drawn(
-    drawn: Callable[..., Layout],
-    request: pytest.FixtureRequest,
-    module: str,
-    name: str,
-    is_solved: bool,
-) -> None:
+def test_panels_are_drawn(drawn, request, module, name, is_solved):
     """Each panel is drawn in an empty scene and beside a result: all it shows is in Blender."""
     if is_solved:
         request.getfixturevalue("solved")
@@ -63,7 +52,7 @@ def test_panels_are_drawn(
 
 
 @pytest.mark.parametrize("is_given", [True, False])
-def test_a_rig_is_added_and_removed(scene: bpy.types.Scene, is_given: bool) -> None:
+def test_a_rig_is_added_and_removed(scene, is_given):
     """Around a given glass, or a ball: each part once. Remove Rig leaves the file as before."""
     if is_given:
         cube()
@@ -77,7 +66,7 @@ def test_a_rig_is_added_and_removed(scene: bpy.types.Scene, is_given: bool) -> N
         assert inventory() == before
 
 
-def test_add_rig_is_undone(scene: bpy.types.Scene) -> None:
+def test_add_rig_is_undone(scene):
     """One undo step takes back all of Add Rig."""
     cube()
     bpy.ops.ed.undo_push(message="before")
@@ -88,18 +77,16 @@ def test_add_rig_is_undone(scene: bpy.types.Scene) -> None:
     assert {thing.name for thing in bpy.context.scene.objects} == names
 
 
-def test_numpy_and_the_kernel_agree(
-    solved: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numpy_and_the_kernel_agree(solved, kiriko, monkeypatch):
     """Blender's own numpy gives the source image of the kernel, to rounding."""
     before = source()
     monkeypatch.setenv("KIRIKO_KERNEL", "off")
-    importlib.import_module(f"{kiriko.__name__}.operators.work").forget()
+    loaded("operators.work").forget()
     bpy.ops.kiriko.solve()
     assert np.abs(source() - before).max() < 1e-4
 
 
-def test_solve_is_undone_and_redone(scene: bpy.types.Scene) -> None:
+def test_solve_is_undone_and_redone(scene):
     """Undo takes the result back, redo brings the same pixels."""
     small_rig(viewer_resolution=32, display_resolution=(32, 32))
     bpy.ops.ed.undo_push(message="rig")
@@ -112,12 +99,10 @@ def test_solve_is_undone_and_redone(scene: bpy.types.Scene) -> None:
     assert np.array_equal(source(), before)
 
 
-def test_pictures_in_several_colour_spaces_are_read(
-    scene: bpy.types.Scene, kiriko: ModuleType, tmp_path: Path
-) -> None:
+def test_pictures_in_several_colour_spaces_are_read(scene, tmp_path):
     """White is white in each of them; Blender converts one after the other, and goes on."""
-    io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
-    picture = importlib.import_module(f"{kiriko.__name__}.core.blender.picture")
+    io = loaded("core.files.image_io")
+    picture = loaded("core.blender.picture")
     path = tmp_path / "white.png"
     io.write(path, np.ones((8, 8, 3)), "PNG8")
     for space in ("Linear Rec.2020", "ACEScg", "Non-Color", "sRGB", "Linear Rec.709"):
@@ -126,9 +111,7 @@ def test_pictures_in_several_colour_spaces_are_read(
         assert picture.read_pixels(image, "the picture")[..., :3] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_checklist_names_what_is_missing_and_then_nothing(
-    look: Callable[[], list], scene: bpy.types.Scene, drawn: Callable[..., Layout]
-) -> None:
+def test_the_checklist_names_what_is_missing_and_then_nothing(look, scene, drawn):
     """An object with a role alone lacks its parts; a rig of Add Rig can be solved."""
     new_object(primitive("cube", size=0.1), "BLOCKER")
     look()
@@ -139,7 +122,7 @@ def test_the_checklist_names_what_is_missing_and_then_nothing(
     assert bpy.ops.kiriko.solve.poll()
 
 
-def test_a_mesh_is_shaded_smooth(scene: bpy.types.Scene) -> None:
+def test_a_mesh_is_shaded_smooth(scene):
     """The checklist's button makes a ball's faces smooth."""
     mesh = primitive("uvsphere", u_segments=16, v_segments=8, radius=0.03)
     glass = new_object(mesh, "GLASS")

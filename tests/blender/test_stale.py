@@ -1,15 +1,14 @@
 """A result knows the scene it was solved for, and says when that is another one."""
 
-import importlib
 import json
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, primitive, small_rig
 
 pytestmark = pytest.mark.usefixtures("no_remedies")
@@ -18,18 +17,16 @@ CHANGED = "The scene has changed since: solve again"
 
 
 @pytest.fixture
-def watch(
-    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[ModuleType]:
+def watch(scene, kiriko, monkeypatch) -> Iterator[ModuleType]:
     """Module operators.watch, which does not wait for quiet.
 
     Nothing is followed by Live before and after.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.watch")
+    module = loaded("operators.watch")
     monkeypatch.setattr(module, "QUIET", 0.0)
     monkeypatch.setattr(module, "SHARE", 0.0)
     monkeypatch.setattr(module.chosen, "POLLING", 0.0)
-    surfaces = importlib.import_module(f"{kiriko.__name__}.operators.surfaces")
+    surfaces = loaded("operators.surfaces")
     monkeypatch.setattr(surfaces, "PAUSE", 0.0)
     surfaces.forget()
     yield module
@@ -37,7 +34,7 @@ def watch(
 
 
 @pytest.fixture
-def rig(watch: ModuleType, scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+def rig(watch, scene) -> dict[str, bpy.types.Object]:
     """A rig that was solved; the objects by role."""
     rig = small_rig()
     mesh = primitive("uvsphere", u_segments=16, v_segments=8, radius=0.025)
@@ -139,9 +136,7 @@ COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
 
 
 @pytest.mark.parametrize("change", COUNT.values(), ids=COUNT)
-def test_what_changes_the_source_image_counts(
-    watch: ModuleType, rig: dict, change: Callable
-) -> None:
+def test_what_changes_the_source_image_counts(watch, rig, change):
     """After it the result is that of another scene, and says so."""
     assert not is_stale(watch)
     change(rig)
@@ -183,9 +178,7 @@ DO_NOT_COUNT: dict[str, Callable[[dict[str, bpy.types.Object]], object]] = {
 
 
 @pytest.mark.parametrize("change", DO_NOT_COUNT.values(), ids=DO_NOT_COUNT)
-def test_what_leaves_the_source_image_as_it_is_does_not_count(
-    watch: ModuleType, rig: dict, change: Callable
-) -> None:
+def test_what_leaves_the_source_image_as_it_is_does_not_count(watch, rig, change):
     """The result stays that of the scene."""
     change(rig)
     bpy.context.view_layer.update()
@@ -197,11 +190,9 @@ AS_IT_WAS = ", of the rig as it was: "
 
 
 @pytest.fixture
-def surface(
-    watch: ModuleType, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> Callable[[str], dict[str, bpy.types.Object]]:
+def surface(watch, kiriko, monkeypatch) -> Callable[[str], dict[str, bpy.types.Object]]:
     """Make a surface of a rig that was never solved; the objects by role."""
-    eye_box = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.head_range")
+    eye_box = loaded("core.lab.measure.head_range")
     monkeypatch.setattr(eye_box, "N_POINTS", 3)
 
     def make(name: str) -> dict[str, bpy.types.Object]:
@@ -214,17 +205,12 @@ def surface(
 
 @pytest.mark.parametrize("name", SURFACES)
 def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
-    watch: ModuleType,
-    surface: Callable,
-    kiriko: ModuleType,
-    drawn: Callable,
-    tmp_path: Path,
-    name: str,
-) -> None:
+    watch, surface, kiriko, drawn, tmp_path, name
+):
     """In the panel and in its legend, without a result; moved back, it is of the rig again. What
     is painted does not count; a file that was saved knows; made anew, it is of the rig.
     """
-    range_view = importlib.import_module(f"{kiriko.__name__}.panels.range_view")
+    range_view = loaded("panels.range_view")
     legend = next(one for one in range_view.SURFACES if one.name == SURFACES[name])
     label = {"visible_range": "Visible Range", "eye_box": "Eye Box"}[name]
     words = f"since '{label}' looked at it: press it again"
@@ -276,7 +262,7 @@ def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
     assert not watch._watched  # nothing is read any more
 
 
-def test_saved_and_opened_again_it_is_known(watch: ModuleType, rig: dict, tmp_path: Path) -> None:
+def test_saved_and_opened_again_it_is_known(watch, rig, tmp_path):
     """A current result stays current; one that was not is not; put back it is again."""
     path = str(tmp_path / "rig.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -295,7 +281,7 @@ def test_saved_and_opened_again_it_is_known(watch: ModuleType, rig: dict, tmp_pa
     assert not is_stale(watch)
 
 
-def test_moved_away_and_back_it_is_current_again(watch: ModuleType, rig: dict) -> None:
+def test_moved_away_and_back_it_is_current_again(watch, rig):
     """By a metre, which leaves a rounding in float32; and turned there and back."""
     glass = rig["GLASS"]
     glass.location = (0.0123, 0.0456, 0.0)
@@ -309,7 +295,7 @@ def test_moved_away_and_back_it_is_current_again(watch: ModuleType, rig: dict) -
     assert tuple(glass.location) != (np.float32(0.0123), np.float32(0.0456), 0.0)
 
 
-def test_undo_makes_it_current_again(watch: ModuleType, rig: dict) -> None:
+def test_undo_makes_it_current_again(watch, rig):
     """The scene and the result come back together; and redo takes both forward."""
     bpy.ops.ed.undo_push(message="before")
     rig["GLASS"].location.x = 0.004
@@ -322,9 +308,7 @@ def test_undo_makes_it_current_again(watch: ModuleType, rig: dict) -> None:
     assert is_stale(watch)
 
 
-def test_an_animation_counts_where_it_moves_something(
-    watch: ModuleType, rig: dict, capfd: pytest.CaptureFixture
-) -> None:
+def test_an_animation_counts_where_it_moves_something(watch, rig, capfd):
     """On the frame that was solved the result is current, on others not.
 
     No handler fails on the way.
@@ -342,9 +326,7 @@ def test_an_animation_counts_where_it_moves_something(
     assert "Traceback" not in "".join(capfd.readouterr())
 
 
-def test_export_of_what_has_changed_is_refused_until_allowed(
-    watch: ModuleType, rig: dict, tmp_path: Path
-) -> None:
+def test_export_of_what_has_changed_is_refused_until_allowed(watch, rig, tmp_path):
     """A script is told in a sentence, and nothing is written.
 
     With the argument it gets the old image.
@@ -362,15 +344,13 @@ def test_export_of_what_has_changed_is_refused_until_allowed(
     assert bpy.ops.kiriko.export(filepath=str(path), overwrite=True) == {"FINISHED"}
 
 
-def test_the_command_line_never_writes_an_old_image(
-    watch: ModuleType, rig: dict, tmp_path: Path, kiriko: ModuleType
-) -> None:
+def test_the_command_line_never_writes_an_old_image(watch, rig, tmp_path, kiriko):
     """It solves the file as it is, whatever result is in it, and leaves one that is current."""
     move(rig["GLASS"])
     ours().tolerance = 0.3
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     assert watch.has_changed(bpy.context)
-    command_line = importlib.import_module(f"{kiriko.__name__}.operators.cli.command_line")
+    command_line = loaded("operators.cli.command_line")
     assert command_line.run(["solve", "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "report.json").read_text())["tolerance"] == pytest.approx(
         0.3
@@ -378,9 +358,7 @@ def test_the_command_line_never_writes_an_old_image(
     assert not is_stale(watch)
 
 
-def test_preview_and_simulate_say_so(
-    watch: ModuleType, rig: dict, capfd: pytest.CaptureFixture
-) -> None:
+def test_preview_and_simulate_say_so(watch, rig, capfd):
     """They go on, for it is of use to see a bench that is not
     as planned, with a warning that has the sentence.
     """
@@ -397,16 +375,14 @@ def test_preview_and_simulate_say_so(
         bpy.ops.kiriko.solve()
 
 
-def test_a_rig_that_cannot_be_read_any_more_has_changed(
-    watch: ModuleType, rig: dict, tmp_path: Path
-) -> None:
+def test_a_rig_that_cannot_be_read_any_more_has_changed(watch, rig, tmp_path):
     """Without a picture there is nothing to compare with, and no traceback."""
     rig["PICTURE"].data.materials.clear()
     bpy.context.view_layer.update()
     assert is_stale(watch)
 
 
-def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) -> None:
+def test_live_is_never_behind(watch, rig, kiriko):
     """While it works nothing is said; its result is current, also after it was turned off."""
     live = kiriko.operators.live
     bpy.ops.kiriko.live()
@@ -427,7 +403,7 @@ def test_live_is_never_behind(watch: ModuleType, rig: dict, kiriko: ModuleType) 
     assert is_stale(watch)
 
 
-def test_apply_to_scene_keeps_a_current_result_current(watch: ModuleType, rig: dict) -> None:
+def test_apply_to_scene_keeps_a_current_result_current(watch, rig):
     """It is the same rig, written another way.
 
     A result of another rig does not become current by it.
@@ -443,7 +419,7 @@ def test_apply_to_scene_keeps_a_current_result_current(watch: ModuleType, rig: d
     assert is_stale(watch)
 
 
-def test_handlers_and_timer_go_with_the_extension(blender: ModuleType, watch: ModuleType) -> None:
+def test_handlers_and_timer_go_with_the_extension(blender, watch):
     """They are there while it is enabled, also after a file was loaded, and gone when it is not."""
 
     def left() -> list[str]:

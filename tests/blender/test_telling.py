@@ -5,6 +5,8 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
+from extension import loaded
+
 GERMAN = {
     "The glass '{glass}' has {n} gaps: close them.": "Schließ die {n} Lücken im Glas '{glass}'.",
     "{error} But {thing} stays (Undo takes it back).": "Es bleibt {thing}. {error}",
@@ -13,9 +15,9 @@ GERMAN = {
 
 
 @pytest.fixture
-def telling(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def telling(kiriko, monkeypatch) -> ModuleType:
     """Module operators.telling, for people who read German."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.telling")
+    module = loaded("operators.telling")
 
     def in_german(text: str, context: str) -> str:
         return GERMAN.get(text, text)
@@ -25,7 +27,7 @@ def telling(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return module
 
 
-def test_another_order_of_words_at_the_border(telling: ModuleType) -> None:
+def test_another_order_of_words_at_the_border(telling):
     """Reports, errors and reasons why a button is grey follow the translated template's order of
     words; a sentence without a translation stays as it is.
     """

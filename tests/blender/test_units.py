@@ -1,15 +1,14 @@
-import importlib
 from collections.abc import Callable
-from types import ModuleType
 
-import bpy
 import pytest
+
+from extension import loaded
 
 
 @pytest.fixture
-def text(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., str]:
+def text(scene) -> Callable[..., str]:
     """A length, m, in words, in a scene of a unit system, unit and unit scale."""
-    told = importlib.import_module(f"{kiriko.__name__}.core.blender.units").length_text
+    told = loaded("core.blender.units").length_text
 
     def tell(metres: float, system: str, unit: str = "ADAPTIVE", scale: float = 1.0) -> str:
         units = scene.unit_settings
@@ -35,9 +34,7 @@ def text(kiriko: ModuleType, scene: bpy.types.Scene) -> Callable[..., str]:
         (2e-9, "ADAPTIVE", "0.000000002 m"),  # Blender rounds it to nothing
     ],
 )
-def test_metric_lengths_are_told_in_the_scenes_unit(
-    text: Callable[..., str], metres: float, unit: str, words: str
-) -> None:
+def test_metric_lengths_are_told_in_the_scenes_unit(text, metres, unit, words):
     """In the unit the fields have where the number is readable, else in one that fits.
 
     Never with an exponent.
@@ -49,12 +46,12 @@ def test_metric_lengths_are_told_in_the_scenes_unit(
     ("metres", "unit", "words"),
     [(0.0254, "INCHES", "1 in"), (1.172, "FEET", "3.85 ft"), (0.0254, "ADAPTIVE", '1"')],
 )
-def test_imperial_lengths(text: Callable[..., str], metres: float, unit: str, words: str) -> None:
+def test_imperial_lengths(text, metres, unit, words):
     """An inch is an inch."""
     assert text(metres, "IMPERIAL", unit) == words
 
 
-def test_the_unit_scale_changes_no_length(text: Callable[..., str]) -> None:
+def test_the_unit_scale_changes_no_length(text):
     """A length in metres stays that; without units it is told in Blender's."""
     assert text(0.05, "METRIC", "MILLIMETERS", 0.001) == "50 mm"
     assert text(0.05, "NONE", scale=0.001) == "0.05 units"

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
@@ -21,7 +20,7 @@ AS_BLENDER = ROOT / "tests" / "known" / "as_blender.py"
 
 
 @pytest.fixture
-def job(own_zip: Path, tmp_path: Path) -> Path:
+def job(own_zip, tmp_path) -> Path:
     """A folder with a script and the zip for this machine, with a space and Japanese in its name;
     a profile that must stay empty beside it.
     """
@@ -59,7 +58,7 @@ def refusal(done: subprocess.CompletedProcess) -> str:
     return line
 
 
-def test_worker_solves_with_nothing_installed(installed: str, job: Path) -> None:
+def test_worker_solves_with_nothing_installed(installed, job):
     """From factory settings, by the kernel of the zip; the user's profile stays empty, and so does
     the temporary folder.
     """
@@ -79,11 +78,11 @@ def test_worker_solves_with_nothing_installed(installed: str, job: Path) -> None
     assert not [path for path in extensions.rglob("*") if "kiriko" in path.name.lower()]
 
 
-def test_version_without_a_number(job: Path) -> None:
+def test_version_without_a_number(job):
     assert "No version follows --version" in refusal(work(job, "--version"))
 
 
-def test_worker_without_its_file(job: Path) -> None:
+def test_worker_without_its_file(job):
     """A file that is missing is Kiriko's own sentence, and nothing is written."""
     done = work(job, "solve", "--out", job / "out", file=job / "missing.blend")
     assert "No .blend file was loaded" in refusal(done)
@@ -91,7 +90,7 @@ def test_worker_without_its_file(job: Path) -> None:
 
 
 @pytest.fixture
-def bootstrap(tmp_path: Path) -> ModuleType:
+def bootstrap(tmp_path) -> ModuleType:
     """The script as a module, in a folder without a zip."""
     script = shutil.copy(ROOT / "farm" / "kiriko_bootstrap.py", tmp_path)
     spec = importlib.util.spec_from_file_location("bootstrap", script)
@@ -127,9 +126,7 @@ def write_zip(path: Path, *change: str, packing: int = ZIP_STORED) -> None:
         archive.writestr("blender_manifest.toml", manifest)
 
 
-def test_worker_without_kiriko(
-    bootstrap: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
+def test_worker_without_kiriko(bootstrap, monkeypatch, capsys):
     """Without a zip the sentence names the platform whose zip belongs there."""
     said = told(bootstrap, monkeypatch, capsys)
     assert "There is no zip of Kiriko" in said
@@ -145,14 +142,7 @@ def test_worker_without_kiriko(
         (('schema_version = "1.0.0"', 'schema_version = "1.0.0"\nid ='), "cannot be read"),
     ],
 )
-def test_zips_that_do_not_fit(
-    bootstrap: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
-    change: tuple[str, str],
-    said: str,
-) -> None:
+def test_zips_that_do_not_fit(bootstrap, tmp_path, monkeypatch, capsys, change, said):
     """Another platform, another version, a newer Blender and a broken zip each have a sentence."""
     write_zip(tmp_path / "kiriko.zip", *change)
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text("utf-8"))["version"]
@@ -200,13 +190,7 @@ ODD = (
 
 
 @pytest.mark.parametrize("make", ODD)
-def test_an_odd_zip_does_not_block_a_good_one(
-    bootstrap: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture,
-    make: Callable[[Path], object],
-) -> None:
+def test_an_odd_zip_does_not_block_a_good_one(bootstrap, tmp_path, monkeypatch, capsys, make):
     """Alone, a zip that cannot be used gets one sentence; beside a good one it is passed over."""
     make(tmp_path / "kiriko-a.zip")
     told(bootstrap, monkeypatch, capsys)
@@ -214,9 +198,7 @@ def test_an_odd_zip_does_not_block_a_good_one(
     assert bootstrap.fitting_zip(tmp_path, None) == tmp_path / "kiriko-good.zip"
 
 
-def test_the_newest_zip_that_this_blender_takes_is_used(
-    bootstrap: ModuleType, tmp_path: Path
-) -> None:
+def test_the_newest_zip_that_this_blender_takes_is_used(bootstrap, tmp_path):
     """By its numbers, not its name; a zip for a newer Blender, or of something else, is left."""
     for name, *change in (
         ("a.zip", 'version = "0.1.0"', 'version = "0.10.0"'),
@@ -240,7 +222,7 @@ script["main"]()
 """
 
 
-def test_a_task_that_is_terminated_leaves_nothing(bootstrap: ModuleType, tmp_path: Path) -> None:
+def test_a_task_that_is_terminated_leaves_nothing(bootstrap, tmp_path):
     """SIGTERM, as farms end a task, removes the temporary folder and gives the signal's code."""
     process = subprocess.Popen(
         [sys.executable, "-c", STANDSTILL, bootstrap.__file__],

@@ -1,7 +1,6 @@
 import json
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import addon_utils
@@ -11,7 +10,7 @@ import pytest
 
 
 @pytest.fixture
-def rig(installed: str, tmp_path: Path) -> Path:
+def rig(installed, tmp_path) -> Path:
     """A saved file with the rig that one button makes, seen with few pixels, and roughly."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.kiriko.add_rig(viewer_resolution=96, display_resolution=(96, 96))
@@ -28,7 +27,7 @@ def brightness(image: bpy.types.Image) -> np.ndarray:
     return values.reshape(-1, image.channels)[:, :3].sum(axis=1)
 
 
-def test_installed_extension_breaks_no_policy(installed: str) -> None:
+def test_installed_extension_breaks_no_policy(installed):
     """Blender has no complaint about the installed extension."""
     assert addon_utils._extensions_warnings_get() == {}
 
@@ -49,7 +48,7 @@ def scale_glass(factor: float) -> None:
     glass.scale *= factor
 
 
-def test_solve_from_the_zip(rig: Path, installed: str) -> None:
+def test_solve_from_the_zip(rig, installed):
     """Two clicks after the install there is a source image that
     is not black, traced by the bundled kernel.
     """
@@ -58,7 +57,7 @@ def test_solve_from_the_zip(rig: Path, installed: str) -> None:
     assert loading.find_library().is_relative_to(os.environ["BLENDER_USER_RESOURCES"])
 
 
-def test_solve_without_the_kernel(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solve_without_the_kernel(rig, monkeypatch):
     """Where it does not run, the bundled embreex is asked."""
     monkeypatch.setenv("KIRIKO_KERNEL", "off")
     scale_glass(0.99)
@@ -68,7 +67,7 @@ def test_solve_without_the_kernel(rig: Path, monkeypatch: pytest.MonkeyPatch) ->
     )
 
 
-def test_solve_without_wheels(rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solve_without_wheels(rig, monkeypatch):
     """With neither of both a source image is made as well."""
     monkeypatch.setenv("KIRIKO_KERNEL", "off")
     monkeypatch.setitem(sys.modules, "embreex", None)
@@ -76,9 +75,7 @@ def test_solve_without_wheels(rig: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert "ray engine (Blender's BVH)" in solve()
 
 
-def test_command_line(
-    rig: Path, commands: dict[str, Callable[[list[str]], int]], tmp_path: Path
-) -> None:
+def test_command_line(rig, commands, tmp_path):
     """`blender --background rig.blend --command kiriko solve
     --out DIR` writes files and ends with exit code 0.
     """
@@ -87,12 +84,7 @@ def test_command_line(
     assert [path for path in out.iterdir() if path.stat().st_size > 0]
 
 
-def test_command_line_without_a_file(
-    installed: str,
-    commands: dict[str, Callable[[list[str]], int]],
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_command_line_without_a_file(installed, commands, tmp_path, capfd):
     """Without a .blend, as when the named one is missing, the
     command fails with one sentence on stderr.
     """
@@ -102,7 +94,7 @@ def test_command_line_without_a_file(
     assert not (tmp_path / "out").exists()
 
 
-def test_plate_material_from_the_zip(installed: str) -> None:
+def test_plate_material_from_the_zip(installed):
     """The zip brings the plate's materials along."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert bpy.ops.kiriko.add_plate_material() == {"FINISHED"}

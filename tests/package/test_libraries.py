@@ -77,13 +77,13 @@ Records = dict[str, dict]
 
 
 @pytest.fixture(scope="module")
-def records(kernels: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory) -> Records:
+def records(kernels, tmp_path_factory) -> Records:
     """The records of the libraries, by platform."""
     return read(kernels, tmp_path_factory.mktemp("read"))
 
 
 @pytest.fixture(scope="module")
-def changed(kernels: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory) -> Records:
+def changed(kernels, tmp_path_factory) -> Records:
     """The records of libraries with a change, by part and platform."""
     libraries = {}
     for part, changes in CHANGES.items():
@@ -149,7 +149,7 @@ def faults(record: dict, platform: str) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("platform", TARGETS)
-def test_a_library_is_what_its_platform_loads(records: Records, platform: str) -> None:
+def test_a_library_is_what_its_platform_loads(records, platform):
     """A library is of its platform's format and machine, exports the functions that the sources
     declare and no others, and needs nothing that not each system of its wheel's tag has.
     """
@@ -157,7 +157,7 @@ def test_a_library_is_what_its_platform_loads(records: Records, platform: str) -
     assert records[platform]["versions"]
 
 
-def test_the_lists_name_nothing_that_no_library_takes(records: Records) -> None:
+def test_the_lists_name_nothing_that_no_library_takes(records):
     """Each function that the libraries of a system may import is imported by one of them."""
     for system, allowed in IMPORTS.items():
         of_system = [records[name]["imports"] for name in TARGETS if name.startswith(system)]
@@ -165,7 +165,7 @@ def test_the_lists_name_nothing_that_no_library_takes(records: Records) -> None:
 
 
 @pytest.mark.parametrize("platform", TARGETS)
-def test_a_library_of_another_platform_is_told(records: Records, platform: str) -> None:
+def test_a_library_of_another_platform_is_told(records, platform):
     """The library of each other platform has the wrong kind, whatever else it has."""
     for other in set(TARGETS) - {platform}:
         assert "kind" in faults(records[other], platform)
@@ -173,7 +173,7 @@ def test_a_library_of_another_platform_is_told(records: Records, platform: str) 
 
 @pytest.mark.parametrize("platform", TARGETS)
 @pytest.mark.parametrize("part", CHANGES)
-def test_a_part_that_is_changed_is_told(changed: Records, platform: str, part: str) -> None:
+def test_a_part_that_is_changed_is_told(changed, platform, part):
     """A function under another name, one that nobody has, another library or a newer system is
     found as such, and nothing else.
     """

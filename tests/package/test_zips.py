@@ -34,13 +34,13 @@ def each_of(platforms: Iterable[str]) -> pytest.MarkDecorator:
 
 
 @LONG
-def test_one_zip_for_each_platform(contents: dict[str, list[str]]) -> None:
+def test_one_zip_for_each_platform(contents):
     """There is a zip for each platform of the manifest and no other."""
     assert set(contents) == {name.replace("-", "_") for name in MANIFEST["platforms"]} == set(ZIPS)
 
 
 @each_of(WHEEL_ENDS)
-def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -> None:
+def test_zip_has_its_own_wheels(contents, platform):
     """A zip bundles embreex for its own platform, once for each
     Python of Blender 4.2 - 5.2 and distributions.
     """
@@ -50,9 +50,7 @@ def test_zip_has_its_own_wheels(contents: dict[str, list[str]], platform: str) -
 
 
 @each_of(ZIPS)
-def test_zip_has_its_own_kernel(
-    contents: dict[str, list[str]], kernels: dict[str, bytes], platform: str
-) -> None:
+def test_zip_has_its_own_kernel(contents, kernels, platform):
     """A zip bundles the kernel of its own platform, of the
     sources' version. What is in it: `test_libraries.py`.
     """
@@ -66,9 +64,7 @@ def test_zip_has_its_own_kernel(
 @pytest.mark.long(reason="each platform takes a compiler with an empty cache")
 # For Windows the compiler's cache takes more than a minute to fill.
 @pytest.mark.parametrize("platform", [name for name in ZIPS if not name.startswith("windows")])
-def test_the_kernel_is_built_the_same_anywhere(
-    kernels: dict[str, bytes], platform: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_kernel_is_built_the_same_anywhere(kernels, platform, tmp_path, monkeypatch):
     """Byte by byte, in another folder and with an empty cache."""
     target = KERNELS[platform]
     monkeypatch.setattr(
@@ -82,9 +78,7 @@ def test_the_kernel_is_built_the_same_anywhere(
 
 @LONG
 @pytest.mark.parametrize("platform", WITHOUT_EMBREE)
-def test_zip_without_embreex_is_like_the_others(
-    zips: dict[str, Path], contents: dict[str, list[str]], platform: str
-) -> None:
+def test_zip_without_embreex_is_like_the_others(zips, contents, platform):
     """A zip for a platform without embreex differs from the
     others in its wheels alone, and lists only its kernel.
     """
@@ -106,9 +100,7 @@ def test_zip_without_embreex_is_like_the_others(
 
 
 @each_of(ZIPS)
-def test_zip_has_the_package_and_nothing_else(
-    contents: dict[str, list[str]], platform: str
-) -> None:
+def test_zip_has_the_package_and_nothing_else(contents, platform):
     """A zip has the whole package, and nothing that only development needs."""
     names = set(contents[platform])
     code = [
@@ -127,7 +119,7 @@ def test_zip_has_the_package_and_nothing_else(
 
 
 @each_of(ZIPS)
-def test_zip_has_the_manual(zips: dict[str, Path], platform: str) -> None:
+def test_zip_has_the_manual(zips, platform):
     """A zip has the manual's site in each language, and it makes the zip larger by less than
     a megabyte and a half.
     """
@@ -141,7 +133,7 @@ def test_zip_has_the_manual(zips: dict[str, Path], platform: str) -> None:
     assert not [name for name in names if name.endswith((".map", ".md", ".gz"))]
 
 
-def test_another_kernel_is_another_wheel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_another_kernel_is_another_wheel(monkeypatch, tmp_path):
     """Blender keeps an installed wheel of the same name and version: a changed
     source has to change it, or an update would go on with the old library.
     """
@@ -156,7 +148,7 @@ def test_another_kernel_is_another_wheel(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert build_kernel.wheel_name(target) != before
 
 
-def test_bundled_embreex_is_the_tested_one() -> None:
+def test_bundled_embreex_is_the_tested_one():
     """The bundled wheels are of the same version of embreex as the one the tests run with."""
     pins = (ROOT / "scripts" / "requirements-test.txt").read_text(encoding="utf-8")
     tested = re.search(r"^embreex==(\S+)", pins, re.MULTILINE)[1]
@@ -164,6 +156,6 @@ def test_bundled_embreex_is_the_tested_one() -> None:
     assert {name.split("-")[1] for name in bundled} == {tested}
 
 
-def test_changelog_has_the_version() -> None:
+def test_changelog_has_the_version():
     """The version in the manifest has its section in the changelog."""
     assert f"## {MANIFEST['version']}\n" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

@@ -27,7 +27,7 @@ def bound(old: object, name: str) -> list[str]:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_a_row_changes_what_it_names_everywhere_and_puts_it_back(row: Row) -> None:
+def test_a_row_changes_what_it_names_everywhere_and_puts_it_back(row):
     """Its targets exist, no module has the old object meanwhile, and all have it again after."""
     import_all()
     targets = [(change, *change.found()) for change in row.changes]
@@ -42,7 +42,7 @@ def test_a_row_changes_what_it_names_everywhere_and_puts_it_back(row: Row) -> No
     assert [bound(old, name) for _, _, name, old in targets] == before
 
 
-def test_a_row_is_put_back_after_a_fault() -> None:
+def test_a_row_is_put_back_after_a_fault():
     """A solve that stops leaves nothing switched off."""
     row = next(row for row in ROWS if row.name == "Thinning of far triangles")
     old = row.changes[0].found()[2]
@@ -51,7 +51,7 @@ def test_a_row_is_put_back_after_a_fault() -> None:
     assert row.changes[0].found()[2] is old
 
 
-def test_a_target_that_is_gone_is_a_fault() -> None:
+def test_a_target_that_is_gone_is_a_fault():
     """A module, a record or a field that no longer exists is never switched off in silence."""
     for change, fault in (
         (instead("map.gone.FAINT", 0), ModuleNotFoundError),
@@ -62,7 +62,7 @@ def test_a_target_that_is_gone_is_a_fault() -> None:
             pass
 
 
-def test_an_equal_number_of_another_name_stays() -> None:
+def test_an_equal_number_of_another_name_stays():
     """Only the constant of that name changes, though Python has one object for equal numbers."""
     import kiriko.core.map.samples as samples
     import kiriko.core.solve.legibility as legibility
@@ -72,7 +72,7 @@ def test_an_equal_number_of_another_name_stays() -> None:
         assert samples.TILE_CELLS == legibility.VIEWER_PX + 1
 
 
-def test_options_that_the_kernel_copies_are_measured_by_numpy() -> None:
+def test_options_that_the_kernel_copies_are_measured_by_numpy():
     """A field with the number of a kernel's macro of its name changes nothing there."""
     kernel = environments.ROOT / "core" / "native"
     text = "".join(path.read_text() for path in (*kernel.glob("*.c"), *kernel.glob("*.h")))
@@ -89,7 +89,7 @@ def test_options_that_the_kernel_copies_are_measured_by_numpy() -> None:
     assert wrong == []
 
 
-def test_each_row_has_a_name_of_its_own_and_a_reason() -> None:
+def test_each_row_has_a_name_of_its_own_and_a_reason():
     """Results are found by name, and no value is neutral by itself."""
     names = [row.name for row in ROWS]
     assert len(set(names)) == len(names)
@@ -107,16 +107,14 @@ def test_each_row_has_a_name_of_its_own_and_a_reason() -> None:
         (ENOUGH - 1, N_GLASSES - ENOUGH + 1, "", "goes"),
     ],
 )
-def test_the_verdict_is_that_of_the_rule(
-    n_worse: int, n_same: int, protects: str, verdict: str
-) -> None:
+def test_the_verdict_is_that_of_the_rule(n_worse, n_same, protects, verdict):
     """A heuristic stays with a gain on three glasses, and goes once three are out of reach."""
     row = Row("row", (instead("map.samples.FAINT", 0),), "", protects)
     numbers = [[WORSE, SAME]] * n_worse + [[SAME, SAME]] * n_same
     assert verdict_of(row, dict(enumerate(numbers))) == verdict
 
 
-def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
+def test_a_surface_that_changes_is_judged_by_the_one_meant_alone():
     """Without a judge a glass does not count: a distance from today's image is no gain."""
     fit = Row("row", (instead("glass.subdivided.MOST_TRIANGLES", -1),), "")
     drawn = Row("row", (instead("map.samples.FAINT", 0),), "")
@@ -126,13 +124,13 @@ def test_a_surface_that_changes_is_judged_by_the_one_meant_alone() -> None:
     assert [one[0] for one in judged(drawn, {"vase": [WORSE, SAME]})] == [2.0]
 
 
-def test_a_row_that_stops_the_solver_stays() -> None:
+def test_a_row_that_stops_the_solver_stays():
     """The fault is its verdict."""
     row = Row("row", (instead("map.samples.FAINT", 0),), "")
     assert verdict_of(row, {"ball": "IndexError: 3"}) == "stays: IndexError: 3"
 
 
-def test_errors_are_those_of_a_known_offset() -> None:
+def test_errors_are_those_of_a_known_offset():
     """A pixel off by 1 counts by half of the seen pixels, and by its share of the light."""
     is_seen = np.array([[True, True, False]])
     wanted = Wanted(np.zeros((1, 3, 3), np.float32), is_seen, np.array([[3.0, 0.5, 0.5]]))
@@ -141,7 +139,7 @@ def test_errors_are_those_of_a_known_offset() -> None:
     assert wanted.errors(image) == pytest.approx((0.5**0.5, 0.75**0.5))
 
 
-def test_the_table_is_that_of_the_results() -> None:
+def test_the_table_is_that_of_the_results():
     """docs/ablation.md has the line of each row: `dev.py ablation --table` makes it."""
     text = TABLE.read_text(encoding="utf-8")
     results = load()

@@ -20,7 +20,7 @@ def told(verb: str) -> str:
     return answer.stdout
 
 
-def test_every_verb_has_its_row_in_contributing() -> None:
+def test_every_verb_has_its_row_in_contributing():
     """The table of CONTRIBUTING.md lists all verbs of dev.py, and none that it has not."""
     table = (environments.ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `python3 scripts/dev\.py (\w+)", table, re.MULTILINE)
@@ -28,7 +28,7 @@ def test_every_verb_has_its_row_in_contributing() -> None:
 
 
 @pytest.mark.parametrize("verb", SCRIPTS)
-def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
+def test_help_after_a_verb_shows_the_options_of_its_script(verb):
     """All that the script's parser adds is in the answer, without
     numpy, Blender or anything that were to be set up.
     """
@@ -42,13 +42,13 @@ def test_help_after_a_verb_shows_the_options_of_its_script(verb: str) -> None:
 
 
 @pytest.mark.parametrize("verb", OWN)
-def test_help_after_a_verb_of_dev_itself_is_its_own(verb: str) -> None:
+def test_help_after_a_verb_of_dev_itself_is_its_own(verb):
     """The verbs that hand nothing on say their work."""
     assert f"dev.py {verb}" in told(verb)
 
 
 @pytest.mark.parametrize("version", ["3.7", "3.9", "3.10"])
-def test_an_old_python_is_told_which_one_is_needed(version: str) -> None:
+def test_an_old_python_is_told_which_one_is_needed(version):
     """A Python without `tomllib` ends with one sentence that names the Python to run."""
     pyenv = Path.home().glob(f".pyenv/versions/{version}.*/bin/python")
     found = [shutil.which(f"python{version}") or "", *pyenv]

@@ -9,7 +9,7 @@ import environments
 RUNNING = Path(sys.executable)
 
 
-def test_every_package_has_its_hashes() -> None:
+def test_every_package_has_its_hashes():
     """Each line of a requirements file is a comment, an include, or a pin with its hashes."""
     files = sorted((environments.ROOT / "scripts").glob("requirements-*.txt"))
     assert files
@@ -22,7 +22,7 @@ def test_every_package_has_its_hashes() -> None:
 
 
 @pytest.fixture
-def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def checkout(tmp_path, monkeypatch) -> Path:
     """A checkout whose environment `tiny` needs no package."""
     monkeypatch.setattr(environments, "ROOT", tmp_path)
     monkeypatch.setattr(environments, "DEV", tmp_path / ".dev")
@@ -31,9 +31,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_set_up_makes_unfinished_environments_anew_and_leaves_finished_ones_alone(
-    checkout: Path,
-) -> None:
+def test_set_up_makes_unfinished_environments_anew_and_leaves_finished_ones_alone(checkout):
     """An environment without its stamp is made anew.
 
     One with the stamp of its pins is not touched.
@@ -50,7 +48,7 @@ def test_set_up_makes_unfinished_environments_anew_and_leaves_finished_ones_alon
     assert not trace.exists()
 
 
-def test_set_up_stamps_nothing_that_failed(checkout: Path) -> None:
+def test_set_up_stamps_nothing_that_failed(checkout):
     """When pip fails there is one sentence, and no stamp says that the environment is ready."""
     (checkout / "scripts" / "requirements-tiny.txt").write_text("-r requirements-broken.txt\n")
     (checkout / "scripts" / "requirements-broken.txt").write_text("./no-such-folder\n")
@@ -59,7 +57,7 @@ def test_set_up_stamps_nothing_that_failed(checkout: Path) -> None:
     assert not (checkout / ".dev" / "tiny" / "kiriko.stamp").exists()
 
 
-def test_pins_include_those_of_included_files(checkout: Path) -> None:
+def test_pins_include_those_of_included_files(checkout):
     """A changed pin in an included file changes the pins of the one that includes it."""
     (checkout / "scripts" / "requirements-tiny.txt").write_text(
         "-r requirements-more.txt\nnumpy==2.0\n"
@@ -68,7 +66,7 @@ def test_pins_include_those_of_included_files(checkout: Path) -> None:
     assert "pytest==9.0" in environments.pins(checkout / "scripts" / "requirements-tiny.txt")
 
 
-def test_a_machine_without_python_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_machine_without_python_is_told_what_to_install(monkeypatch):
     """Where no Python fits there is one sentence that names the packages to install."""
     monkeypatch.setattr(environments, "BLENDERS", {"bpy-9.9": "9.9"})
     with pytest.raises(
@@ -77,7 +75,7 @@ def test_a_machine_without_python_is_told_what_to_install(monkeypatch: pytest.Mo
         environments.newest_blender()
 
 
-def test_the_running_python_comes_first() -> None:
+def test_the_running_python_comes_first():
     """A Python of the wanted version that is already running is the one that is taken."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     assert environments.find_python(version) == RUNNING

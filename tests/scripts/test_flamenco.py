@@ -23,7 +23,7 @@ needs_node = pytest.mark.skipif(NODE is None, reason="there is no node on the PA
 
 
 @needs_node
-def test_tasks_are_chunks_and_a_join_that_waits_for_them() -> None:
+def test_tasks_are_chunks_and_a_join_that_waits_for_them():
     """Each frame is in one task, and the join depends on all."""
     made = compiled(NODE, **SETTINGS)
     assert made["error"] is None
@@ -43,7 +43,7 @@ def test_tasks_are_chunks_and_a_join_that_waits_for_them() -> None:
 
 
 @needs_node
-def test_settings_are_those_that_the_tasks_use() -> None:
+def test_settings_are_those_that_the_tasks_use():
     """Flamenco's panel shows each setting once, and each has the kind that Flamenco knows; rig and
     overwrite come into the tasks.
     """
@@ -57,7 +57,7 @@ def test_settings_are_those_that_the_tasks_use() -> None:
 
 
 @needs_node
-def test_each_viewer_has_tasks_and_a_folder_of_its_own() -> None:
+def test_each_viewer_has_tasks_and_a_folder_of_its_own():
     """Also where names differ in capitals or in what no folder can have; the join sees them all."""
     wanted = "Left 眼, left 眼,-a/b,-a:b"
     made = compiled(NODE, **{**SETTINGS, "viewers": wanted, "chunk_size": 12})
@@ -82,7 +82,7 @@ def test_each_viewer_has_tasks_and_a_folder_of_its_own() -> None:
     ("change", "said"),
     [({"kiriko": " "}, "'kiriko' is empty"), ({"chunk_size": 0}, "no frames")],
 )
-def test_bad_settings_are_refused(change: dict, said: str) -> None:
+def test_bad_settings_are_refused(change, said):
     """With a sentence, before any task is made."""
     made = compiled(NODE, **{**SETTINGS, **change})
     assert said in made["error"]

@@ -3,7 +3,7 @@ import re
 import house
 
 
-def test_files_and_functions_of_core_stay_small_and_no_import_goes_up() -> None:
+def test_files_and_functions_of_core_stay_small_and_no_import_goes_up():
     """No file of core is over 600 lines, no function over 60, and no room asks a higher one."""
     core = house.measured(house.ROOT, "core")
     assert [n for n, lines in core.file_lines.items() if lines > house.MOST_FILE_LINES] == []
@@ -13,7 +13,7 @@ def test_files_and_functions_of_core_stay_small_and_no_import_goes_up() -> None:
     assert [(a, b) for a, b in house.arrows(house.ROOT) if place[b] > place[a]] == []
 
 
-def test_what_is_counted_is_there(tmp_path) -> None:
+def test_what_is_counted_is_there(tmp_path):
     """Lines, tokens, blank lines and words of a file written for it are counted as by hand."""
     (tmp_path / "core").mkdir()
     source = (
@@ -28,7 +28,7 @@ def test_what_is_counted_is_there(tmp_path) -> None:
     assert " ".join(found.prose).lower().count("what") == 2
 
 
-def test_nothing_is_set_by_the_context_s_window() -> None:
+def test_nothing_is_set_by_the_context_s_window():
     """Blender 4.2 would tag a scene of before for it, perhaps a freed one: see `show_scene`."""
     files = [
         path

@@ -28,7 +28,7 @@ def asked(name: tuple[str, ...]) -> set[tuple[str, ...]]:
 
 
 @pytest.mark.parametrize("name", sorted(PATHS), ids="/".join)
-def test_no_script_asks_for_itself(name: tuple[str, ...]) -> None:
+def test_no_script_asks_for_itself(name):
     """Imports do not go round in circles, whoever follows them."""
     found = set()
     todo = {name}

@@ -7,7 +7,7 @@ from pathlib import Path
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "messages.py"
 
 
-def test_all_sentences_are_printed_with_values() -> None:
+def test_all_sentences_are_printed_with_values():
     """Every template is found and filled in, and no place of a value is left open."""
     command = [sys.executable, str(SCRIPT)]
     text = subprocess.run(command, check=True, capture_output=True, encoding="utf-8").stdout

@@ -31,7 +31,7 @@ def shown(folder: Path, *, at: tuple[int, int], changed: tuple[int, int] | None 
     return is_shown(folder)
 
 
-def test_one_pixel_by_one_step_is_told(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_one_pixel_by_one_step_is_told(tmp_path, capsys):
     """In the image and around it; an image that is a pixel aside differs nearly everywhere."""
     place = (15, 11)  # 4 + (33 - 11) // 2; 2 + 9 = 11 rows below of 30, 8 rows of its own
     assert shown(tmp_path, at=place)

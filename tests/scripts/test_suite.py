@@ -30,7 +30,7 @@ HAS_PROC = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="need
 
 
 @pytest.fixture(autouse=True)
-def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def logs(tmp_path, monkeypatch) -> Path:
     """Logs apart from the suite's own, which may be under way, and hangs of seconds."""
     monkeypatch.setattr(suite, "LOGS", tmp_path)
     monkeypatch.setattr(suite, "ASLEEP_MINUTES", ASLEEP_S / 60)
@@ -53,7 +53,7 @@ def run(code: str, name: str = "step") -> suite.Result:
     ],
     ids=["talks", "works", "child works", "stopped"],
 )
-def test_a_step_that_works_or_is_held_up_is_no_hang(code: str) -> None:
+def test_a_step_that_works_or_is_held_up_is_no_hang(code):
     """More than the time of a hang may pass if a step prints, computes in silence, itself or in a
     child, or is suspended.
     """
@@ -67,9 +67,7 @@ def test_a_step_that_works_or_is_held_up_is_no_hang(code: str) -> None:
     [SLEEPS, CHILD_SLEEPS, POLLS, pytest.param(LOOPS, marks=HAS_PROC)],
     ids=["sleeps", "child sleeps", "polls", "loops"],
 )
-def test_a_step_that_hangs_is_stopped_and_says_so(
-    code: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_step_that_hangs_is_stopped_and_says_so(code, capsys):
     """A step that sleeps, looks again and again for what never comes, or loops without end is
     stopped with all that it started, fails and shows its output.
     """
@@ -83,9 +81,7 @@ def test_a_step_that_hangs_is_stopped_and_says_so(
         assert time.monotonic() < ended
 
 
-def test_a_test_that_hangs_is_named_by_its_stack(
-    logs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_test_that_hangs_is_named_by_its_stack(logs, monkeypatch):
     """The log of a step of pytest that was stopped shows the function in which it stood."""
     monkeypatch.setattr(suite, "STACK_AFTER_S", 0.5)
     hanging = logs / "test_hanging.py"
@@ -97,7 +93,7 @@ def test_a_test_that_hangs_is_named_by_its_stack(
     assert "in test_that_hangs" in (logs / "step.log").read_text()
 
 
-def test_steps_wait_for_their_own_environment_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_steps_wait_for_their_own_environment_alone(monkeypatch):
     """An environment is installed while steps of the one before run: here until one has run."""
     first_ran: Future[None] = Future()
     told = []
@@ -122,9 +118,7 @@ def test_steps_wait_for_their_own_environment_alone(monkeypatch: pytest.MonkeyPa
     assert told == ["quick is there", "first by one", "slow is there", "second by two"]
 
 
-def test_an_environment_that_cannot_be_set_up_ends_the_suite(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_environment_that_cannot_be_set_up_ends_the_suite(monkeypatch):
     """With its own sentence, and without the steps that were not begun."""
 
     def set_up(name: str, python: Path) -> Path:
@@ -152,7 +146,7 @@ def all_files(folder: str) -> list[str]:
     return sorted(file.relative_to(suite.ROOT).as_posix() for file in found)
 
 
-def test_the_gate_runs_each_test_once_in_the_newest_versions() -> None:
+def test_the_gate_runs_each_test_once_in_the_newest_versions():
     """All files in the newest Blender, with its numpy and the kernel. Older ones, and numpy alone,
     run the cases that are marked for them.
     """
@@ -168,7 +162,7 @@ def test_the_gate_runs_each_test_once_in_the_newest_versions() -> None:
     assert files_of("package", everywhere=False) == {(newest, False, "not long"): ["tests/package"]}
 
 
-def test_everywhere_runs_all_tests_in_all_versions() -> None:
+def test_everywhere_runs_all_tests_in_all_versions():
     """Each Blender runs each file once, the oldest one part of them without the kernel; both numpys
     run all of core, the oldest with the kernel and without. Tests marked `long` run once.
     """
@@ -188,15 +182,13 @@ def test_everywhere_runs_all_tests_in_all_versions() -> None:
     assert names >= {"farm", "kernel-elsewhere", "kernel-sanitised", "install-4.2.23"}
 
 
-def test_steps_have_one_thread_for_linear_algebra(logs: Path) -> None:
+def test_steps_have_one_thread_for_linear_algebra(logs):
     """Two steps run at once, so neither gives numpy's BLAS a second thread."""
     run("import os; print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])")
     assert (logs / "step.log").read_text().split() == ["1", "1"]
 
 
-def test_the_slowest_tests_of_all_steps_are_named(
-    logs: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_slowest_tests_of_all_steps_are_named(logs, capsys):
     """The tests that took longest are printed with their
     steps, the slowest first, whatever step they are of.
     """
