@@ -22,7 +22,6 @@ from ..core.blender.given_glass import has_place
 from ..core.blender.inspect_scene import has_own_faces
 from ..core.blender.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
 from ..core.blender.result import legibility_numbers
-from ..core.blender.rig_record import Record
 from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
 from ..core.blender.stored_records import Numbers, Sentences
 from ..core.blender.units import length_of_unit, length_text
@@ -225,16 +224,16 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
             remarks.append(illegible(seen[0]))
         on_display, for_most = _on_display(scene, proposal, limit, spread, aspect)
         text = joined([on_display, *left_out])
-        if scene.kiriko.looking:
+        if scene.kiriko_scene.looking:
             look_through.leave(scene)
         if compared.is_shown(scene):
             compared.leave()
         live.settle(scene)
         live.forget_why()
-        record, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
-        _tell(record, scene, text, remarks, for_most, legibility_numbers(*seen))
+        rig, glasses = make_rig(scene, bench, proposal, frame.size if side else None, pixels)
+        _tell(rig, text, remarks, for_most, legibility_numbers(*seen))
         if not bpy.app.background:
-            _show(context, record, glasses)
+            _show(context, rig, glasses)
         is_short = sum(spread.unseen.values()) > 1 - ENOUGH
         self.level = "WARNING" if is_short or remarks else "INFO"
 
@@ -285,10 +284,10 @@ def _refuse_second(
     """Raise RigError for glass that a rig has already, and for a part in no rig, which each
     has: of those that a rig has one of, and a plate where light goes straight.
     """
-    keys = rigs_of(scene)
+    holders = rigs_of(scene)
     for thing in glasses:
         rig = None if is_copy(scene, thing) else rig_of(scene, thing)
-        if thing.kiriko.role != "NONE" and rig is not None and has_roles(scene, rig):
+        if thing.kiriko.role != "NONE" and rig is not None and has_roles(rig):
             raise RigError(
                 "'{name}' is in the rig '{rig}' already: select other glass, or remove that rig"
                 " first.",
@@ -296,7 +295,7 @@ def _refuse_second(
                 rig=rig.name,
             )
 
-    found = needed.parts(scene, is_left_out=lambda thing: bool(keys(thing)))
+    found = needed.parts(scene, is_left_out=lambda thing: bool(holders(thing)))
     for role in ROLES:
         if role.number is None or not (role.is_single or (is_straight and role.is_missed)):
             continue
@@ -380,32 +379,29 @@ def _on_display(
 
 
 def _tell(
-    record: Record,
-    scene: bpy.types.Scene,
+    rig: bpy.types.Collection,
     text: str,
     remarks: list[str],
     for_most: float,
     numbers: dict[str, Any],
 ) -> None:
     """Write the panel's lines, and the numbers that are known by now."""
-    lines = {
-        "summary": text,
-        "for_most": for_most,
-        "seen_summary": "",
-        "notes": "\n".join(map(one_line, remarks)),
-        "sentences": Sentences.of(text, remarks).text(),
-        "details": Numbers(numbers).text(),
-    }
-    record.change(scene, {f"kiriko.result.{name}": line for name, line in lines.items()})
+    result = rig.kiriko.result
+    result.summary, result.for_most = text, for_most
+    result.notes = "\n".join(map(one_line, remarks))
+    result.sentences = Sentences.of(text, remarks).text()
+    result.details = Numbers(numbers).text()
 
 
 def _show(
-    context: bpy.types.Context, record: Record, glasses: tuple[bpy.types.Object, ...]
+    context: bpy.types.Context, rig: bpy.types.Collection, glasses: tuple[bpy.types.Object, ...]
 ) -> None:
     """Select the glass, and have the rig in sight."""
     framing.select(context, glasses)
     for screen, changes in framing.frame_rig(context):
-        record.add_view(screen, changes)
+        for path, before, after in changes:
+            view = rig.kiriko.views.add()
+            view.screen, view.path, view.before, view.after = screen, path, before, after
 
 
 def _on_materials(bench: Bench) -> list[str]:

@@ -1,39 +1,50 @@
 """Choose rig: of several rigs in a scene one is active. It follows the selection, or is chosen.
 
 A timer of the application looks which object is active: neither a draw nor a handler within an
-undo step may write. The settings are exchanged within the scene's own data, so that undo brings
-back a whole state, which the next look puts right again.
+undo step may write.
 """
 
 from collections.abc import Iterator
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, quoted
-from ..core.blender.active_rig import follow, know_by_name, make_active, remember
 from ..core.blender.copies import is_doubled, meant_copies, part_copies
-from ..core.blender.newcomers import keep_settings, know_plates, take_newcomers
-from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.rigs import active_rig, rig_of, rigs
 from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
 from .viewer_reports import ALL
 from .windows import all_windows, redraw
 
 TICK = 0.1  # s between two looks at the active object
 PATIENCE = 10.0  # s after an error that was not foreseen
+# by session uid of the scene, that of the object whose rig was looked up last
+_followed: dict[int, int] = {}
+
+
+def is_new(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
+    """Is an object another than the one whose rig was looked up last?"""
+    return thing is not None and thing.session_uid != _followed.get(scene.session_uid)
+
+
+def follow(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
+    """The rig that is to be active because another object is; None where it is already.
+
+    The object is noted, so that a rig which was chosen by hand stays until another one is selected.
+    """
+    if not is_new(scene, thing):
+        return None
+    is_first = scene.session_uid not in _followed
+    _followed[scene.session_uid] = thing.session_uid
+    rig = rig_of(scene, thing)
+    return None if is_first or rig == active_rig(scene) else rig
 
 
 def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
     """Have a rig of the scene be the active one; Live goes on with it."""
     live.settle(scene)
     proposal.drop()
-    make_active(scene, rig)
-    look_anew(scene)
-
-
-def look_anew(scene: bpy.types.Scene) -> None:
-    """Have all that is drawn be of the rigs as they are now."""
+    scene.kiriko_scene.rig = rig
     look_over.look_again(scene)
     sketcher.erase(scene)
     redraw()
@@ -63,10 +74,8 @@ def look() -> None:
         redraw()
     shown = {window.scene: window.view_layer for window in reversed(all_windows())}
     for scene, layer in shown.items():
-        if take_newcomers(scene):
-            look_anew(scene)
         look_through.turn_to_chosen(scene)
-        if scene.is_editable and not scene.kiriko.looking:
+        if scene.is_editable and not scene.kiriko_scene.looking:
             rig = follow(scene, layer.objects.active)
             if rig is not None:
                 choose(scene, rig)
@@ -119,7 +128,7 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
             rig = active_rig(context.scene)
             context.view_layer.update()  # their places tell which belong together
             things = meant_copies(context.scene, rig, context.selected_objects)
-            name = part_copies(context.scene, rig, things)
+            name = part_copies(rig, things)
             choose_by_name(context, name)
             told = Message("The copies are the rig '{name}' now: solve it.", name=name)
             telling.report(self, "INFO", told)
@@ -140,11 +149,11 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
             name=name,
             names=quoted(found) or Message("none"),
         )
-    if scene.kiriko.looking and found[name] != active_rig(scene):
+    if scene.kiriko_scene.looking and found[name] != active_rig(scene):
         look_through.leave(scene)
     choose(scene, found[name])
     if context.active_object is not None and len(found) > 1:
-        remember(scene, context.active_object)
+        _followed[scene.session_uid] = context.active_object.session_uid
 
 
 def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
@@ -171,29 +180,11 @@ def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:
     yield Message("scene '{name}'", name=found[0].name)
 
 
-@persistent
-def on_load(*_: object) -> None:
-    """Numbers of objects are of another session; rigs may be of versions before."""
-    for scene in bpy.data.scenes:
-        know_by_name(scene)
-        know_plates(scene)
-
-
-@persistent
-def before_save(*_: object) -> None:
-    """Rigs that are appended to other files bring their settings."""
-    for scene in bpy.data.scenes:
-        keep_settings(scene)
-
-
-HANDLERS = (("load_post", on_load), ("save_pre", before_save))
-
-
 def register() -> None:
     """Begin to look."""
-    work.follow(tick, TICK, HANDLERS)
+    work.follow(tick, TICK, ())
 
 
 def unregister() -> None:
     """Look no more."""
-    work.stop_following(tick, HANDLERS)
+    work.stop_following(tick, ())

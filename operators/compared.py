@@ -131,7 +131,7 @@ def put_views_back() -> None:
 
 def _looking() -> list[bpy.types.SpaceView3D]:
     """The views that look through a viewer."""
-    scenes = [scene for scene in bpy.data.scenes if scene.kiriko.looking]
+    scenes = [scene for scene in bpy.data.scenes if scene.kiriko_scene.looking]
     return [space for scene in scenes for space, _ in looking_through.views(scene)]
 
 

@@ -12,7 +12,6 @@ from ..core.blender.changes import Change, change, put_back
 from ..core.blender.framing import Framed, Window, framed, in_sight, turned
 from ..core.blender.rigs import elsewhere
 from ..core.blender.screens import place_of, spaces
-from ..core.blender.stored_records import Changed
 from . import work
 from .windows import view_of
 
@@ -133,7 +132,8 @@ def corners(thing: bpy.types.Object) -> Floats:
 def _changes_of_views() -> list[list[Any]]:
     """All that rigs keep of them: screen, path, value before and after."""
     rigs = (group for group in bpy.data.collections if group.library is None)
-    return [change for rig in rigs for change in Changed.read(rig.kiriko.views).changes]
+    views = (view for rig in rigs for view in rig.kiriko.views)
+    return [[view.screen, view.path, view.before, view.after] for view in views]
 
 
 @persistent

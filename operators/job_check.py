@@ -6,7 +6,6 @@ from contextlib import ExitStack, contextmanager
 import bpy
 
 from ..core.base.errors import KirikoError
-from ..core.blender.active_rig import make_active
 from ..core.blender.frames import frame_kept
 from ..core.blender.rigs import active_rig, rigs
 from ..core.files.frame_list import frames_of
@@ -69,18 +68,13 @@ def _frames(scene: bpy.types.Scene, job: Job) -> list[int]:
 
 @contextmanager
 def _chosen(scene: bpy.types.Scene, name: str | None) -> Iterator[None]:
-    """Have the scene's settings be those of a rig for a while."""
+    """Have a rig of the scene be the active one for a while."""
     own = active_rig(scene)
-    rig = next((one for one in rigs(scene) if one.name == name), own)
-    if rig == own:
-        yield
-        return
-    make_active(scene, rig)
+    scene.kiriko_scene.rig = next((one for one in rigs(scene) if one.name == name), own)
     try:
         yield
     finally:
-        if own is not None:
-            make_active(scene, own)
+        scene.kiriko_scene.rig = own
 
 
 @contextmanager

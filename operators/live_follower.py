@@ -28,6 +28,7 @@ from ..core.blender.result import (
     write_viewers,
 )
 from ..core.blender.result_images import images_of
+from ..core.blender.rigs import rig_uid
 from ..core.blender.scene import Reading
 from ..core.blender.shapes import Kept
 from ..core.rig.rig import Rig
@@ -72,7 +73,7 @@ class Live:
     """One scene that is followed. `turn` does a little work; it needs no window and no event."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        self.uid, self._rig = scene.session_uid, scene.kiriko.rig
+        self.uid, self._rig = scene.session_uid, rig_uid(scene)
         self.problem = ""
         self.n_pictures = 0
         self.n_pushed = 0  # of them, when the last undo step of them was made
@@ -141,9 +142,9 @@ class Live:
         if work.is_busy():
             return IDLE
         with bpy.context.temp_override(window=window):
-            if window.scene.kiriko.rig != self._rig:
+            if rig_uid(window.scene) != self._rig:
                 # another rig's result is never written to
-                self._rig = window.scene.kiriko.rig
+                self._rig = rig_uid(window.scene)
                 self.start_over()
             was_working = self.is_working
             if not was_working or perf_counter() > self._looked + IDLE:
@@ -201,7 +202,7 @@ class Live:
     def _is_to_compare(self) -> bool:
         """Is the scene looked at through the viewer, and is its glass another than was compared?"""
         now, before = self._reading, self._compared
-        if now is None or not scene_by_uid(self.uid).kiriko.looking:
+        if now is None or not scene_by_uid(self.uid).kiriko_scene.looking:
             return False
         return before is None or _glass_of(now) != _glass_of(before)
 

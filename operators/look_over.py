@@ -18,6 +18,7 @@ from bpy.app.handlers import persistent
 from ..core.base.messages import Message
 from ..core.blender import checklist
 from ..core.blender.inspect_scene import CHECKED, InspectedMesh, inspect, inspect_mesh, is_checked
+from ..core.blender.rigs import rig_uid
 from ..core.blender.shapes import Kept, reshaped
 from ..core.blender.to_do import Entry, Inspection, is_first
 from ..core.blender.units import length_text
@@ -34,14 +35,14 @@ class Looked:
     """A scene that was looked at.
 
     meshes : those of objects by session uid; one that has changed is not among them
-    rig : key of the rig that was active
+    rig : session uid of the rig that was active
     asked : has a panel asked since the last look?
     is_whole : are all meshes known that are there?
     """
 
     entries: list[Entry] = field(default_factory=list)
     meshes: dict[int, InspectedMesh] = field(default_factory=dict)
-    rig: str | None = None
+    rig: int | None = None
     asked: bool = True
     is_whole: bool = False
     rests_until: float = 0.0
@@ -70,7 +71,7 @@ def found(context: bpy.types.Context) -> list[Entry]:
     In the background no timer runs, and each is a first one.
     """
     looked = _looked.setdefault(context.scene.session_uid, Looked())
-    if bpy.app.background or looked.rig != context.scene.kiriko.rig:
+    if bpy.app.background or looked.rig != rig_uid(context.scene):
         _look(looked, context.scene, is_whole=bpy.app.background)
     looked.asked = True
     return looked.entries
@@ -137,7 +138,7 @@ def _look(looked: Looked, scene: bpy.types.Scene, is_whole: bool) -> None:
     """
     started = perf_counter()
     look = _seen(looked, scene)
-    looked.rig = scene.kiriko.rig
+    looked.rig = rig_uid(scene)
     looked.entries = checklist.entries(look, partial(length_text, scene))
     looked.asked, looked.is_whole = not is_whole, is_whole
     looked.rests_until = monotonic() + RESTING * (perf_counter() - started)

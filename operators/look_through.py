@@ -26,7 +26,7 @@ _live_began: list[int] = []  # scenes whose Live was begun here
 
 def scenes() -> Iterator[bpy.types.Scene]:
     """Scenes that a view looks at through the viewer."""
-    return (scene for scene in bpy.data.scenes if scene.kiriko.looking)
+    return (scene for scene in bpy.data.scenes if scene.kiriko_scene.looking)
 
 
 def enter(context: bpy.types.Context) -> None:
@@ -42,7 +42,7 @@ def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     """Have a 3D view look through the viewer that is shown."""
     screen, _ = place_of(area)
     looking_through.enter(scene, screen.name, area.spaces.active, framing.window_of(area))
-    _entered[scene.session_uid] = scene.kiriko.looking
+    _entered[scene.session_uid] = scene.kiriko_scene.looking
     window = window_showing(area.spaces.active)
     if window is not None:  # else the view is in another workspace of the same one
         _windows[scene.session_uid] = window.as_pointer()
@@ -53,7 +53,7 @@ def apart(scene: bpy.types.Scene) -> Iterator[None]:
     """Have no 3D view look through the viewer for a while, and then through the one that is shown
     by then; one that shows something else by now stays.
     """
-    views = looking_through.views(scene) if scene.kiriko.looking else []
+    views = looking_through.views(scene) if scene.kiriko_scene.looking else []
     shown = [space for space, _ in views]
     areas = [
         area
@@ -74,7 +74,7 @@ def turn_to_chosen(scene: bpy.types.Scene) -> None:
     """Have a 3D view that looks through one of several viewers look through the chosen one; one
     that shows something else by now stays.
     """
-    views = looking_through.views(scene) if scene.kiriko.looking else []
+    views = looking_through.views(scene) if scene.kiriko_scene.looking else []
     viewer = viewer_of(scene)
     if not views or viewer is None or any(camera in (None, viewer) for _, camera in views):
         return
@@ -86,7 +86,7 @@ def is_lost(scene: bpy.types.Scene) -> bool:
     """Is a scene looked at through the viewer of a rig that was deleted meanwhile, or in a window
     that was closed?
     """
-    if not scene.kiriko.looking:
+    if not scene.kiriko_scene.looking:
         return False
     window = _windows.get(scene.session_uid)  # None of a copy of a scene
     if window is not None and window not in [one.as_pointer() for one in all_windows()]:
@@ -127,9 +127,9 @@ def follow() -> None:
     """Have views and settings follow the scenes' texts, which undo or a file may have changed."""
     for scene in bpy.data.scenes:
         text = _entered.get(scene.session_uid, "")
-        if scene.kiriko.looking and scene.kiriko.looking != text:
+        if scene.kiriko_scene.looking and scene.kiriko_scene.looking != text:
             leave(scene)
-        elif text and not scene.kiriko.looking:
+        elif text and not scene.kiriko_scene.looking:
             looking_through.put_views_back(scene, text)
             _forget(scene)
             _show_comparison(scene)
@@ -162,7 +162,7 @@ def pause(*_: object) -> None:
     """
     for scene in list(scenes()):
         views, things = looking_through.views(scene), looking_through.things(scene)
-        _paused[scene.session_uid] = scene.kiriko.looking, views, things
+        _paused[scene.session_uid] = scene.kiriko_scene.looking, views, things
         looking_through.leave(scene)
     _turned[:] = turned_views.pause()  # which may be what the views looked like before
 
@@ -207,7 +207,7 @@ def otherwise(scene: bpy.types.Scene) -> Message | None:
     """A sentence on glass that Cycles shows otherwise than Kiriko follows it, if there is some: by
     what Live has read, once it comes to rest.
     """
-    followed = live.followed() if scene.kiriko.looking and live.follows(scene) else None
+    followed = live.followed() if scene.kiriko_scene.looking and live.follows(scene) else None
     if followed is None or followed.problem or not followed.otherwise:
         return None
     return Message(
@@ -227,7 +227,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        if scene.kiriko.looking:
+        if scene.kiriko_scene.looking:
             return True
 
         reasons = list(needed.lacking(scene))
@@ -240,7 +240,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
             scene = context.scene
-            if scene.kiriko.looking:
+            if scene.kiriko_scene.looking:
                 leave(scene)
                 if compared.is_shown(scene):
                     compared.enter_view(context)  # it is seen there alone

@@ -70,9 +70,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 bpy.data.materials.remove(glass)
                 raise
 
-            kept = dict.fromkeys(
-                name for thing in things for name in give(context.scene, thing, glass)
-            )
+            kept = dict.fromkeys(name for thing in things for name in give(thing, glass))
             own = _setting_their_own(context, things)
             for thing in own:
                 set_by_modifier(thing, glass)

@@ -20,8 +20,7 @@ from ..core.blender.rig_objects import (
     make_plate,
     make_viewer,
 )
-from ..core.blender.rig_record import mark_made
-from ..core.blender.rigs import active_rig
+from ..core.blender.rigs import active_rig, mark_made
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import is_deleted
 from ..core.rig.rig import ROLES, Display, PicturePlace, Rig
@@ -125,7 +124,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
                 if scene.camera is None or is_deleted(scene.camera):
                     scene.camera = thing
             if rig is not None:
-                mark_made(made.made, rig)
+                mark_made(made.made)
                 rig.kiriko.has_plate |= self.role == "PLATE"
         except BaseException:
             made.clear()

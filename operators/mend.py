@@ -16,7 +16,7 @@ from ..core.blender.faults import counts_of
 from ..core.blender.inspect_scene import sides_of
 from ..core.blender.read_mesh import column
 from ..core.blender.resize import move_by, scale_by
-from ..core.blender.rigs import active_rig, marked_key
+from ..core.blender.rigs import RIG_MARK, active_rig
 from ..core.blender.units import length_of_unit, length_text
 from ..core.blender.viewer import viewer_of
 from ..core.glass.smoothed import FACTOR
@@ -316,7 +316,7 @@ def _keep_bench(context: bpy.types.Context, before: float, after: float) -> bool
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
     moved = [thing for thing in (*plates, *(parts.get("DISPLAY", ()) if plates else ()))]
     for thing in (*moved, viewer_of(scene)):
-        if thing is None or marked_key(thing) != rig.kiriko.key:
+        if thing is None or RIG_MARK not in thing:
             continue
         shift = (factor - 1) * (np.array(thing.matrix_world.translation) - middle)
         if thing in plates:

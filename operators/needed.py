@@ -11,7 +11,7 @@ from ..core.blender.inspect_scene import CHECKED, why_no_own_image, why_no_pictu
 from ..core.blender.parts import LeftOut, hidden_words
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.rig_objects import PLATE_NAME
-from ..core.blender.rigs import RIG_MARK, active_rig, elsewhere, mark_of
+from ..core.blender.rigs import active_rig, elsewhere, mark_of
 from ..core.blender.viewer import instanced_viewers, is_deleted, own_images, viewer_of
 from ..core.blender.visibility import Shown, instance_hidden_by, is_visible
 from ..core.rig.rig import ROLES
@@ -181,8 +181,8 @@ def has_lost_plate(scene: bpy.types.Scene) -> bool:
     rig = active_rig(scene)
     if rig is None or not rig.kiriko.has_plate:
         return False
-    made = (mark_of(thing) for thing in scene.objects if RIG_MARK in thing)
-    names = [name for key, name in made if key == rig.kiriko.key]
+    is_elsewhere = elsewhere(scene)
+    names = [mark_of(thing) for thing in scene.objects if not is_elsewhere(thing)]
     return not any(plate in name for plate in in_all(PLATE_NAME) for name in names)
 
 

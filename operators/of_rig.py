@@ -6,18 +6,18 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import as_message
-from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.rigs import rig_uid, rigs
 from .choose_rig import choose
 
 
 class OfRig:
     """Mix-in for an operator that ends with the scene and the rig with which it began."""
 
-    _began_with: tuple[int, str] | None = None  # session uid of the scene, key of the rig
+    _began_with: tuple[int, int] | None = None  # session uids of the scene and its rig
 
     def begin_with(self, scene: bpy.types.Scene) -> None:
         """Note the scene and its active rig."""
-        self._began_with = scene.session_uid, _key(scene)
+        self._began_with = scene.session_uid, rig_uid(scene)
 
     def end_with(self, context: bpy.types.Context | None = None) -> None:
         """Have that rig be the active one again; nothing where the operator only ran through.
@@ -31,16 +31,16 @@ class OfRig:
         """
         if self._began_with is None:
             return
-        scene, (_, key) = self.own_scene(), self._began_with
+        scene, (_, uid) = self.own_scene(), self._began_with
         if context is not None and context.scene != scene:
             raise RigError(
                 "{button} began in the scene '{scene}', and another one is shown: begin again.",
                 button=as_message(self.bl_label),
                 scene=scene.name,
             )
-        if _key(scene) == key:
+        if rig_uid(scene) == uid:
             return
-        rig = next((rig for rig in rigs(scene) if rig.kiriko.key == key), None)
+        rig = next((rig for rig in rigs(scene) if rig.session_uid == uid), None)
         if rig is None:
             raise RigError(
                 "The rig with which {button} began is gone: begin again.",
@@ -58,8 +58,3 @@ class OfRig:
                 button=as_message(self.bl_label),
             )
         return scene
-
-
-def _key(scene: bpy.types.Scene) -> str:
-    rig = active_rig(scene)
-    return scene.kiriko.rig if rig is None else rig.kiriko.key

@@ -9,7 +9,7 @@ from ..core.base.messages import Message, joined
 from ..core.blender.paths import RELATIVE_PATH
 from ..core.blender.preview import Preview
 from ..core.blender.result import replace_image
-from ..core.blender.rig_names import name_of_view
+from ..core.blender.rigs import name_of_view
 from ..core.files import disk, image_io
 from . import long_work, needed, telling, watch, work
 from .export import target, use_bundled_modules

@@ -3,12 +3,22 @@
 import bpy
 
 from ..core.base.messages import Message, joined
-from ..core.blender.remove_rig import refuse_shared, remove_rig, rig_to_remove
+from ..core.blender.remove_rig import refuse_shared, remove_rig
+from ..core.blender.rigs import active_rig, rig_of
 from . import compared, live, look_through, needed, telling, work
+from .choose_rig import is_new
 
 NO_COLLECTION = Message(
     "The rig has no collection of Add Rig: set the roles of its parts to None and delete them"
 )
+
+
+def rig_to_remove(context: bpy.types.Context) -> bpy.types.Collection | None:
+    """The rig of an object that was just selected, else the active one; None if there is none."""
+    scene, thing = context.scene, context.active_object
+    # one that is looked through stays the shown one, whatever is selected
+    is_followed = not scene.kiriko_scene.looking and is_new(scene, thing)
+    return (rig_of(scene, thing) if is_followed else None) or active_rig(scene)
 
 
 class KIRIKO_OT_remove_rig(bpy.types.Operator):
@@ -21,7 +31,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         reasons = [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE]
-        if rig_to_remove(context.scene, context.active_object) is None:
+        if rig_to_remove(context) is None:
             has_parts = any(thing.kiriko.role != "NONE" for thing in context.scene.objects)
             reasons.append(NO_COLLECTION if has_parts else needed.NO_RIG)
         if work.is_busy():
@@ -30,9 +40,9 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with telling.told(self):
-            rig = rig_to_remove(context.scene, context.active_object)
+            rig = rig_to_remove(context)
             refuse_shared(context.scene, rig)
-            if context.scene.kiriko.looking:
+            if context.scene.kiriko_scene.looking:
                 look_through.leave(context.scene)
             if compared.is_shown(context.scene):
                 compared.leave()

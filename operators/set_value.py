@@ -157,9 +157,13 @@ def _in_quotes(found: re.Match[str]) -> str:
 
 
 def _owner(place: str) -> bpy.types.bpy_struct | None:
-    for data in (bpy.context.scene, bpy.data):
+    scene = bpy.context.scene
+    places = [(scene, place), (bpy.data, place)]
+    if place.partition(".")[0] == "kiriko":  # a property of Python's, which no path leads through
+        places = [(scene.kiriko, place.removeprefix("kiriko").removeprefix("."))]
+    for data, rest in places:
         try:
-            owner = data.path_resolve(place) if place else data
+            owner = data.path_resolve(rest) if rest else data
         except ValueError:
             continue
         if hasattr(owner, "bl_rna"):

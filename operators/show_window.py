@@ -13,7 +13,6 @@ from bpy.app.handlers import persistent
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.blender.active_rig import settings_of
 from ..core.blender.result_images import images_of
 from ..core.blender.rigs import rigs
 from . import needed, telling, windows, work
@@ -47,7 +46,7 @@ def shown_result(scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
     """
     name = bpy.context.window_manager.kiriko.show_rig
     chosen = next((rig for rig in rigs(scene) if rig.name == name), None)
-    return (scene.kiriko if chosen is None else settings_of(scene, chosen)).result
+    return (scene if chosen is None else chosen).kiriko.result
 
 
 def size_of(window: bpy.types.Window) -> tuple[int, int]:

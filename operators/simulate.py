@@ -13,7 +13,7 @@ from ..core.base.numbers import number
 from ..core.base.words import percent
 from ..core.blender.image import pixels_from_image
 from ..core.blender.result import replace_image
-from ..core.blender.rig_names import name_of_view
+from ..core.blender.rigs import name_of_view
 from ..core.blender.stored_records import Sentences
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath

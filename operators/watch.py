@@ -17,8 +17,8 @@ from bpy.app.handlers import persistent
 from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
 from ..core.blender.image import is_out_of_date
-from ..core.blender.made_for_rig import read_images_anew
-from ..core.blender.result_images import images_of
+from ..core.blender.result_images import images_of, read_images_anew
+from ..core.blender.rigs import rigs
 from ..core.blender.shapes import Kept
 from ..core.solve.solved_for import SolvedFor, from_text
 from . import chosen, live, surfaces, telling, windows, work
@@ -180,7 +180,7 @@ def check(watched: Watched, window: bpy.types.Window) -> None:
         watched.changed_at = None  # the change that the update above told of is in the reading
         is_short = watched.kept.is_whole
         result = context.scene.kiriko.result
-        others = (one.settings.result.solved_for for one in context.scene.kiriko_others)
+        others = (rig.kiriko.result.solved_for for rig in rigs(context.scene))
         kept = {text: watched.verdicts[text] for text in others if text in watched.verdicts}
         verdicts = {**kept, result.solved_for: has_changed(context, watched.kept)}
         for text in surfaces.rigs_made_for(context.scene):
@@ -208,8 +208,7 @@ def on_undo(*_: object) -> None:
     for watched in _watched.values():
         watched.kept = Kept()
         watched.touch()
-    for scene in bpy.data.scenes:
-        read_images_anew(scene)
+    read_images_anew()
 
 
 @persistent

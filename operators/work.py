@@ -7,7 +7,6 @@ import bpy
 
 from ..core.blender import scene as blender_scene
 from ..core.blender import solved_for as blender_solved_for
-from ..core.blender.newcomers import take_newcomers
 from ..core.blender.result_images import lacks_numbers
 from ..core.blender.shapes import Kept
 from ..core.native import loading
@@ -108,7 +107,6 @@ def is_busy() -> bool:
 
 def read(context: bpy.types.Context, kept: Kept | None = None) -> Any:
     """The scene, evaluated as it is now, as blender_scene.Reading."""
-    take_newcomers(context.scene)
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
 

@@ -15,7 +15,6 @@ from ..core.blender.inspect_scene import has_own_faces, is_flat, sides_of
 from ..core.blender.picture import UNREADABLE
 from ..core.blender.plane import image_of
 from ..core.blender.result_images import images_of
-from ..core.blender.rigs import is_left_over
 from ..core.blender.viewer import frame_of
 from ..core.rig.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..operators.make_glass import can_be_given
@@ -88,7 +87,6 @@ def draw_object(
     if thing.type == "CAMERA":
         draw_resolution(layout, context, thing)
 
-    _draw_rig_of(layout, context, thing)
     why = bodiless(thing)
     if why and ours.role == "NONE":
         if thing.type != "CAMERA":
@@ -117,18 +115,6 @@ def draw_object(
         _draw_light_of(layout, ours.display)
     elif ours.role == "PICTURE":
         _draw_picture(layout, thing)
-
-
-def _draw_rig_of(
-    layout: bpy.types.UILayout, context: bpy.types.Context, thing: bpy.types.Object
-) -> None:
-    """A sentence where an object lost its rig."""
-    if is_left_over(context.scene, thing):
-        text = Message(
-            "The collection of its rig was deleted, so it is part of no rig: put it into the"
-            " collection of another one, or delete it."
-        )
-        sentence(layout, context, text, icon="ERROR")
 
 
 def draw_resolution(

@@ -20,7 +20,7 @@ class VIEW3D_PT_kiriko_solve(OfRig, bpy.types.Panel):
         buttons.operator("kiriko.solve", icon="LIGHT_SUN")
         is_on = live.follows(context.scene)
         buttons.operator("kiriko.live", icon="PAUSE" if is_on else "PLAY", depress=is_on)
-        is_looking = bool(context.scene.kiriko.looking)
+        is_looking = bool(context.scene.kiriko_scene.looking)
         buttons.operator("kiriko.look_through", icon="VIEW_CAMERA", depress=is_looking)
         buttons.operator("kiriko.simulate", icon="IMAGE_DATA")
         buttons.operator("kiriko.preview", icon="RENDER_STILL")

@@ -26,7 +26,7 @@ def draw() -> None:
     context = bpy.context
     scene = context.scene
     # a view that looks through the viewer has none of Blender's overlays, for the picture's sake
-    is_wanted = context.space_data.overlay.show_overlays or scene.kiriko.looking
+    is_wanted = context.space_data.overlay.show_overlays or scene.kiriko_scene.looking
     if not (compared.is_shown(scene) and is_wanted):
         return
     frame = compared.frame_in_region(context, scene)

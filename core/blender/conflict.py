@@ -10,7 +10,7 @@ from ..base.arrays import Bools, Floats
 from ..files.encoding import linear_from_srgb
 from .image import pack, set_pixels
 from .result import has_size_of, let_go, replace_image, unpacked_image
-from .rig_names import name_for
+from .rigs import name_for
 from .viridis import viridis
 
 CONFLICT = "Kiriko Conflict"

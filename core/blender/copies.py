@@ -14,9 +14,8 @@ import numpy as np
 
 from ..base.errors import RigError
 from ..base.messages import quoted
-from .active_rig import settings_of, settings_text
-from .newcomers import part
-from .rigs import active_rig, held_by, mark_of, marked_key, rigs_of, stem
+from .rigs import active_rig, held_by, mark_of, rigs_of, stem, with_copies
+from .viewer_list import have_viewer
 
 SAME_PLACE = 1e-4  # of distances and sizes: matrices of Blender have 24 bits
 NEEDED = {"DISPLAY", "PICTURE"}  # roles of copies that make a rig
@@ -24,32 +23,16 @@ Things = list[bpy.types.Object]
 Copies = dict[bpy.types.Object, Things]  # all copies of each original
 
 
-def copies_of(scene: bpy.types.Scene, rig: bpy.types.Collection) -> Copies:
-    """Copies of things that were made for a rig, in its collection, or taken in as its glass, by
-    their originals.
-
-    Of things that were made or taken in as one, the original is that which has kept the name.
-    """
-    key = rig.kiriko.key
-    alike: dict[str, Things] = {}
-    held = set(held_by(rig))
-    for thing in scene.objects:
-        ours = thing.kiriko
-        if marked_key(thing) == key and thing in held:
-            alike.setdefault(mark_of(thing)[1], []).append(thing)
-        elif ours.taken_as and key in ours.rigs.split():
-            alike.setdefault(ours.taken_as, []).append(thing)
-    copies = {}
-    for name, things in alike.items():
-        original = next((one for one in things if one.name == name), things[0])
-        copies[original] = [one for one in things if one != original]
-    return {original: things for original, things in copies.items() if things}
+def copies_of(rig: bpy.types.Collection) -> Copies:
+    """Copies of a rig's parts in its collection, by their originals."""
+    found = with_copies(dict.fromkeys(held_by(rig)))
+    return {original: things for original, things in found.items() if things}
 
 
 def is_doubled(scene: bpy.types.Scene) -> bool:
     """Was the active rig duplicated part by part, and not by its collection?"""
     rig = active_rig(scene)
-    return rig is not None and {x.kiriko.role for x in copies_of(scene, rig)} >= NEEDED
+    return rig is not None and {x.kiriko.role for x in copies_of(rig)} >= NEEDED
 
 
 def meant_copies(
@@ -60,7 +43,7 @@ def meant_copies(
 
     Raises RigError where neither tells it.
     """
-    copies, own, chosen = copies_of(scene, rig), _own(scene, rig), set(selected)
+    copies, own, chosen = copies_of(rig), _own(scene, rig), set(selected)
     picked = {one: [c for c in things if c in chosen] for one, things in copies.items()}
     if _is_set(picked) and chosen.isdisjoint(copies):
         return [*chain(*picked.values()), *(thing for thing in own if thing in chosen)]
@@ -76,27 +59,60 @@ def meant_copies(
     )
 
 
-def part_copies(scene: bpy.types.Scene, rig: bpy.types.Collection, things: Things) -> str:
-    """Move copies of a rig's parts to a collection beside that of the rig, wherever that is linked,
-    and make it a rig of its own: around their glass, if there is any among them. Returns its name.
+def part_copies(rig: bpy.types.Collection, things: Things) -> str:
+    """Move copies of a rig's parts to a collection next to that of the rig, wherever that is
+    linked, and make it a rig of its own: around their glass, if there is any among them. Returns
+    its name.
     """
-    new = bpy.data.collections.new(rig.name)
-    new.kiriko.key, new.kiriko.has_plate = rig.kiriko.key, rig.kiriko.has_plate
-    # another scene that has the rig gets settings by these
-    new.kiriko.settings = settings_text(settings_of(scene, rig))
+    twins, new = _twins(rig, things), _empty_copy(rig)
     for group in chain(bpy.data.collections, (one.collection for one in bpy.data.scenes)):
         if rig in group.children.values() and group.library is None:
             group.children.link(new)
 
-    held = {rig, *rig.children_recursive}
     for thing in things:
-        for group in held.intersection(thing.users_collection):
+        for group in {rig, *rig.children_recursive}.intersection(thing.users_collection):
             group.objects.unlink(thing)
         new.objects.link(thing)
+    around = [thing for thing in held_by(rig) if thing.kiriko.role == "GLASS"]
+    for thing in around if not any(thing.kiriko.role == "GLASS" for thing in things) else ():
+        new.objects.link(thing)
 
-    has_glass = any(thing.kiriko.role == "GLASS" for thing in things)
-    part(scene, rig, new, is_around=not has_glass)
+    ours = new.kiriko
+    have_viewer(ours, twins.get(ours.viewer, ours.viewer))
+    for one in ours.viewers:
+        one.camera = twins.get(one.camera, one.camera)
     return new.name
+
+
+def _empty_copy(rig: bpy.types.Collection) -> bpy.types.Collection:
+    """A collection with a rig's settings, without its parts and its result."""
+    new = rig.copy()
+    for thing in list(new.objects):
+        new.objects.unlink(thing)
+    for child in list(new.children):
+        new.children.unlink(child)
+    new.kiriko.property_unset("views")  # nothing was changed for it
+    new.kiriko.property_unset("result")
+    return new
+
+
+def _twins(rig: bpy.types.Collection, things: Things) -> dict[bpy.types.Object, bpy.types.Object]:
+    """The copy of each camera of a rig among copies of its things, by the camera.
+
+    The mark of Add Rig tells it, which copies keep; an artist's own cameras have none, but a name
+    of which Blender changes the number alone. Several that are alike were copied in their order.
+    """
+    seated = [rig.kiriko.viewer, *(one.camera for one in rig.kiriko.viewers)]
+    cameras = [one for one in dict.fromkeys([*held_by(rig), *seated]) if one not in (None, *things)]
+    twins: dict[bpy.types.Object, bpy.types.Object] = {}
+    free = [thing for thing in things if thing.type == "CAMERA"]
+    for known_by in ((mark_of, lambda one: stem(one.name)), (mark_of,), ()):
+        for camera in (thing for thing in cameras if thing.type == "CAMERA"):
+            same = [one for one in free if all(by(one) == by(camera) for by in known_by)]
+            if same and camera not in twins:
+                twins[camera] = same[0]
+                free.remove(same[0])
+    return twins
 
 
 def _is_set(copies: Copies) -> bool:
@@ -109,15 +125,15 @@ def _own(scene: bpy.types.Scene, rig: bpy.types.Collection) -> Things:
     """The artist's own things that a rig uses, and those that may be copies of them: in its
     collection, or in that of no rig, as a mirror that stands there.
     """
-    held, keys, settings = set(held_by(rig)), rigs_of(scene), settings_of(scene, rig)
+    held, holders, settings = set(held_by(rig)), rigs_of(scene), rig.kiriko
     viewers = [settings.viewer or scene.camera, *(one.camera for one in settings.viewers)]
     kinds = {_kind(one) for one in viewers if one is not None}
 
     def is_used(thing: bpy.types.Object) -> bool:
         return thing.kiriko.role != "NONE" or _kind(thing) in kinds
 
-    things = (x for x in scene.objects if not (marked_key(x) or x.kiriko.taken_as))
-    return [one for one in things if one in held or (is_used(one) and not keys(one))]
+    things = (thing for thing in scene.objects if not mark_of(thing))
+    return [one for one in things if one in held or (is_used(one) and not holders(one))]
 
 
 def _kind(thing: bpy.types.Object) -> tuple[str, str, str]:

@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from ..base.arrays import Floats
 from ..rig.viewer import Viewer
-from .rigs import active_rig, mark, marked_key, stem
+from .rigs import active_rig, all_settings, held_by, mark_made, stem
 from .scene import object_matrix
 from .screens import spaces
 from .translation_context import data_name
@@ -135,12 +135,8 @@ def remove_made(scene: bpy.types.Scene) -> None:
 def _left_over(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """Cameras that were made here for the active rig, wherever they are, but no copies of them."""
     rig = active_rig(scene)
-    key = "" if rig is None else rig.kiriko.key
-    return [
-        thing
-        for thing in scene.objects
-        if thing.get(EYE_MARK) == thing.name and marked_key(thing) == key
-    ]
+    things = scene.objects if rig is None else held_by(rig)
+    return [thing for thing in things if thing.get(EYE_MARK) == thing.name]
 
 
 def _is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
@@ -158,12 +154,11 @@ def _is_used(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     """
     if _is_copy(scene, thing) or len(thing.users_scene) > 1:
         return True
+    for ours in all_settings():
+        if thing in (ours.viewer, *(entry.camera for entry in ours.viewers)):
+            return True
     for other in bpy.data.scenes:
-        settings = [other.kiriko, *(one.settings for one in other.kiriko_others)]
-        listed = [entry.camera for one in settings for entry in one.viewers]
-        viewers = [one.viewer for one in settings]
-        markers = [marker.camera for marker in other.timeline_markers]
-        if thing in (other.camera, *listed, *viewers, *markers):
+        if thing in (other.camera, *(marker.camera for marker in other.timeline_markers)):
             return True
     views = (view for screen in bpy.data.screens for view in spaces(screen.name))
     return any(view.camera == thing for view in views)
@@ -194,8 +189,7 @@ def _take_in(scene: bpy.types.Scene, viewer: bpy.types.Object, thing: bpy.types.
         (next(iter(viewer.users_collection), None) or scene.collection).objects.link(thing)
         return
     rig.objects.link(thing)
-    for block in (thing, thing.data):
-        mark(block, rig.kiriko.key)
+    mark_made((thing, thing.data))
 
 
 def _unscaled(viewer: bpy.types.Object) -> Matrix:

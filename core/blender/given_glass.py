@@ -4,9 +4,7 @@ is removed.
 
 import bpy
 
-from .rig_record import keep
-from .rigs import rig_of, rigs_of
-from .stored_records import fields_of, text_of
+from .rigs import keep
 from .viewport_look import draw_as_solid
 
 GIVEN_MARK = "kiriko_given"  # on the material
@@ -20,37 +18,31 @@ def has_place(thing: bpy.types.Object) -> bool:
     )
 
 
-def give(scene: bpy.types.Scene, thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
+def give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
     """Link a material to an object in place of those of its mesh, which may be others', too.
 
     Returns their names.
     """
-    rig = rig_of(scene, thing)
-    has_slots = bool(thing.material_slots)
-    if not has_slots and thing.data.is_editable:
+    ours = thing.kiriko
+    is_first = not ours.is_given
+    ours.is_given = glass[GIVEN_MARK] = True
+    if not thing.material_slots and thing.data.is_editable:
         thing.data.materials.append(None)
+    else:
+        for slot in thing.material_slots if is_first else ():
+            before = ours.given.add()
+            before.link, before.material = slot.link, slot.material
 
-    kept, slots = [], []
+    names = []
     for slot in thing.material_slots:
-        own = slot.material
-        is_kept = own is not None and own.use_fake_user
-        slots.append([slot.link, own.name if own else "", is_kept])
-        if own is not None:
-            keep(own)
-            kept.append(own.name)
+        if slot.material is not None:
+            names.append(slot.material.name)
+            if not is_first:
+                keep(slot.material)
         slot.link = "OBJECT"
         slot.material = glass
-
-    if rig is not None and not thing.kiriko.given:
-        glass[GIVEN_MARK] = True
-        thing.kiriko.given = _given(rig.kiriko.key, slots if has_slots else [])
     draw_as_solid(thing)
-    return kept
-
-
-def _given(key: str, slots: list[tuple[str, str, bool]]) -> str:
-    """The record of an object that was made glass: key of its rig, and its slots before."""
-    return text_of({"rig": key, "slots": slots})
+    return names
 
 
 def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
@@ -69,27 +61,25 @@ def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
     thing.modifiers.new(glass.name, "NODES").node_group = tree
 
 
-def take_back(scene: bpy.types.Scene, key: str) -> None:
-    """Give objects of a rig their own materials again, where they still have the glass."""
-    keys = rigs_of(scene)
-    given = set()
-    for thing in scene.objects:
-        given_before = fields_of(thing.kiriko.given)
-        if given_before.get("rig") != key or not thing.is_editable:
+def take_back(thing: bpy.types.Object) -> None:
+    """Give an object its own materials again, where it still has the glass."""
+    ours = thing.kiriko
+    if not ours.is_given:
+        return
+    given = _take_modifiers(thing)
+    for n, slot in enumerate(thing.material_slots):
+        if not _is_given(slot.material):
             continue
-        slots = given_before["slots"]
-        heirs = keys(thing) - {key}
-        if heirs:  # it is another rig's glass, too
-            thing.kiriko.given = _given(min(heirs), slots)
-            continue
-        thing.kiriko.given = ""
-        given |= _take_modifiers(thing)
-        given |= {slot.material for slot in thing.material_slots if _is_given(slot.material)}
-        _take_back(thing, slots)
-
-    for material in given:
-        if not material.users:
-            bpy.data.materials.remove(material)
+        given.add(slot.material)
+        before = ours.given[n] if n < len(ours.given) else None
+        slot.material = before.material if before and before.link == "OBJECT" else None
+        slot.link = before.link if before else "DATA"
+    materials = thing.data.materials
+    if not len(ours.given) and list(materials) == [None] and thing.data.is_editable:
+        materials.clear()
+    ours.property_unset("given")
+    ours.property_unset("is_given")
+    bpy.data.batch_remove([material for material in given if not material.users])
 
 
 def _take_modifiers(thing: bpy.types.Object) -> set[bpy.types.Material]:
@@ -108,20 +98,3 @@ def _take_modifiers(thing: bpy.types.Object) -> set[bpy.types.Material]:
 
 def _is_given(material: bpy.types.Material | None) -> bool:
     return material is not None and GIVEN_MARK in material
-
-
-def _take_back(thing: bpy.types.Object, slots: list[tuple[str, str, bool]]) -> None:
-    before = dict(enumerate(slots))
-    is_bare = not slots and all(_is_given(slot.material) for slot in thing.material_slots)
-    for n, slot in enumerate(thing.material_slots):
-        if not _is_given(slot.material):
-            continue
-        link, name, was_kept = before.get(n, ("DATA", "", False))
-        own = bpy.data.materials.get(name)
-        slot.material = own if link == "OBJECT" else None
-        slot.link = link
-        if slot.material is not None and slot.material == own:
-            own.use_fake_user = was_kept
-    materials = thing.data.materials
-    if is_bare and list(materials) == [None] and thing.data.is_editable:
-        materials.clear()

@@ -34,7 +34,7 @@ from .picture import check_at
 from .plane import check_shown, image_of, own_materials
 from .read_mesh import column, mesh_of, used_slots
 from .result_images import lacks_numbers
-from .rigs import active_rig, marked_key
+from .rigs import RIG_MARK, active_rig, elsewhere
 from .shapes import used_materials
 from .stored_records import Numbers
 from .to_do import Counts, Inspection, Named, Thing
@@ -110,7 +110,8 @@ def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any
     """What is there of the rig and beside it, where something is missing."""
     rig = active_rig(scene)
     cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
-    made = [thing for thing in cameras if rig and marked_key(thing) == rig.kiriko.key]
+    is_elsewhere = elsewhere(scene)
+    made = [one for one in cameras if rig and RIG_MARK in one and not is_elsewhere(one)]
     cameras = [*made, *(thing for thing in cameras if thing not in made)]
     return {
         "has_rig": rig is not None,
@@ -160,7 +161,7 @@ def _thing(
 
 def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
     """Faults. Closed glass may look inward, unless Cycles shows it, which does not know inside."""
-    is_told = faults.n_open > 0 or bool(scene.kiriko.looking)
+    is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
     return faults._replace(is_inside_out=faults.is_inside_out and is_told)
 
 

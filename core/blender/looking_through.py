@@ -159,7 +159,7 @@ def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> No
         _put_back(scene, Changed(key, kept))
         _put_things_back(key)
         raise
-    scene.kiriko.looking = Changed(key, kept).text()
+    scene.kiriko_scene.looking = Changed(key, kept).text()
 
 
 def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
@@ -175,7 +175,7 @@ def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
 
 def things(scene: bpy.types.Scene) -> list[tuple[bpy.types.ID, str]]:
     """Objects and cameras that the look through the scene's viewer has marked, with their texts."""
-    return _marked(Changed.read(scene.kiriko.looking).rig)
+    return _marked(Changed.read(scene.kiriko_scene.looking).rig)
 
 
 def _marked(key: str) -> list[tuple[bpy.types.ID, str]]:
@@ -230,7 +230,7 @@ def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
 
     is_loaded : from a file, in which Blender opens no view as Rendered, but as Solid
     """
-    text, scene.kiriko.looking = scene.kiriko.looking, ""
+    text, scene.kiriko_scene.looking = scene.kiriko_scene.looking, ""
     kept = Changed.read(text)
     if is_loaded:
         changes = [
@@ -244,7 +244,7 @@ def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
 
 def views(scene: bpy.types.Scene) -> list[tuple[Any, bpy.types.Object | None]]:
     """The 3D views that look through the viewer now, with their cameras."""
-    kept = Changed.read(scene.kiriko.looking)
+    kept = Changed.read(scene.kiriko_scene.looking)
     places = dict.fromkeys(place for place, *_ in kept.changes if place.startswith("screen/"))
     return [(space, space.camera) for place in places for space in _owners(scene, place, kept)]
 
@@ -256,7 +256,7 @@ def enter_again(
     marked: list[tuple[bpy.types.ID, str]],
 ) -> None:
     """Change scene, views and things once more, as after a file was saved without it."""
-    scene.kiriko.looking = text
+    scene.kiriko_scene.looking = text
     for thing, own in marked:
         change(thing, {path: after for path, _, after in Changed.read(own).changes})
         thing[LOOKING_MARK] = own

@@ -3,7 +3,7 @@ the objects that are made. All of them, or none.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import bpy
@@ -21,10 +21,8 @@ from .objects import Workbench, ball_mesh
 from .overridden import overridden, take_away
 from .parts import Part, parts_by_role, read_parts
 from .read_mesh import in_world, read_local
-from .rig_names import RIG
 from .rig_objects import in_units, make_display, make_picture, make_plate, make_viewer
-from .rig_record import Record
-from .rigs import rigs_of
+from .rigs import RIG, is_copy, mark_made, rigs_of
 from .roles import in_blender
 from .shapes import Kept
 from .units import length_of_unit
@@ -138,8 +136,8 @@ def read_bench(
 
     with _as_glass(glasses):
         context.view_layer.update()
-        depsgraph, keys = context.evaluated_depsgraph_get(), rigs_of(scene)
-        is_out = lambda thing: thing not in glasses and bool(keys(thing))  # noqa: E731
+        depsgraph, holders = context.evaluated_depsgraph_get(), rigs_of(scene)
+        is_out = lambda thing: thing not in glasses and bool(holders(thing))  # noqa: E731
         parts, _ = read_parts(depsgraph, scene, metres, kept, is_left_out=is_out)
 
     by_role = parts_by_role(parts, glasses)
@@ -240,42 +238,66 @@ def make_rig(
     proposal: Proposal,
     viewer_resolution: tuple[int, int] | None,
     display_resolution: tuple[int, int],
-) -> tuple[Record, tuple[bpy.types.Object, ...]]:
+) -> tuple[bpy.types.Collection, tuple[bpy.types.Object, ...]]:
     """Make the proposal's objects, and give the glasses their role, in overrides of linked ones.
 
-    Returns the record of all that was changed, and the glasses.
+    Returns the rig, which is the active one then, and the glasses.
 
     Parameters
     ----------
     viewer_resolution : None: the viewer has the pixels of the scene's render
     """
-    before = scene.camera
-    own = overridden(scene, bench.glasses)
-    made = Workbench(scene, RIG)
-    made.collection.kiriko.has_plate = proposal.placement.plate is not None
-    record = Record(scene, made.collection)
+    with ExitStack() as undo:
+        undo.callback(setattr, scene, "camera", scene.camera)
+        undo.callback(setattr, scene.kiriko_scene, "rig", scene.kiriko_scene.rig)
+        own = overridden(scene, bench.glasses)
+        undo.callback(take_away, set(own) - set(bench.glasses))
+        made = Workbench(scene, RIG)
+        undo.callback(made.clear)
+        rig = scene.kiriko_scene.rig = made.collection
+        rig.kiriko.is_rig, rig.kiriko.has_plate = True, proposal.placement.plate is not None
 
-    try:
         for thing in own:
-            record.take_in(thing)
-            record.change(thing, {"kiriko.role": "GLASS"})
-            for owner, values in see_through(thing, own):
-                record.change(owner, values)
+            _remember(undo, thing)
+        for thing in own:
+            _take_in(scene, thing, rig)
+            see_through(thing, own)
         glasses = own or (_make_ball(scene, made),)
-
-        record.change(scene, {"kiriko.picture_source": "PLANE"})
         _make_parts(scene, made, proposal, display_resolution)
-        record.set_viewers_aside()
         _make_viewer(scene, made, proposal, viewer_resolution)
-        record.mark(made.made)
-    except BaseException:
-        scene.camera = before
-        record.take_back()
-        made.clear()
-        take_away(set(own) - set(bench.glasses))
-        raise
+        mark_made(made.made)
+        undo.pop_all()
+    return rig, glasses
 
-    return record, glasses
+
+def _remember(undo: ExitStack, thing: bpy.types.Object) -> None:
+    """Have a glass, its materials and its collections be as they are, if making the rig fails."""
+    ours = thing.kiriko
+    for name in ("role", "taken_as", "is_made_glass", "is_drawn_by_edges"):
+        undo.callback(setattr, ours, name, getattr(ours, name))
+    undo.callback(setattr, thing, "display_type", thing.display_type)
+    for material in {slot.material for slot in thing.material_slots} - {None}:
+        undo.callback(setattr, material, "diffuse_color", tuple(material.diffuse_color))
+        undo.callback(setattr, material.kiriko, "alpha_before", material.kiriko.alpha_before)
+    for group in thing.users_collection:
+        if group.is_editable:
+            undo.callback(_link, group, thing)
+
+
+def _link(group: bpy.types.Collection, thing: bpy.types.Object) -> None:
+    if thing not in set(group.objects):
+        group.objects.link(thing)
+
+
+def _take_in(scene: bpy.types.Scene, thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
+    """Have an object of the artist's be the rig's glass. A copy of glass leaves the rig of that."""
+    for other in rigs_of(scene)(thing) if is_copy(scene, thing) else ():
+        other.objects.unlink(thing)
+    rig.objects.link(thing)
+    ours = thing.kiriko
+    ours.taken_as = thing.name
+    if ours.role != "GLASS":
+        ours.role, ours.is_made_glass = "GLASS", True
 
 
 def _make_ball(scene: bpy.types.Scene, made: Workbench) -> bpy.types.Object:

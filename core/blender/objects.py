@@ -10,8 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..base.arrays import Bools, Floats, Ints
-from .rig_names import name_for
-from .rigs import active_rig, elsewhere
+from .rigs import active_rig, elsewhere, name_for
 from .translation_context import data_name
 
 OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew

@@ -5,7 +5,7 @@ import bpy
 from ..base.messages import Message
 from . import shaders
 from .image import PACKED_MARK
-from .rig_record import keep
+from .rigs import keep
 
 MATERIAL_MARK = "kiriko_display"  # marks a material that Kiriko made and may write to
 BLACK_LEVEL = "kiriko_black_level"  # of the display that a material of ours was made for

@@ -18,7 +18,8 @@ OF_GROUPS = ("kiriko.role", "kiriko.plate.pitch", "kiriko.picture.gamma", "kirik
 def be_overridable(cls: type) -> None:
     """Have Blender keep all properties of a class on overrides, before it is registered."""
     for declared in cls.__annotations__.values():
-        declared.keywords["override"] = OVERRIDE
+        is_list = declared.function is bpy.props.CollectionProperty
+        declared.keywords["override"] = OVERRIDE | ({"USE_INSERTION"} if is_list else set())
 
 
 def overridden(

@@ -16,7 +16,7 @@ from .picture import UNREADABLE, check_at, check_readable
 from .read_mesh import used_slots
 from .rectangle import sides
 from .resize import RESIZED_WITHIN, refuse_held, rescale
-from .rig_record import keep
+from .rigs import keep
 from .texture import Texture, find_texture, read_texture
 
 MATERIAL = "Kiriko Picture"

@@ -17,7 +17,7 @@ from .image import holds, image_from_pixels, is_in_working_space, or_none, pack,
 from .on_display import is_on_display, put_on_display
 from .result_images import images_of
 from .result_numbers import numbers_of
-from .rig_names import name_for
+from .rigs import all_settings, name_for
 from .scene import Reading
 from .stored_records import Numbers, Sentences
 
@@ -67,12 +67,7 @@ def _take_place(image: bpy.types.Image, old: bpy.types.Image | None, name: str) 
 
 def _is_shared(image: bpy.types.Image) -> bool:
     """Do several results, of other scenes or rigs, have an image?"""
-    results = [
-        settings.result
-        for scene in bpy.data.scenes
-        for settings in (scene.kiriko, *(one.settings for one in scene.kiriko_others))
-    ]
-    return sum(image in images_of(one) for one in results) > 1
+    return sum(image in images_of(ours.result) for ours in all_settings()) > 1
 
 
 def update_source(scene: bpy.types.Scene, pixels: np.ndarray) -> bpy.types.Image:

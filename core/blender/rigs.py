@@ -1,71 +1,105 @@
 """The rigs of a scene, the one of them that is active, and the objects that are parts of each.
 
-A rig is a collection with a key. An object is a part of the rigs whose collections hold it and of
-those that Add Rig took it into as glass. One that is in none is a part of all: of a mirror that
-stands there all the light knows. One whose rig lost its collection, as by Delete in the outliner,
-goes on with that rig alone.
+A rig is a collection that Add Rig made; `collection.kiriko` has its settings, viewers and result.
+An object is a part of the rigs whose collections hold it. One that is in none is a part of all: all
+the light meets a mirror that stands there.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import bpy
 
-from .stored_records import Changed, fields_of, text_of
+from ..base.messages import Message
+from ..rig.rig import Rig
+from .translation_context import data_name
 
-RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: key of the rig, and the name it was given
+RIG = Message("Kiriko Rig")
+RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: the name it was given
+KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
 NUMBER = re.compile(r"\.\d{3,}$")
 
 
 def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
-    """Collections of a scene's rigs, the newest last.
-
-    A copy of one, which has the same key, is none of its own as long as `newcomers.py` has not made
-    it one. The one that has kept the name is the one that was made, else the first.
-    """
-    found: dict[str, bpy.types.Collection] = {}
-    for group in scene.collection.children_recursive:  # one may be in two others
-        key = group.kiriko.key
-        if key and (key not in found or _is_first(group, found[key])):
-            found[key] = group
-    return list(found.values())
-
-
-def _is_first(group: bpy.types.Collection, other: bpy.types.Collection) -> bool:
-    return group.name == mark_of(group)[1] and other.name != mark_of(other)[1]
+    """Collections of a scene's rigs, the newest last."""
+    groups = dict.fromkeys(scene.collection.children_recursive)  # one may be in two others
+    return [group for group in groups if group.kiriko.is_rig]
 
 
 def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """The rig that the scene's settings and result are of; None where it has no collection.
-
-    Files of before there were several do not name it: there it is
-    the newest whose parts have roles, else the newest.
+    """The rig that panels and buttons are about: the chosen one, else the newest; None where Add
+    Rig has made none.
     """
-    found = rigs(scene)
-    key = scene.kiriko.rig
-    if key:
-        return next((rig for rig in found if rig.kiriko.key == key), None)
-    with_roles = [rig for rig in found if len(found) == 1 or has_roles(scene, rig)]
-    return (with_roles or found or [None])[-1]
+    found, chosen = rigs(scene), scene.kiriko_scene.rig
+    return chosen if chosen in found else (found or [None])[-1]
 
 
-def has_roles(scene: bpy.types.Scene, rig: bpy.types.Collection) -> bool:
+def active_settings(scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
+    """Settings, viewers and result of the active rig, or of a scene without Add Rig: what
+    `scene.kiriko` is.
+    """
+    rig = active_rig(scene)
+    return scene.kiriko_scene.own if rig is None else rig.kiriko
+
+
+def all_settings() -> list[bpy.types.PropertyGroup]:
+    """The same of all rigs and scenes in the file."""
+    groups = (group.kiriko for group in bpy.data.collections if group.kiriko.is_rig)
+    return [*(scene.kiriko_scene.own for scene in bpy.data.scenes), *groups]
+
+
+def rig_uid(scene: bpy.types.Scene) -> int:
+    """Session uid of the active rig; 0 where Add Rig has made none."""
+    rig = active_rig(scene)
+    return 0 if rig is None else rig.session_uid
+
+
+def held_by(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
+    """Objects in a rig's collection and those below it that are no rigs."""
+    yield from rig.objects
+    for child in rig.children:
+        if not child.kiriko.is_rig:
+            yield from held_by(child)
+
+
+def rigs_of(
+    scene: bpy.types.Scene,
+) -> Callable[[bpy.types.Object], list[bpy.types.Collection]]:
+    """A function that returns the scene's rigs that hold an object."""
+    held: dict[bpy.types.Object, list[bpy.types.Collection]] = {}
+    for rig in rigs(scene):
+        for thing in dict.fromkeys(held_by(rig)):
+            held.setdefault(thing, []).append(rig)
+    return lambda thing: held.get(thing, [])
+
+
+def rig_of(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
+    """The rig of an object: the active one where it is in several; None where in none."""
+    own = rigs_of(scene)(thing)
+    active = active_rig(scene)
+    return active if active in own else (own or [None])[-1]
+
+
+def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
+    """A function that tells whether an object is in other rigs only, and so no part of the
+    active one.
+    """
+    if len(rigs(scene)) < 2:
+        return lambda thing: False
+    active, holders = active_rig(scene), rigs_of(scene)
+    return lambda thing: bool(holders(thing)) and active not in holders(thing)
+
+
+def shown_settings(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.PropertyGroup:
+    """Settings and result of the rig that an object is a part of."""
+    rig = rig_of(scene, thing)
+    return scene.kiriko if rig is None else rig.kiriko
+
+
+def has_roles(rig: bpy.types.Collection) -> bool:
     """Has anything that was made for a rig a role? Else the rig was put out of use."""
-    key = rig.kiriko.key
-    return any(marked_key(one) == key for one in scene.objects if one.kiriko.role != "NONE")
-
-
-def mark_of(block: bpy.types.ID) -> tuple[str, str]:
-    """Key of the rig that a datablock was made for, and the name it got; '' if there is none.
-
-    An object whose mark is unreadable was made for the rig whose collection holds it.
-    """
-    fields = fields_of(block.get(RIG_MARK))
-    if not fields and RIG_MARK in block and isinstance(block, bpy.types.Object):
-        groups = (group for group in bpy.data.collections if group.kiriko.key)
-        holder = next((group for group in groups if block in set(held_by(group))), None)
-        return ("", "") if holder is None else (holder.kiriko.key, stem(block.name))
-    return fields.get("key", ""), fields.get("name", "")
+    return any(RIG_MARK in one and one.kiriko.role != "NONE" for one in held_by(rig))
 
 
 def stem(name: str) -> str:
@@ -73,119 +107,64 @@ def stem(name: str) -> str:
     return NUMBER.sub("", name)
 
 
-def mark(block: bpy.types.ID, key: str) -> None:
-    """Mark a datablock as made for the rig with this key."""
-    block[RIG_MARK] = text_of({"key": key, "name": block.name})
+def mark_made(blocks: Iterable[bpy.types.ID]) -> None:
+    """Mark datablocks as made by Add Rig."""
+    for block in blocks:
+        block[RIG_MARK] = block.name
 
 
-def marked_key(block: bpy.types.ID) -> str:
-    """Key of the rig that Add Rig made a datablock for, '' if none."""
-    return mark_of(block)[0] if RIG_MARK in block else ""
+def keep(block: bpy.types.ID) -> None:
+    """Keep a datablock in the file that gives way to another one."""
+    if RIG_MARK in block and not block.use_fake_user:
+        block[KEPT_MARK] = True
+    block.use_fake_user = True
 
 
-def belongs_to(thing: bpy.types.Object, rig: bpy.types.Collection) -> bool:
-    """Is an object in a rig's collection, was it made for the rig, or taken into it by Add Rig?"""
-    return rig.kiriko.key in _keys(thing) or thing in set(held_by(rig))
+def mark_of(block: bpy.types.ID) -> str:
+    """The name of a datablock when Add Rig made it, or took it in as glass; '' if neither."""
+    own = block.kiriko.taken_as if isinstance(block, bpy.types.Object) else ""
+    return own or str(block.get(RIG_MARK, ""))
 
 
-def _keys(thing: bpy.types.Object) -> set[str]:
-    """Keys of rigs that an object belongs to wherever it is."""
-    keys = {marked_key(thing), *thing.kiriko.rigs.split()}
-    if thing.kiriko.changed:  # as before there were several
-        keys.add(Changed.read(thing.kiriko.changed).rig)
-    return keys - {""}
-
-
-def held_by(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
-    """Objects in a rig's collection and those below it that are no rigs."""
-    yield from rig.objects
-    for child in rig.children:
-        if not child.kiriko.key:
-            yield from held_by(child)
-
-
-def rigs_of(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], set[str]]:
-    """A function that tells the keys of the scene's rigs that an object is in; where it is in none
-    of them, those of rigs whose collection is gone.
+def with_copies(blocks: Iterable[Any]) -> dict[Any, list[Any]]:
+    """Those of some datablocks that Add Rig made or took in, with their copies, which have the same
+    mark. The one that has kept the name is the original, else the first.
     """
-    found = rigs(scene)
-    known = {rig.kiriko.key for rig in found}
-    held: dict[bpy.types.Object, set[str]] = {}
-    for rig in found:
-        for thing in held_by(rig):
-            held.setdefault(thing, set()).add(rig.kiriko.key)
-
-    def keys_of(thing: bpy.types.Object) -> set[str]:
-        keys = _keys(thing)
-        return (keys & known) | held.get(thing, set()) or keys
-
-    return keys_of
-
-
-def is_left_over(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Is an object in none of a scene's rigs, since its own lost its collection beside others?"""
-    known = {rig.kiriko.key for rig in rigs(scene)}
-    keys = rigs_of(scene)(thing)
-    return bool(known and keys) and not known & keys
-
-
-def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
-    """A function that tells whether an object is in other rigs only, and so no part of the
-    active one.
-    """
-    active = active_rig(scene)
-    # a rig whose collection is gone stays the active one as long as there is no other
-    here = scene.kiriko.rig if active is None else active.kiriko.key
-    if not here:
-        return lambda thing: False
-    keys = rigs_of(scene)
-
-    def is_elsewhere(thing: bpy.types.Object) -> bool:
-        found = keys(thing)
-        return bool(found) and here not in found
-
-    return is_elsewhere
-
-
-def rig_of(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
-    """The rig of an object: the active one where it is in several; None where in none."""
-    if thing is None:
-        return None
-    own = [rig for rig in rigs(scene) if belongs_to(thing, rig)]
-    active = active_rig(scene)
-    return active if active in own else (own or [None])[-1]
-
-
-def take_in(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
-    """Have an object be a part of a rig wherever it is."""
-    if thing.is_editable:
-        thing.kiriko.rigs = " ".join([*thing.kiriko.rigs.split(), rig.kiriko.key])
-        thing.kiriko.taken_as = thing.name
+    alike: dict[str, list[Any]] = {}
+    for block in blocks:
+        if name := mark_of(block):
+            alike.setdefault(name, []).append(block)
+    found = {}
+    for name, same in alike.items():
+        original = next((one for one in same if one.name == name), same[0])
+        found[original] = [one for one in same if one != original]
+    return found
 
 
 def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
-    """Is an object, which lies in no rig's collection, a copy of one that Add Rig took into a rig?
+    """Is an object a copy of a part of a rig that holds both, as Shift D makes it?"""
+    return any(
+        thing in copies
+        for rig in rigs_of(scene)(thing)
+        for copies in with_copies(held_by(rig)).values()
+    )
 
-    The one that has kept the name is the one that was taken, else the first.
+
+def name_for(scene: bpy.types.Scene, name: str) -> str:
+    """The name of a result of a scene's active rig: with the number of the rig's collection, and
+    with its name where the artist gave it one.
     """
-    ours = thing.kiriko
-    if not ours.taken_as or any(thing in set(held_by(rig)) for rig in rigs(scene)):
-        return False
-    keys = set(ours.rigs.split())
-    same = [
-        one
-        for one in scene.objects
-        if one.kiriko.taken_as == ours.taken_as and keys & set(one.kiriko.rigs.split())
-    ]
-    return thing != next((one for one in same if one.name == ours.taken_as), same[0])
+    rig = active_rig(scene)
+    if rig is None:
+        return name
+    number = NUMBER.search(rig.name)
+    own = rig.name[: number.start()] if number else rig.name
+    if own in {RIG, data_name(RIG)}:
+        return f"{name}{number.group() if number else ''}"
+    return f"{name} {rig.name}"
 
 
-def let_go(thing: bpy.types.Object, rig: bpy.types.Collection) -> None:
-    """Have an object be no part of a rig any more that Add Rig took it into."""
-    keys = thing.kiriko.rigs.split()
-    if rig.kiriko.key in keys:
-        rest = [key for key in keys if key != rig.kiriko.key]
-        thing.kiriko.rigs = " ".join(rest)
-        if not rest:
-            thing.kiriko.property_unset("rigs")
-            thing.kiriko.property_unset("taken_as")
+def name_of_view(scene: bpy.types.Scene, name: str, rig: Rig) -> str:
+    """The same for one that shows what a rig's viewer sees: with its name where it has others."""
+    own = name_for(scene, name)
+    return own if len(rig.viewers) == 1 else f"{own} - {rig.viewers[0].name}"

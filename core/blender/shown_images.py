@@ -13,10 +13,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .active_rig import shown_settings
 from .moving import number_at
 from .plane import image_of, texture_showing
 from .read_mesh import column, uv_layer
+from .rigs import shown_settings
 
 
 class ShownImage(NamedTuple):

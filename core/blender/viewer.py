@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.errors import RigError
 from ..rig.rig import Rig, Viewer
-from .rigs import marked_key
+from .rigs import RIG_MARK
 
 MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise
 SAME_SHAPE = 1e-3  # of width to height: nobody sees less
@@ -150,12 +150,9 @@ def instanced_viewers(
     that object.
     """
     for rig in bpy.data.collections:
-        key = rig.kiriko.key
-        if not key:
+        if not rig.kiriko.is_rig:
             continue
-        cameras = [
-            one for one in rig.all_objects if one.type == "CAMERA" and marked_key(one) == key
-        ]
+        cameras = [one for one in rig.all_objects if one.type == "CAMERA" and RIG_MARK in one]
         for thing in rig.users_dupli_group if cameras else ():
             if scene in thing.users_scene:
                 yield from ((camera, thing) for camera in cameras)

@@ -4,14 +4,11 @@ Solid draws with the colour of the material by default. So its alpha is the one 
 thing see-through in every new file: the object's own colour counts with Color: Object alone.
 """
 
-from typing import Any
-
 import bpy
+import numpy as np
 
 from . import shaders
-from .changes import put_back
 from .on_display import MATERIAL_MARK
-from .stored_records import Changed
 
 GLASS = 0.3  # alpha of glass in Solid: its shape is seen as well as the picture in it
 SEE_THROUGH = 0.5  # alpha of a material up to which it is left as it is
@@ -20,36 +17,41 @@ PLATE_OPACITY = 0.12  # where EEVEE draws it
 SCREEN = (0.02, 0.02, 0.03, 1.0)
 
 
-def see_through(
-    thing: bpy.types.Object, glasses: tuple[bpy.types.Object, ...]
-) -> list[tuple[bpy.types.ID, dict[str, Any]]]:
-    """Settings, by their owners, that let see through a glass in Solid.
+def see_through(thing: bpy.types.Object, glasses: tuple[bpy.types.Object, ...]) -> None:
+    """Let see through a glass in Solid, and remember what was changed.
 
     A material that others than glasses have, too, is left, and so is one of another file: there the
     object is drawn by its edges. So is one without a material, which has no colour.
     """
     if not thing.is_editable or not hasattr(thing.data, "materials"):
-        return []  # such as the instance of a collection
+        return  # such as the instance of a collection
 
     materials = {slot.material for slot in thing.material_slots} or {None}
     own = {*glasses, *(glass.data for glass in glasses)}
     if not all(material is not None and _is_of(material, own) for material in materials):
-        return [(thing, {"display_type": "WIRE"})] if thing.display_type == "TEXTURED" else []
+        if thing.display_type == "TEXTURED":
+            thing.display_type, thing.kiriko.is_drawn_by_edges = "WIRE", True
+        return
 
-    return [
-        (material, {"diffuse_color": (*material.diffuse_color[:3], GLASS)})
-        for material in sorted(materials, key=lambda m: m.name)
-        if material.diffuse_color[3] > SEE_THROUGH
-    ]
+    for material in materials:
+        if material.diffuse_color[3] > SEE_THROUGH:
+            material.kiriko.alpha_before = material.diffuse_color[3]
+            material.diffuse_color[3] = GLASS
 
 
 def draw_as_solid(thing: bpy.types.Object) -> None:
-    """Draw a glass by its faces again, for it has got a material that lets see through."""
-    kept = Changed.read(thing.kiriko.changed)
-    edges = [one for one in kept.changes if one[0] == "display_type"]
-    put_back(thing, edges)
-    rest = [one for one in kept.changes if one not in edges]
-    thing.kiriko.changed = Changed(kept.rig, rest).text() if rest else ""
+    """Draw a glass by its faces again, if Add Rig had it drawn by its edges."""
+    if thing.kiriko.is_drawn_by_edges and thing.display_type == "WIRE":
+        thing.display_type = "TEXTURED"
+    thing.kiriko.property_unset("is_drawn_by_edges")
+
+
+def be_opaque(material: bpy.types.Material) -> None:
+    """Draw a material as before Add Rig made it see-through, if nobody changed it since."""
+    ours = material.kiriko
+    if ours.alpha_before and material.diffuse_color[3] == np.float32(GLASS):
+        material.diffuse_color[3] = ours.alpha_before
+    ours.property_unset("alpha_before")
 
 
 def _is_of(material: bpy.types.Material, own: set[bpy.types.ID]) -> bool:

@@ -205,7 +205,7 @@ def test_a_file_that_is_saved_meanwhile_has_the_artists_settings(
     assert scene.render.engine == "CYCLES"
     bpy.ops.wm.open_mainfile(filepath=path)
     assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
-    assert bpy.context.scene.kiriko.looking == ""
+    assert bpy.context.scene.kiriko_scene.looking == ""
     assert (view()["shading"], view()["is_local"]) == ("WIREFRAME", False)
 
 
@@ -245,7 +245,7 @@ def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
     handlers.append(ours)
     bpy.ops.wm.open_mainfile(filepath=path)
     assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
-    assert bpy.context.scene.kiriko.looking == ""
+    assert bpy.context.scene.kiriko_scene.looking == ""
     assert {**view(), "camera": None} == seen
 
 

@@ -596,7 +596,7 @@ def test_others_are_hidden_while_one_looks_through_the_viewer(
 
     bpy.ops.kiriko.look_through()
     choose(second)
-    assert not scene.kiriko.looking
+    assert not scene.kiriko_scene.looking
     assert not any(thing.hide_viewport for thing in others)
 
 

@@ -708,7 +708,7 @@ def test_what_was_hidden_for_a_rig_is_shown_once_that_is_deleted(
     bpy.data.collections.remove(first)
     look(kiriko)
     assert not any(thing.hide_viewport for thing in others)
-    assert not scene.kiriko.looking
+    assert not scene.kiriko_scene.looking
     assert scene.render.engine != engine
     assert scene.kiriko.rig == second.kiriko.key
 

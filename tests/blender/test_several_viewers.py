@@ -928,7 +928,7 @@ def test_eyes_made_again_leave_none_behind(
         assert len(listed()) == len(cameras) == 3
         assert {ours().viewer, *(one.camera for one in eyes)} == cameras
         assert (first.camera, first.is_on) == (None, False)
-        if scene.kiriko.looking:
+        if scene.kiriko_scene.looking:
             look = importlib.import_module(f"{kiriko.__name__}.core.blender.looking_through")
             assert [camera for _, camera in look.views(scene)] == [eyes[0].camera]
     assert sum(lens.users > 0 for lens in bpy.data.cameras) == 3 * len(bpy.data.scenes)

@@ -1,20 +1,22 @@
-"""The user's settings: roles on objects, settings and the last result
-on the scene, what is shown on the window manager.
+"""The user's settings: roles on objects, settings and the last result on each rig's collection,
+what is shown on the window manager.
+
+`scene.kiriko` is no property of Blender's, but stands for the settings of the active rig.
 """
 
 import bpy
-from bpy.props import CollectionProperty, PointerProperty
+from bpy.props import PointerProperty
 
 from ...base.messages import CONTEXT
 from .. import overridden
+from ..rigs import active_settings
 from ..translation_context import in_own_words
 from . import view
 from .calibration import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture
-from .objects import KirikoObject, KirikoPlate, show_image
+from .objects import KirikoMaterial, KirikoObject, KirikoPlate, KirikoSlot, show_image
 from .result import KirikoResult
-from .rig import KirikoMaterial, KirikoRig
-from .scene import KirikoOther, KirikoScene, is_camera
+from .rig import KirikoRig, KirikoScene, KirikoSight, is_camera
 from .view import KirikoView
 from .viewers import KirikoViewer, turn_on
 
@@ -22,22 +24,35 @@ classes = (
     KirikoPlate,
     KirikoPicture,
     KirikoDisplay,
+    KirikoSlot,
     KirikoObject,
     KirikoMaterial,
     KirikoViewer,
-    KirikoRig,
     KirikoResult,
     KirikoCalibration,
+    KirikoSight,
+    KirikoRig,
     KirikoScene,
-    KirikoOther,
     KirikoView,
 )
-OF_OBJECTS = (KirikoPlate, KirikoPicture, KirikoDisplay, KirikoObject)
+# settings of objects and rigs, which are changed in library overrides, too
+OVERRIDABLE = (
+    KirikoPlate,
+    KirikoPicture,
+    KirikoDisplay,
+    KirikoSlot,
+    KirikoObject,
+    KirikoViewer,
+    KirikoResult,
+    KirikoCalibration,
+    KirikoSight,
+    KirikoRig,
+)
 
 
 def register() -> None:
     """Give objects and scenes their Kiriko settings."""
-    for cls in OF_OBJECTS:
+    for cls in OVERRIDABLE:
         overridden.be_overridable(cls)
     for cls in classes:
         bpy.utils.register_class(in_own_words(cls))
@@ -51,7 +66,7 @@ def register() -> None:
         update=show_image,
         override=overridden.OVERRIDE,
     )
-    KirikoScene.viewer = PointerProperty(
+    KirikoRig.viewer = PointerProperty(
         name="Viewer",
         translation_context=CONTEXT,
         description="Camera from which the picture shall look undistorted; the scene's camera when"
@@ -60,6 +75,7 @@ def register() -> None:
         type=bpy.types.Object,
         poll=is_camera,
         update=turn_on,
+        override=overridden.OVERRIDE,
     )
     KirikoViewer.camera = PointerProperty(
         name="Camera",
@@ -68,6 +84,7 @@ def register() -> None:
         " when empty",
         type=bpy.types.Object,
         poll=is_camera,
+        override=overridden.OVERRIDE,
     )
     view.add()
     bpy.types.Object.kiriko = PointerProperty(
@@ -77,20 +94,21 @@ def register() -> None:
         override=overridden.OVERRIDE,
     )
     bpy.types.Material.kiriko = PointerProperty(
-        name="Kiriko", description="What Kiriko keeps of the material", type=KirikoMaterial
+        name="Kiriko", description="What Kiriko remembers of the material", type=KirikoMaterial
     )
     bpy.types.Collection.kiriko = PointerProperty(
-        name="Kiriko", description="The rig that the collection holds", type=KirikoRig
-    )
-    bpy.types.Scene.kiriko = PointerProperty(
         name="Kiriko",
-        description="How the scene's active rig is solved and exported",
+        description="How the rig in the collection is solved and exported",
+        type=KirikoRig,
+        override=overridden.OVERRIDE,
+    )
+    bpy.types.Scene.kiriko_scene = PointerProperty(
+        name="Kiriko",
+        description="The scene's active rig",
         type=KirikoScene,
     )
-    bpy.types.Scene.kiriko_others = CollectionProperty(
-        name="Kiriko's Other Rigs",
-        description="Settings and results of the scene's rigs that are not active",
-        type=KirikoOther,
+    bpy.types.Scene.kiriko = property(
+        active_settings, doc="Settings, viewers and result of the scene's active rig"
     )
     bpy.types.WindowManager.kiriko = PointerProperty(
         name="Kiriko", description="What the interface shows of a rig", type=KirikoView
@@ -102,14 +120,14 @@ def unregister() -> None:
     """Take the settings away again."""
     overridden.unregister()
     del bpy.types.WindowManager.kiriko
-    del bpy.types.Scene.kiriko_others
     del bpy.types.Scene.kiriko
+    del bpy.types.Scene.kiriko_scene
     del bpy.types.Collection.kiriko
     del bpy.types.Material.kiriko
     del bpy.types.Object.kiriko
     view.take_away()
     del KirikoViewer.camera
-    del KirikoScene.viewer
+    del KirikoRig.viewer
     del KirikoObject.image
     for cls in reversed(classes):
         bpy.utils.unregister_class(cls)

@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
@@ -164,6 +165,25 @@ class KirikoPlate(bpy.types.PropertyGroup):
     )
 
 
+class KirikoSlot(bpy.types.PropertyGroup):
+    """A material slot as it was before Make It Glass."""
+
+    link: StringProperty(name="Link", description="To the object or its data", options={"HIDDEN"})
+    material: PointerProperty(
+        name="Material", description="The material in the slot", type=bpy.types.Material
+    )
+
+
+class KirikoMaterial(bpy.types.PropertyGroup):
+    """What Kiriko remembers of a material."""
+
+    alpha_before: FloatProperty(
+        name="Alpha Before",
+        description="Opacity in Solid before Add Rig made the material see-through; 0: it did not",
+        options={"HIDDEN"},
+    )
+
+
 class KirikoObject(bpy.types.PropertyGroup):
     """An object's part in the rig."""
 
@@ -229,25 +249,30 @@ class KirikoObject(bpy.types.PropertyGroup):
         min=1,
         max=32768,
     )
-    changed: StringProperty(
-        name="Changed",
-        description="Settings of the object that Add Rig changed, as JSON",
-        options={"HIDDEN"},
-    )
-    rigs: StringProperty(
-        name="Rigs",
-        description="Keys of the rigs that Add Rig took the object into",
-        options={"HIDDEN"},
-    )
     taken_as: StringProperty(
         name="Taken As",
-        description="The name that it had then, which tells it from its copies",
+        description="The name of glass when Add Rig took it into a rig, which copies have, too",
         options={"HIDDEN"},
     )
-    given: StringProperty(
+    is_made_glass: BoolProperty(
+        name="Was No Glass",
+        description="Add Rig gave the object its role",
+        options={"HIDDEN"},
+    )
+    is_drawn_by_edges: BoolProperty(
+        name="Is Drawn by Edges",
+        description="Add Rig set Display As to Wire",
+        options={"HIDDEN"},
+    )
+    is_given: BoolProperty(
+        name="Is Given",
+        description="Make It Glass gave the object its material",
+        options={"HIDDEN"},
+    )
+    given: CollectionProperty(
         name="Given",
-        description="Key of the rig in which the object was made glass, and its own material slots,"
-        " as JSON",
+        description="Its own material slots, before",
+        type=KirikoSlot,
         options={"HIDDEN"},
     )
     # image: see `register`

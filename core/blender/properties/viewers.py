@@ -1,7 +1,7 @@
 """One of several viewers that look at the display of a rig."""
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty
+from bpy.props import BoolProperty, FloatProperty, PointerProperty
 
 
 def turn_on(ours: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
@@ -33,21 +33,4 @@ class KirikoViewer(bpy.types.PropertyGroup):
         name="Own Image",
         description="Picture in this viewer's own pixels, where each viewer has one for itself",
         type=bpy.types.Image,
-    )
-
-
-class ViewersBefore:
-    """Mix-in for the settings of a rig, with the viewers that the scene has back without it."""
-
-    viewer_before: PointerProperty(
-        name="Viewer Before",
-        description="The viewer that the scene had before",
-        type=bpy.types.Object,
-        options={"HIDDEN"},
-    )
-    viewers_before: CollectionProperty(
-        name="Viewers Before",
-        description="The list of viewers that the scene had before",
-        type=KirikoViewer,
-        options={"HIDDEN"},
     )
