@@ -11,7 +11,7 @@ from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message, joined, quoted
 from ..core.blender import looking_through, turned_views
-from ..core.blender.rigs import active_rig, rigs
+from ..core.blender.rigs import rig_uid
 from ..core.blender.screens import place_of, window_showing
 from ..core.blender.viewer import viewer_of
 from . import compared, framing, live, make_glass, needed, telling, work
@@ -19,6 +19,7 @@ from .windows import all_windows, redraw, view_of
 
 _entered: dict[int, str] = {}  # by session uid of the scene: the text of its views that are changed
 _windows: dict[int, int] = {}  # by the same: address of the window with that view
+_rigs: dict[int, int] = {}  # by the same: session uid of the rig that is looked through
 _paused: dict[int, tuple[str, list, list]] = {}  # text, views and things, during a save or load
 _turned: list[tuple] = []  # views of Before and After, during the same
 _live_began: list[int] = []  # scenes whose Live was begun here
@@ -43,6 +44,7 @@ def _enter_area(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     screen, _ = place_of(area)
     looking_through.enter(scene, screen.name, area.spaces.active, framing.window_of(area))
     _entered[scene.session_uid] = scene.kiriko_scene.looking
+    _rigs[scene.session_uid] = rig_uid(scene)
     window = window_showing(area.spaces.active)
     if window is not None:  # else the view is in another workspace of the same one
         _windows[scene.session_uid] = window.as_pointer()
@@ -94,7 +96,7 @@ def is_lost(scene: bpy.types.Scene) -> bool:
     viewer = viewer_of(scene)
     if viewer is None or scene.objects.get(viewer.name) != viewer:
         return True
-    return active_rig(scene) is None and bool(rigs(scene))
+    return _rigs.get(scene.session_uid) not in (None, rig_uid(scene))
 
 
 def leave(scene: bpy.types.Scene) -> None:
@@ -106,6 +108,7 @@ def leave(scene: bpy.types.Scene) -> None:
 def _forget(scene: bpy.types.Scene) -> None:
     _entered.pop(scene.session_uid, None)
     _windows.pop(scene.session_uid, None)
+    _rigs.pop(scene.session_uid, None)
     compared.put_views_back()  # those that were left to this look
     if scene.session_uid in _live_began:
         _live_began.remove(scene.session_uid)
@@ -148,6 +151,7 @@ def on_load(*_: object) -> None:
     """A file that was saved by force, as by auto-save, may have the settings in it."""
     _entered.clear()
     _windows.clear()
+    _rigs.clear()
     _paused.clear()
     _turned.clear()
     _live_began.clear()

@@ -67,6 +67,7 @@ def take_back(thing: bpy.types.Object) -> None:
     if not ours.is_given:
         return
     given = _take_modifiers(thing)
+    is_bare = not len(ours.given) and all(_is_given(slot.material) for slot in thing.material_slots)
     for n, slot in enumerate(thing.material_slots):
         if not _is_given(slot.material):
             continue
@@ -75,7 +76,7 @@ def take_back(thing: bpy.types.Object) -> None:
         slot.material = before.material if before and before.link == "OBJECT" else None
         slot.link = before.link if before else "DATA"
     materials = thing.data.materials
-    if not len(ours.given) and list(materials) == [None] and thing.data.is_editable:
+    if is_bare and list(materials) == [None] and thing.data.is_editable:
         materials.clear()
     ours.property_unset("given")
     ours.property_unset("is_given")

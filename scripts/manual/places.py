@@ -34,7 +34,7 @@ PLACES = {
         "kiriko.add_viewer", "kiriko.remove_viewer", "kiriko.move_viewer",
         "kiriko.two_eyes", "kiriko.viewer_grid", "kiriko.eye_box", "kiriko.remove_eye_box",
         "kiriko.show_image", "kiriko.render_pictures", "kiriko.open_pictures",
-        "KirikoScene.disagreement", "KirikoViewer.image",
+        "KirikoRig.disagreement", "KirikoViewer.image",
     ),
     "bench.md#drawing": ("kiriko.bench_drawing",),
     "bench.md#plate": ("kiriko.simulate", "kiriko.visible_range", "kiriko.remove_visible_range"),
@@ -42,7 +42,7 @@ PLACES = {
     "calibration.md#calibrate": (
         "kiriko.calibrate", "kiriko.apply_calibration", "kiriko.remove_calibration",
     ),
-    "formats.md#source": ("KirikoScene.export_format",),
+    "formats.md#source": ("KirikoRig.export_format",),
     "formats.md#files": ("kiriko.export_maps", "kiriko.export_atlas", "kiriko.report"),
     "show.md#window": ("kiriko.show_window", "KirikoView.show_rig"),
     "show.md#farm": ("kiriko.export_job",),

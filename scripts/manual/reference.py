@@ -20,7 +20,7 @@ BUTTONS = {"en": "Buttons", "ja": "ボタン"}
 MORE = {"en": "more", "ja": "詳しく"}
 # classes of settings, each with a heading
 SETTINGS = {
-    "KirikoScene": {"en": "Solve, picture and export", "ja": "計算、絵、エクスポート"},
+    "KirikoRig": {"en": "Solve, picture and export", "ja": "計算、絵、エクスポート"},
     "KirikoViewer": {"en": "One of several viewers", "ja": "複数の視点の一つ"},
     "KirikoObject": {"en": "An object in the rig", "ja": "リグの中のオブジェクト"},
     "KirikoPicture": {"en": "The picture's light", "ja": "絵の光"},

@@ -58,7 +58,7 @@ def test_export_writes_the_image_of_its_own_rig(
     dialogue.it.filepath = str(tmp_path / "source.png")
     choose(second)
     assert dialogue.it.execute(in_window()) == {"FINISHED"}
-    assert scene.kiriko.rig == first.kiriko.key
+    assert scene.kiriko == first.kiriko
     own = pixels(scene.kiriko.result.source)[..., :3]
     assert np.array_equal(written[0], own)
 
@@ -85,10 +85,9 @@ def test_a_preview_is_kept_with_its_own_rig(kiriko: ModuleType, scene: bpy.types
     preview._finish(made)
     made.close()
     assert bpy.context.scene.kiriko.result.preview is None
-    assert scene.kiriko.rig == first.kiriko.key
+    assert scene.kiriko == first.kiriko
     assert scene.kiriko.result.preview.name == "Kiriko Preview"
-    others = [one.settings.result.preview for one in scene.kiriko_others]
-    assert others == [None]
+    assert second.kiriko.result.preview is None
 
 
 def test_a_picture_is_opened_for_its_own_rig(

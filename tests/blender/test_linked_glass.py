@@ -102,7 +102,7 @@ def test_a_rig_around_linked_glass_has_it_in_the_next_session(
     assert "RNA_" not in capfd.readouterr().out
     bpy.ops.kiriko.remove_rig()
     assert glass.kiriko.role == "NONE"
-    assert not glass.kiriko.rigs
+    assert not glass.kiriko.taken_as
     assert [thing.name for thing in scene.objects] == ["Suzanne"]
 
 
@@ -241,13 +241,12 @@ def test_an_override_that_was_made_glass_has_its_material_back(
     assert [(slot.link, slot.material.name) for slot in glass.material_slots] == [("DATA", "Matt")]
 
 
-@pytest.mark.parametrize("is_of_rig", [False, True])
 def test_an_instance_of_glass_with_a_role_says_why_it_cannot_be_glass(
-    scene: bpy.types.Scene, is_of_rig: bool
+    scene: bpy.types.Scene,
 ) -> None:
     """The role of the object itself counts, and it may be in a rig of another file."""
     own = suzanne()
-    own.kiriko.role, own.kiriko.rigs = "GLASS", "abc" if is_of_rig else ""
+    own.kiriko.role = "GLASS"
     group = bpy.data.collections.new("Group")
     scene.collection.objects.unlink(own)
     group.objects.link(own)
@@ -256,7 +255,7 @@ def test_an_instance_of_glass_with_a_role_says_why_it_cannot_be_glass(
     scene.collection.objects.link(thing)
     with pytest.raises(RuntimeError, match="'Instance' shows 'Suzanne', which has a role of its"):
         add_rig(thing)
-    own.kiriko.role, own.kiriko.rigs = "NONE", ""
+    own.kiriko.role = "NONE"
     add_rig(thing)
     assert thing.kiriko.role == "GLASS"
 

@@ -94,7 +94,7 @@ def test_rigs_and_values_become_tasks(
     run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
 ) -> None:
     """Names that folders cannot have get folders that they can."""
-    (group,) = (one for one in bpy.data.collections if one.kiriko.key)
+    (group,) = (one for one in bpy.data.collections if one.kiriko.is_rig)
     group.name = "rig / 一"
     values = ("--vary", "kiriko.tolerance", "--values", "0.1", "0.2")
     assert run("job", "--rig", "all", *values, "--zip", zipped, "--out", saved) == 0

@@ -127,8 +127,8 @@ def test_a_removed_rig_leaves_the_other_as_it_was(scene: bpy.types.Scene, is_sol
     """All properties of all datablocks, with all results of both."""
     cube()
     gem()
-    scene.kiriko.tolerance = 0.2
     first = add(scene.objects["Cube"])
+    scene.kiriko.tolerance = 0.2
     bpy.ops.kiriko.solve()
     scene.objects["Cube"].select_set(False)
     before = snapshot()
@@ -144,12 +144,14 @@ def test_a_removed_rig_leaves_the_other_as_it_was(scene: bpy.types.Scene, is_sol
     scene.objects["Gem"].select_set(False)
     assert bpy.ops.kiriko.remove_rig() == {"FINISHED"}
     if is_solved:  # of the cube, which was solved again meanwhile
-        before = {k: v for k, v in before.items() if "Source" not in k and "Scene" not in k}
+        passing = ("Source", "Scene", "collections")
+        before = {k: v for k, v in before.items() if not any(word in k for word in passing)}
         assert [d for d in differences(before, snapshot()) if d.split("/")[1] in before] == []
         assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 0)
     else:
+        scene.kiriko_scene.rig = first  # which is the active one anyway
         assert differences(before, snapshot()) == []
-    assert first.kiriko.key == scene.kiriko.rig
+    assert scene.kiriko == first.kiriko
 
 
 @pytest.mark.parametrize("order", [("Cube", "Gem"), ("Gem", "Cube")])
@@ -220,13 +222,7 @@ def test_undo_never_mixes_rigs(kiriko: ModuleType, scene: bpy.types.Scene) -> No
     """Whatever is selected, changed and undone, a setting is that of its own rig. The selection
     is followed between undo steps, as the timer does it.
     """
-    follow = importlib.import_module(f"{kiriko.__name__}.core.blender.active_rig")
-
-    def look() -> None:
-        scene = bpy.context.scene
-        rig = follow.follow(scene, bpy.context.view_layer.objects.active)
-        if rig is not None:
-            follow.make_active(scene, rig)
+    look = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").look
 
     def select(name: str) -> None:
         bpy.context.view_layer.objects.active = bpy.context.scene.objects[name]
@@ -238,11 +234,7 @@ def test_undo_never_mixes_rigs(kiriko: ModuleType, scene: bpy.types.Scene) -> No
         bpy.ops.ed.undo_push(message="Tolerance")
 
     def tolerances() -> dict[str, float]:
-        scene = bpy.context.scene
-        rigs = {rig.kiriko.key: name for name, rig in bpy.data.collections.items()}
-        found = {rigs[one.key]: one.settings.tolerance for one in scene.kiriko_others}
-        found[rigs[scene.kiriko.rig]] = scene.kiriko.tolerance
-        return {name: round(value, 5) for name, value in found.items()}
+        return {rig.name: round(rig.kiriko.tolerance, 5) for rig in bpy.data.collections}
 
     two()
     look()
@@ -271,7 +263,7 @@ def test_the_rig_of_the_active_object_is_followed(
     """One that is chosen stays until something else is selected; what is in no rig changes
     nothing, nor makes the file one that has changed.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.active_rig")
+    module = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig")
     first, second = two()
     mine = bpy.data.objects.new("Mine", None)
     scene.collection.objects.link(mine)
@@ -292,53 +284,21 @@ def test_the_rig_of_the_active_object_is_followed(
     assert module.follow(scene, None) is None
 
 
-def test_a_deleted_collection_leaves_its_rig(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
-    """Deleted by hand with all it has, the other one is active, with its own settings. Those of
-    the first rig are the scene's, and kept.
+def test_a_deleted_collection_takes_its_settings(scene: bpy.types.Scene) -> None:
+    """Deleted by hand with all it has, the other one is active, with its own settings; then the
+    scene without any.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.active_rig")
+    scene.kiriko.tolerance = 0.2
     first, second = two()
+    assert scene.kiriko.tolerance == pytest.approx(0.1)
     choose(first)
     scene.kiriko.tolerance = 0.3
     bpy.data.batch_remove([*first.objects, first])
-    rig = module.follow(scene, None)
-    assert rig == second
-    module.make_active(scene, rig)
+    assert scene.kiriko == second.kiriko
     assert scene.kiriko.tolerance == pytest.approx(0.1)
-    assert [one.settings.tolerance for one in scene.kiriko_others] == [pytest.approx(0.3)]
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
-
-
-def test_a_rig_deleted_by_hand_leaves_the_scenes_settings(scene: bpy.types.Scene) -> None:
-    """To the next rig, and after that to the scene."""
-    scene.kiriko.tolerance, scene.kiriko.margin = 0.2, 5
-    bpy.data.collections.remove(add(cube()))
-    add(gem())
-    assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
     bpy.ops.kiriko.remove_rig()
-    assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
-
-
-@pytest.mark.parametrize("is_first_active", [False, True])
-@pytest.mark.parametrize("is_second_deleted", [False, True])
-def test_the_scenes_settings_outlive_its_first_rig(
-    scene: bpy.types.Scene, is_first_active: bool, is_second_deleted: bool
-) -> None:
-    """Deleted by hand, alone or with the second one, whichever was active."""
-    scene.kiriko.tolerance, scene.kiriko.margin = 0.2, 5
-    first, second = two()
-    if is_first_active:
-        choose(first)
-    bpy.data.batch_remove([*first.objects, scene.objects["Cube"], first])
-    if is_second_deleted:
-        bpy.data.batch_remove([*second.objects, scene.objects["Gem"], second])
-        add(cube())
-        assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
-    else:
-        bpy.context.view_layer.objects.active = scene.objects["Gem"]
-    bpy.ops.kiriko.remove_rig()
-    assert (scene.kiriko.tolerance, scene.kiriko.margin) == (pytest.approx(0.2), 5)
-    assert len(scene.kiriko_others) == 0
+    assert scene.kiriko.tolerance == pytest.approx(0.2)
 
 
 def test_a_copied_scene_has_rigs_of_its_own(scene: bpy.types.Scene) -> None:
@@ -351,7 +311,7 @@ def test_a_copied_scene_has_rigs_of_its_own(scene: bpy.types.Scene) -> None:
     assert copy != scene
     assert copy.kiriko.tolerance == pytest.approx(0.3)
     assert copy.kiriko.viewer in set(copy.objects)
-    copied = next(c for c in copy.collection.children if c.kiriko.key == first.kiriko.key)
+    copied = copy.collection.children[0]
     choose(copied)
     assert copy.kiriko.viewer in set(copied.objects)
     copy.kiriko.tolerance = 0.7
@@ -361,31 +321,6 @@ def test_a_copied_scene_has_rigs_of_its_own(scene: bpy.types.Scene) -> None:
     assert scene.kiriko.tolerance == pytest.approx(0.3)
     choose(first)
     assert scene.kiriko.tolerance == pytest.approx(0.1)
-
-
-def test_a_file_of_before_opens_as_it_was(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    """Such a rig is not named by its scene, and its glass by its changes alone. It gets another
-    beside it.
-    """
-    first = add(cube())
-    bpy.ops.kiriko.solve()
-    scene.kiriko.property_unset("rig")
-    scene.objects["Cube"].kiriko.property_unset("rigs")
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "old.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
-
-    scene = bpy.context.scene
-    first = scene.collection.children[0]
-    before = state(scene)
-    second = add(gem())
-    bpy.ops.kiriko.solve()
-    choose(first)
-    assert state(scene) == before
-    bpy.ops.kiriko.solve()
-    assert scene.kiriko.result.summary == before["summary"]
-    choose(second)
-    bpy.ops.kiriko.remove_rig()
-    assert state(scene)["viewer"] == before["viewer"]
 
 
 def test_parts_in_no_rig_are_in_all(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
@@ -465,7 +400,7 @@ def test_a_copy_of_a_rigs_glass_gets_a_rig_of_its_own(
             choose(second)
             bpy.ops.kiriko.remove_rig()
     ours = copy.kiriko
-    assert (ours.role, ours.rigs, ours.changed, ours.taken_as) == ("NONE", "", "", "")
+    assert (ours.role, ours.taken_as, ours.is_made_glass) == ("NONE", "", False)
 
 
 def test_a_part_in_no_rig_is_told_before_a_second_one(scene: bpy.types.Scene) -> None:
@@ -484,18 +419,6 @@ def test_an_unknown_rig_is_refused_with_those_that_are_there(scene: bpy.types.Sc
     words = "no rig 'Other': there are 'Kiriko Rig', 'Kiriko Rig.001'"
     with pytest.raises(RuntimeError, match=words):
         bpy.ops.kiriko.choose_rig(rig="Other")
-
-
-def test_a_copy_of_a_rigs_collection_is_no_other_rig(
-    drawn: Callable[..., Layout], scene: bpy.types.Scene
-) -> None:
-    """It has the same key, and would be another name for the same settings."""
-    first, second = two()
-    scene.collection.children.link(first.copy())
-    menu = drawn("rig_panel", "VIEW3D_MT_kiriko_rigs")
-    assert menu.labels == [first.name, second.name]
-    choose(first)
-    assert bpy.ops.kiriko.solve() == {"FINISHED"}
 
 
 def test_thousands_of_objects_beside_two_rigs_do_not_hold_up_panels(

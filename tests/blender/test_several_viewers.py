@@ -749,26 +749,13 @@ def test_remove_rig_takes_its_eyes_along(rig: dict) -> None:
 
 
 def test_each_rig_has_a_list_of_its_own(kiriko: ModuleType, rig: dict) -> None:
-    """Chosen and chosen back, each has its viewers; a copy of a rig looks by copies of them."""
+    """Chosen and chosen back, each has its viewers."""
     first = ours().viewer.users_collection[0]
     bpy.ops.kiriko.two_eyes()
     for thing in bpy.context.selected_objects:
         thing.select_set(False)
     bpy.ops.kiriko.add_rig()
     assert (listed(), ours().viewer.name) == ([], "Kiriko Viewer.001")
-    bpy.ops.kiriko.choose_rig(rig=first.name)
-    assert names(kiriko) == [LEFT, RIGHT]
-
-    copies = {thing: thing.copy() for thing in first.objects}
-    copy = bpy.data.collections.new("copy")
-    copy.kiriko.key = first.kiriko.key
-    for thing, twin in copies.items():
-        copy.objects.link(twin)
-        twin.parent = copies.get(thing.parent, thing.parent)
-    bpy.context.scene.collection.children.link(copy)
-    read(kiriko)
-    bpy.ops.kiriko.choose_rig(rig="copy")
-    assert names(kiriko) == [f"{LEFT}.001", f"{RIGHT}.001"]
     bpy.ops.kiriko.choose_rig(rig=first.name)
     assert names(kiriko) == [LEFT, RIGHT]
 
@@ -997,39 +984,6 @@ def test_eyes_of_a_rescaled_scene_are_as_far_apart_as_before(
     bpy.ops.kiriko.two_eyes()
     left, right = (viewer.position for viewer in read(kiriko).viewers)
     assert np.linalg.norm(right - left) == pytest.approx(0.065, rel=1e-4)
-
-
-@pytest.mark.parametrize("is_by_eye", [False, True])
-def test_a_copy_of_a_rig_looks_by_copies_of_each_of_its_viewers(
-    kiriko: ModuleType, rig: dict, is_by_eye: bool
-) -> None:
-    """Whatever names they have: those that are alike but for the number, too."""
-    group = ours().viewer.users_collection[0]
-    named = ((0.01, "Cam.001"), (0.02, "Cam.002"), (0.03, "Cam.wide"))
-    own = [camera(x, name) for x, name in named]
-    for thing in own:
-        bpy.context.scene.collection.objects.unlink(thing)
-        group.objects.link(thing)
-    add(own[1], own[0], own[2])
-    if is_by_eye:
-        bpy.ops.kiriko.two_eyes()
-    before = read(kiriko).viewers
-
-    copy = bpy.data.collections.new("copy")
-    copy.kiriko.key = group.kiriko.key
-    twins = {thing: thing.copy() for thing in group.objects}
-    for thing, twin in twins.items():
-        copy.objects.link(twin)
-        twin.parent = twins.get(thing.parent, thing.parent)
-        twin.matrix_parent_inverse = thing.matrix_parent_inverse
-        assert twin.name != thing.name
-    bpy.context.scene.collection.children.link(copy)
-    read(kiriko)
-    bpy.ops.kiriko.choose_rig(rig="copy")
-    after = read(kiriko).viewers
-    assert not {one.name for one in after} & {one.name for one in before}
-    places = [sorted(tuple(one.position) for one in found) for found in (before, after)]
-    np.testing.assert_allclose(places[1], places[0], atol=1e-6)
 
 
 def test_files_of_viewers_with_long_names_are_whole(

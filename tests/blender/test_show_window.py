@@ -50,7 +50,7 @@ def test_result_is_that_of_the_rig_that_is_chosen(show: ModuleType, scene: bpy.t
     small_rig()
     bpy.ops.kiriko.solve()
     first = scene.kiriko.result.source
-    (name,) = (group.name for group in bpy.data.collections if group.kiriko.key)
+    (name,) = (group.name for group in bpy.data.collections if group.kiriko.is_rig)
     for thing in scene.objects:
         thing.select_set(False)
     bpy.context.view_layer.objects.active = None

@@ -38,7 +38,7 @@ def file_of(url: str) -> Path:
 
 def names(installed: str) -> list[str]:
     """What Blender calls each operator and each setting of Kiriko's: `kiriko.solve` and
-    `KirikoScene.tolerance`.
+    `KirikoRig.tolerance`.
     """
     found = [cls.bl_idname for cls in sys.modules[f"{installed}.operators"].CLASSES]
     groups = sys.modules[f"{installed}.core.blender.properties"].classes
@@ -59,7 +59,7 @@ def test_f1_leads_to_the_place_of_each_button_and_setting(
 ) -> None:
     """Blender's own lookup opens a page that is there, which leads to a place that is there."""
     every = names(installed)
-    assert {"kiriko.solve", "KirikoScene.tolerance", "KirikoObject.image"} <= set(every)
+    assert {"kiriko.solve", "KirikoRig.tolerance", "KirikoObject.image"} <= set(every)
     texts: dict[Path, str] = {}
     for name in every:
         assert bpy.ops.wm.doc_view_manual(doc_id=name) == {"FINISHED"}, name
