@@ -1,5 +1,5 @@
-"""Objects of other files: what is set on them stays in this file only where they are library
-overrides.
+"""Objects and rigs of other files: what is set on them stays in this file only where they are
+library overrides.
 """
 
 from collections.abc import Iterable, Iterator
@@ -11,8 +11,14 @@ from ..base.errors import RigError
 from .changes import change, value_of
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
-# one setting of each group that an object has
+# one setting of each group that an object, and a rig's collection, has
 OF_GROUPS = ("kiriko.role", "kiriko.plate.pitch", "kiriko.picture.gamma", "kiriko.display.gamma")
+OF_RIG = (
+    "kiriko.is_rig",
+    "kiriko.picture.gamma",
+    "kiriko.calibration.offset",
+    "kiriko.result.notes",
+)
 
 
 def be_overridable(cls: type) -> None:
@@ -94,25 +100,26 @@ def take_away(overrides: Iterable[bpy.types.Object]) -> None:
             layer.objects.active = theirs
 
 
-def have_same_groups(things: Iterable[bpy.types.Object]) -> None:
-    """Have overrides and their linked objects have the same groups of settings: Blender 5 neither
+def have_same_groups(things: Iterable[bpy.types.Object | bpy.types.Collection]) -> None:
+    """Have overrides and what they override have the same groups of settings: Blender 5 neither
     saves nor reloads the settings of a group that one of both alone has.
     """
     for thing in things:
         override = thing.override_library
         if override is None or override.reference is None or not thing.is_property_set("kiriko"):
             continue
+        paths = OF_GROUPS if isinstance(thing, bpy.types.Object) else OF_RIG
         for one in (thing, override.reference):
-            change(one, {path: value_of(one, path) for path in OF_GROUPS})
+            change(one, {path: value_of(one, path) for path in paths})
         if thing.library is None:
-            _have_rules_of_settings(override)
+            _have_rules_of_settings(override, paths)
 
 
-def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary) -> None:
+def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary, paths: tuple[str, ...]) -> None:
     """Have an override name each setting instead of whole groups, which Blender cannot set: so it
     does while one of both alone has a group.
     """
-    of_groups = {path.rpartition(".")[0] for path in OF_GROUPS}
+    of_groups = {path.rpartition(".")[0] for path in paths}
     rules = [rule for rule in override.properties if rule.rna_path in of_groups]
     for rule in rules:
         override.properties.remove(rule)
@@ -123,7 +130,7 @@ def _have_rules_of_settings(override: bpy.types.IDOverrideLibrary) -> None:
 @persistent
 def _on_files(*_: object) -> None:
     """What Blender reads of another file has no groups, each time anew."""
-    have_same_groups(bpy.data.objects)
+    have_same_groups([*bpy.data.objects, *bpy.data.collections])
 
 
 def _handlers() -> list[list]:
