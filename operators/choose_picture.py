@@ -21,8 +21,8 @@ from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.picture import check_readable
 from ..core.blender.plane import fit, shown_as, squeezed_words
 from . import needed, telling
+from .choose_rig import EndsWithRig
 from .needed import the_picture
-from .of_rig import OfRig
 
 NO_FILM = Message("The picture is not a film")
 
@@ -204,7 +204,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
         return {"CANCELLED"}
 
 
-class KIRIKO_OT_open_picture(OfRig, ChoosePicture, bpy.types.Operator):
+class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
     """Open an image file, a movie or the files of a sequence as the picture"""
 
     bl_description = (

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import bpy
 
 from ..core.base.errors import RigError
-from ..core.base.messages import Message, quoted
+from ..core.base.messages import Message, as_message, quoted
 from ..core.blender.copies import is_doubled, meant_copies, part_copies
-from ..core.blender.rigs import active_rig, rig_of, rigs
+from ..core.blender.rigs import active_rig, rig_of, rig_uid, rigs
 from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
 from .viewer_reports import ALL
 from .windows import all_windows, redraw
@@ -154,6 +154,58 @@ def choose_by_name(context: bpy.types.Context, name: str) -> None:
     choose(scene, found[name])
     if context.active_object is not None and len(found) > 1:
         _followed[scene.session_uid] = context.active_object.session_uid
+
+
+class EndsWithRig:
+    """Mix-in for an operator that ends later than it begins, by a dialogue or a render, with the
+    scene and the rig with which it began: meanwhile another one may have become active.
+    """
+
+    _began_with: tuple[int, int] | None = None  # session uids of the scene and its rig
+
+    def begin_with(self, scene: bpy.types.Scene) -> None:
+        """Note the scene and its active rig."""
+        self._began_with = scene.session_uid, rig_uid(scene)
+
+    def end_with(self, context: bpy.types.Context | None = None) -> None:
+        """Have that rig be the active one again; nothing where the operator only ran through.
+
+        context : which has to show that scene; None: any
+
+        Raises
+        ------
+        RigError
+            The rig or the scene is gone, or another scene is shown.
+        """
+        if self._began_with is None:
+            return
+        scene, (_, uid) = self.own_scene(), self._began_with
+        if context is not None and context.scene != scene:
+            raise RigError(
+                "{button} began in the scene '{scene}', and another one is shown: begin again.",
+                button=as_message(self.bl_label),
+                scene=scene.name,
+            )
+        if rig_uid(scene) == uid:
+            return
+        rig = next((rig for rig in rigs(scene) if rig.session_uid == uid), None)
+        if rig is None:
+            raise RigError(
+                "The rig with which {button} began is gone: begin again.",
+                button=as_message(self.bl_label),
+            )
+        choose(scene, rig)
+
+    def own_scene(self) -> bpy.types.Scene:
+        """The scene with which it began; RigError where that is gone."""
+        uid = self._began_with[0]
+        scene = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+        if scene is None:
+            raise RigError(
+                "The scene with which {button} began is gone: begin again.",
+                button=as_message(self.bl_label),
+            )
+        return scene
 
 
 def find_scene(context: bpy.types.Context, rig: str | None) -> Iterator[str]:

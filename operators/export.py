@@ -12,7 +12,7 @@ from ..core.blender.reports import said_by
 from ..core.blender.stored_records import Numbers
 from ..core.files import disk, image_io
 from . import needed, telling, watch
-from .of_rig import OfRig
+from .choose_rig import EndsWithRig
 
 OLD = Message("Export the old image?")
 ALL_THE_SAME = Message("Export All the Same")
@@ -57,7 +57,7 @@ def unwritable(form: str) -> list[str]:
     return [why] if why else []
 
 
-class KIRIKO_OT_export(OfRig, bpy.types.Operator):
+class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
     """Write the source image to a file in the display's own pixels, with colour space and size"""
 
     bl_idname = "kiriko.export"

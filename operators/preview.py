@@ -12,14 +12,14 @@ from ..core.blender.result import replace_image
 from ..core.blender.rigs import name_of_view
 from ..core.files import disk, image_io
 from . import long_work, needed, telling, watch, work
+from .choose_rig import EndsWithRig
 from .export import target, use_bundled_modules
-from .of_rig import OfRig
 from .windows import show_image
 
 NAME = "Kiriko Preview"
 
 
-class KIRIKO_OT_preview(OfRig, bpy.types.Operator):
+class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
     """Render the viewer's image in Cycles, in a scene of its own, as the image Kiriko Preview"""
 
     bl_idname = "kiriko.preview"

@@ -8,13 +8,13 @@ from ..core.base.errors import ImageError
 from ..core.base.messages import as_message
 from ..core.blender.paths import RELATIVE_PATH, absolute
 from . import long_work, needed, telling
-from .of_rig import OfRig
+from .choose_rig import EndsWithRig
 
 # of kinds of files, which say nothing where a file is of another kind
 OTHERS = {".bmp", ".exr", ".gif", ".jpeg", ".jpg", ".pdf", ".png", ".svg", ".tif", ".tiff", ".webp"}
 
 
-class ToFile(OfRig):
+class ToFile(EndsWithRig):
     """Mix-in for an operator that writes a file.
 
     default_name : of the file, whose suffix all have
@@ -70,7 +70,7 @@ class ToFile(OfRig):
         return bpy.path.ensure_ext(self.filepath, suffix)
 
 
-class IntoFolder(OfRig, long_work.LongWork):
+class IntoFolder(EndsWithRig, long_work.LongWork):
     """Mix-in for an operator with long work that writes to a folder.
 
     in_dialogue : names of the settings that the dialogue shows

@@ -15,9 +15,9 @@ from ..core.blender.viewer import camera_at, frame_of, seats_of, viewer_of
 from ..core.blender.viewer_render import eye_of, remove_unused, render_for
 from ..core.rig.viewer import check_together
 from . import needed, telling
+from .choose_rig import EndsWithRig
 from .folder import names_for
 from .long_work import LongWork
-from .of_rig import OfRig
 
 MARK = "{viewer}"
 
@@ -126,7 +126,7 @@ def _opened(path: Path, viewer: str) -> bpy.types.Image:
     return image
 
 
-class KIRIKO_OT_open_pictures(OfRig, bpy.types.Operator):
+class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
     """Open an image for each viewer: by a file with a viewer's name in its own, or a folder"""
 
     bl_idname = "kiriko.open_pictures"

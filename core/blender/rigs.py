@@ -31,7 +31,10 @@ def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The rig that panels and buttons are about: the chosen one, else the newest; None where Add
     Rig has made none.
     """
-    found, chosen = rigs(scene), scene.kiriko_scene.rig
+    chosen = scene.kiriko_scene.rig
+    if chosen is not None and scene.collection.children.get(chosen.name) == chosen:
+        return chosen  # without a walk of thousands of collections: every button asks
+    found = rigs(scene)
     return chosen if chosen in found else (found or [None])[-1]
 
 
