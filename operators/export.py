@@ -179,12 +179,12 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         return is_other
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        ours = context.scene.kiriko
         if self.is_to_ask:
             return self._ask_where()
 
         with telling.told(self):
             self.end_with(context)
+            ours = context.scene.kiriko
             if not self.allow_stale and watch.has_changed(context):
                 raise ImageError(
                     "The scene has changed since: solve again, or export the old image with"

@@ -365,12 +365,12 @@ def test_of_two_rigs_each_goes_alone(scene: bpy.types.Scene, first: str, is_solv
     before = snapshot()
     bpy.ops.kiriko.add_rig(**SMALL)
     bpy.ops.kiriko.solve()
-    old = [*scene.collection.children[0].objects]
-    for thing in old:
+    old = [one for one in scene.collection.children[0].objects if "kiriko_rig" in one]
+    for thing in [*old, scene.objects["Cube"]]:
         thing.kiriko.role = "NONE"
     scene.objects["Cube"].select_set(True)
     bpy.ops.kiriko.add_rig(**SMALL)
-    new = [*scene.collection.children[-1].objects]
+    new = [one for one in scene.collection.children[-1].objects if "kiriko_rig" in one]
     if is_solved:
         bpy.ops.kiriko.solve()
 
