@@ -1,7 +1,7 @@
 """The checklist: the things that are left to do for a rig, each with the button that does it.
 
-An inspection of the scene goes in, a list of entries comes out: this file neither reads the scene nor
-draws. An entry is a record, so that any operator may be a remedy.
+An inspection of the scene goes in, a list of entries comes out: this file neither reads the scene
+nor draws. An entry is a record, so that any operator may be a remedy.
 """
 
 from collections.abc import Callable, Iterable, Iterator
