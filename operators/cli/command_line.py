@@ -22,7 +22,6 @@ from ...core.lab.measure.work_precision import BUDGET
 from ...core.lab.warp.map_files import FORMATS, SIDECAR, TIMES, MapOptions
 from .. import (
     bench_drawing,
-    each_rig,
     export_atlas,
     export_maps,
     folder,
@@ -37,7 +36,7 @@ from ..choose_rig import choose_by_name, find_scene
 from ..export import use_bundled_modules
 from ..export_job import save_copy
 from ..viewer_reports import ALL, choose_alone
-from . import farm_verbs, to_folder
+from . import each_rig, farm_verbs, to_folder
 from .usage import AS_IS, VALUES, UsageError, as_is, check, count, path
 
 USAGE_ERROR = 2  # exit code, as other commands have it

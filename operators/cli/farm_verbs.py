@@ -15,7 +15,7 @@ from ...core.files.frame_list import frames_of
 from ...core.lab.farm import job as joining
 from .. import export_job
 from ..choose_rig import choose_by_name
-from ..job_check import check_rigs
+from ..export_job import check_rigs
 from ..set_value import check_values, idle
 from ..viewer_reports import ALL, asked_for
 from . import to_folder

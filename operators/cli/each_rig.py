@@ -6,10 +6,10 @@ from pathlib import Path
 
 import bpy
 
-from . import bench_drawing, export_maps, folder, report, set_value, viewer_images, work
-from .choose_rig import choose_by_name
-from .cli import to_folder
-from .viewer_reports import asked_for, naming_rig
+from .. import bench_drawing, export_maps, folder, report, set_value, viewer_images, work
+from ..choose_rig import choose_by_name
+from ..viewer_reports import asked_for, naming_rig
+from . import to_folder
 
 
 def check(arguments: argparse.Namespace, folders: dict[str, Path]) -> None:
