@@ -41,11 +41,6 @@ class AgreementKnobs:
     smooth : part of the gain by which the vertices of fine faces may lie off such lines. On tori
         whose noise spoils the gain it is 0.1 and more on most faces
     on_smooth : jumps that are trusted on them: at 0.5 faces beside a bottle's shoulder get worse
-    off_splines : part of the gain by which each vertex of a piece may lie off the splines of
-        Subdivision's: where there are such it is 0. Noise of 1e-4 of an edge is more somewhere
-    rounding : of an edge, by which it may besides: float32 leaves up to 2e-6 after three levels
-    most_turn : rad, rms, of faces of such a piece, nine around a circle. Rings of patches of two
-        edges and six or eight faces around the tube turn by 0.74 and more, and some get worse
     """
 
     agree: float = 1e-6
@@ -57,9 +52,6 @@ class AgreementKnobs:
     fine: float = 0.15
     smooth: float = 0.06
     on_smooth: float = 0.4
-    off_splines: float = 0.01
-    rounding: float = 1e-5
-    most_turn: float = 0.7
 
 
 AGREEMENT = AgreementKnobs()
@@ -221,23 +213,6 @@ class Trial(NamedTuple):
         """
         part = np.where(self.turn < AGREEMENT.fine, AGREEMENT.on_smooth, AGREEMENT.trusted)
         return self._trusting(scatter, AGREEMENT.smooth, part)
-
-    def are_splines(self, off_splines: Floats, shell: Ints) -> Bools:
-        """Which faces, of a shell (p,) each, are of one whose vertices all lie on splines.
-
-        Its jumps come of the knots. Curved as a whole it is nearer to the surface meant than as
-        drawn while they are less than the gain; one wall of two that is curved alone may not be.
-
-        off_splines (p, 3) : by how much the vertices at their corners are off, as Lines tell it
-        """
-        off = (off_splines**2).mean(axis=1)
-        is_off = off > AGREEMENT.off_splines**2 * self.gained + AGREEMENT.rounding**2
-        jumps = self.unsure / (self.gained + AGREEMENT.agree**2)
-        n, n_off, jumps, turned = (
-            np.bincount(shell, x) for x in (np.ones(len(shell)), is_off, jumps, self.turn**2)
-        )
-        is_spline = (n_off == 0) & (jumps <= n) & (turned <= AGREEMENT.most_turn**2 * n)
-        return is_spline[shell]
 
     def _trusting(self, scatter: Floats, scattered: float, part: Floats) -> "Trial":
         """The same where scatter and jumps are believed up to so much of the gain."""

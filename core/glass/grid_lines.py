@@ -49,16 +49,8 @@ class LineKnobs:
 
 LINES = LineKnobs()
 
-# Differences that are 0 on lines, made of the three fourth differences of seven vertices: on a
-# smooth line it is the sixth. Those of a cubic spline are 1, 4 and 1 times the jump of its third
-# derivative around a knot, and 0 elsewhere: one of the others is 0, wherever the knots are, or all
-# are of a line that begins one vertex earlier.
+# Of the three fourth differences of seven vertices the sixth, which is 0 on a smooth line
 SMOOTH = ((1, -2, 1),)
-SPLINES = (
-    ((0, 1, 0),),  # at the second vertex, the sixth, or both
-    ((1, -4, 1),),  # at the third, the fifth, or both
-    ((1, 0, -1), (2, -1, 2)),  # in the middle
-)
 
 
 class Lines(NamedTuple):
@@ -66,13 +58,11 @@ class Lines(NamedTuple):
 
     scatter : how far vertices lie off smooth lines, in units of the size asked for; infinite where
         there are no lines
-    off_splines : the same, off lines that are cubic splines with two edges and more between knots
     phase : rad squared: by how much of a circle, an ellipse or a wave the lines go on from vertex
         to vertex, where they are coarsest
     """
 
     scatter: Floats
-    off_splines: Floats
     phase: Floats
 
 
@@ -121,46 +111,24 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     bends = length_of(differences[2])
     least = LINES.straight * taken(size, v.start)
     phase = np.divide(bends, np.maximum(bend, least), out=np.zeros(len(least)), where=least > 0)
-    off, *off_knots = (off_lines(differences[1:], together) for together in (SMOOTH, *SPLINES))
-    off = np.where(is_line, [off, np.min(off_knots, axis=0)], np.inf)
-    yield 0
-
-    # splines are looked at in lines around each vertex: one beside a kink would miss it
-    off[1] = _around(off[1], np.where(across < 0, -1, back[across]))
+    off = np.where(is_line, off_lines(differences[1:], SMOOTH), np.inf)
     yield 0
 
     # near a rim a line has no room one way, and counts for both
     has_room = is_line | (across < 0)
-    off, phase = (np.where(has_room, x, x[..., across]) for x in (off, phase))
+    off, phase = (np.where(has_room, x, x[across]) for x in (off, phase))
     yield 0
 
-    scatter = np.full((2, len(v.at)), np.inf)
+    scatter = np.full(len(v.at), np.inf)
     coarsest = np.zeros(len(v.at))
     for some, pairs in v.by_valence(np.diff(v.first) >= LINES.ends):
-        ends = off[:, pairs]
-        scatter[:, some] = np.partition(ends, LINES.ends - 1, axis=2)[..., LINES.ends - 1]
+        ends = off[pairs]
+        scatter[some] = np.partition(ends, LINES.ends - 1, axis=1)[:, LINES.ends - 1]
         # on a regular mesh many are the same
-        is_smooth = ends[0] <= (1 + 1e-6) * scatter[0, some, None]
+        is_smooth = ends <= (1 + 1e-6) * scatter[some, None]
         coarsest[some] = np.where(is_smooth, phase[pairs], 0.0).max(axis=1)
 
-    return Lines(*scatter / size, coarsest)
-
-
-def _around(off: Floats, before: Ints) -> Floats:
-    """The least (p,) of lines that have a pair's vertex in the middle, or next to it, as patches of
-    two edges need; near a rim, of one that has it further out. before (p,): the pair before each.
-    """
-    around = np.full(len(off), np.inf)
-    first = np.arange(len(off))
-    by_place = []
-    for _ in range(5):
-        by_place.append(np.where(first < 0, np.inf, off[first]))
-        first = np.where(first < 0, -1, before[first])
-
-    for some in (by_place[2:], by_place[1:2], by_place[:1]):
-        around = np.where(np.isinf(around), np.min(some, axis=0), around)
-
-    return around
+    return Lines(scatter / size, coarsest)
 
 
 def off_lines(differences: Floats, together: tuple[tuple[int, ...], ...]) -> Floats:

@@ -36,7 +36,7 @@ from .fitted_faces import (
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, N_TERMS, NODES, by_term
 from .subdivided import Known, looking_for_known
-from .trust import Doubts, Parts, how_far_trusted, in_parts, whole_shells
+from .trust import Doubts, Parts, how_far_trusted, in_parts
 from .vertices import Vertices, find_vertices, seen_across
 
 
@@ -53,9 +53,6 @@ class NormalKnobs:
     restless : of the turn to a neighbour: normals that the last sweep changes by more do not settle
     moved : of the turn to a neighbour: found normals further from the mean have to prove themselves
     straight : of it, by which chords to neighbours may contradict them; noise and rims make it more
-    firm : of it, by which they may contradict those of stiffer fields, which settle anywhere: at
-        0.1 they are twice as far off as the means on voxels, at 0.03 too few are found on hulls
-        of random points
     gentle : rad, to a neighbour: what turns by more is not looked at again by stiffer fields, which
         leave out too much there: coarse balls, tori and ellipsoids get worse
     bulge : rad: edges that turn by less cannot bulge enough to matter
@@ -70,7 +67,6 @@ class NormalKnobs:
     restless: float = 0.01
     moved: float = 0.2
     straight: float = 0.1
-    firm: float = 0.04
     gentle: float = 0.7
     bulge: float = np.radians(4)
     jump: float = 5.0
@@ -98,11 +94,11 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
     fields = tangent_planes(across)
     turn = _turns(v, v.normal)
 
-    for ridge, straight in ((RIDGE, NORMALS.straight), (STIFFER, NORMALS.firm)):
+    for ridge in (RIDGE, STIFFER):
         found = normal.copy()
         change = yield from _settling_normals(across, fields, ridge, is_left, found)
         yield 0
-        is_near, is_straight = _are_near(v, fields.is_rim, turn, found, change, straight)
+        is_near, is_straight = _are_near(v, fields.is_rim, turn, found, change)
         if ridge is STIFFER:  # which settles near the mean whatever chords say
             is_near &= is_straight
         is_near |= is_held
@@ -130,7 +126,7 @@ def _turns(v: Vertices, normal: Floats) -> Floats:
 
 
 def _are_near(
-    v: Vertices, is_rim: Bools, turn: Floats, normal: Floats, change: Floats, straight: float
+    v: Vertices, is_rim: Bools, turn: Floats, normal: Floats, change: Floats
 ) -> tuple[Bools, Bools]:
     """Which normals (f, 3) that the last sweep changed by so much (f, 3) are near the means, and
     which chords do not contradict by more than a part of the turn.
@@ -143,7 +139,7 @@ def _are_near(
         moved = length_of(normal - v.normal)
         is_settled = length_of(change) <= NORMALS.restless * turn
         is_near = is_settled & (moved <= NORMALS.moved * turn)
-        is_straight = is_settled & (_bend(v, normal) < straight * turn)
+        is_straight = is_settled & (_bend(v, normal) < NORMALS.straight * turn)
 
     return is_near, is_straight
 
@@ -327,10 +323,8 @@ def make_curved(
         at, given = taken(corners, faces.chosen), taken(found.given, v.of_corner[faces.chosen])
         trial = yield from on_trial(at, faces.coefficients, at_corners, given, agreed)
         yield 0
-        shell = whole_shells(drawn.triangles, asked, faces)
-        yield 0
         is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
-        parts = Parts(flat_face, shell, is_known[faces.chosen])
+        parts = Parts(flat_face, is_known[faces.chosen])
         trusted = yield from how_far_trusted(v, size, faces, trial, parts)
         if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
             doubts = trusted.doubts

@@ -115,24 +115,12 @@ class Trusted(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """The flat face (t,) that each triangle is a part of; of each curved face (n,) the whole shell,
-    -1 where there is none, and whether it is known to be the surface meant (subdivided.py).
+    """The flat face (t,) that each triangle is part of, and whether each curved face (n,) is known
+    to be the surface meant (subdivided.py).
     """
 
     flat_face: Ints
-    shell: Ints
     is_known: Bools
-
-
-def whole_shells(triangles: Ints, asked: Bools, faces: Faces) -> Ints:
-    """The shell (n,) of each face, -1 in those in which triangles (t, 3) that were asked for (t,)
-    have no face, or one that stands out.
-    """
-    shell = _pieces(triangles)
-    is_missing = asked.copy()
-    is_missing[faces.chosen[~faces.is_swollen]] = False
-    of_face = shell[faces.chosen]
-    return np.where(np.isin(of_face, shell[is_missing]), -1, of_face)
 
 
 def how_far_trusted(
@@ -155,11 +143,6 @@ def how_far_trusted(
     scatter = lines.scatter[vertex]
     is_coarse = _are_coarse(scatter, trial)
     is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
-
-    whole = np.flatnonzero(parts.shell >= 0)
-    off = lines.off_splines[vertex[whole]]
-    is_near[whole] |= trial.at(whole).are_splines(off, parts.shell[whole])
-
     piece = _pieces(vertex)
     if trial.is_coarse.any() and not is_near.all():
         is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)

@@ -165,7 +165,7 @@ def _no_lines(old: Callable) -> Callable:
         from kiriko.core.glass.grid_lines import Lines
 
         nowhere = np.full(len(v.at), np.inf)
-        return Lines(nowhere, nowhere, np.zeros(len(v.at)))
+        return Lines(nowhere, np.zeros(len(v.at)))
         yield
 
     return look
@@ -263,13 +263,6 @@ TAIL = [
         fine=(0.0, "no face is fine enough for larger jumps"),
         smooth=(1e-9, "vertices of fine faces are off any line"),
         on_smooth=(0.2, "as much as is trusted elsewhere"),
-        most_turn=(INF, "a shell of splines may turn as far as it likes"),
-    ),
-    Row(
-        "Automatic: whole shells of splines",
-        (options("glass.agreement.AGREEMENT", off_splines=0.0, rounding=0.0),),
-        "no vertex lies exactly on splines",
-        "meant: wine glass, bottle by two levels",
     ),
     Row(
         "Faint light takes more samples",
@@ -417,7 +410,6 @@ GLASS = [
         restless=(INF, "normals count as settled after the last sweep"),
         moved=(INF, "no found normal has to prove itself"),
         straight=(INF, "chords contradict no normal"),
-        firm=(INF, "chords contradict no normal of stiffer fields"),
         gentle=(0.0, "none is looked for again by stiffer fields"),
     ),
     Row(

@@ -14,10 +14,9 @@ from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
-from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from known import closed_forms
-from known.catmull_clark import limit_mesh, ring_cage, uneven_profile
+from known.catmull_clark import limit_mesh, ring_cage
 from known.judged_meshes import CHOICES, coarse, errors, sheared
 from known.on_limits import vertices_and_edges
 from known.reference_rigs import mean_normals, rig, smooth_mesh, split_quads, torus, uv_ellipsoid
@@ -27,21 +26,15 @@ RADII = (0.025, 0.020, 0.015)
 
 
 def looked_at(mesh):
-    """How far the vertices (v,) are off smooth lines, m, how coarse these are, and how far off
-    splines they are, m.
-    """
+    """How far the vertices (v,) are off smooth lines, m, and how coarse these are."""
     v, _ = vertices_and_edges(mesh)
     size = tangent_planes(v).size
     lines = finish(look_along_lines(v, size))
-    return lines.scatter * size, lines.phase, lines.off_splines * size
+    return lines.scatter * size, lines.phase
 
 
 def scattered(mesh):
     return looked_at(mesh)[0]
-
-
-def off_splines(mesh):
-    return looked_at(mesh)[2]
 
 
 def edge_of(mesh):
@@ -92,7 +85,7 @@ def test_vertices_of_a_torus_are_off_by_the_difference_of_a_circle(segments, rin
 def test_lines_of_an_ellipsoid_are_as_coarse_as_those_of_a_ball(radii, segments, rings):
     """The closed form of the differences on a circle, around or from pole to pole."""
     by_circle = max((2 * np.sin(np.pi / n)) ** 2 for n in (segments, 2 * rings))
-    _, phase, _ = looked_at(uv_ellipsoid(radii, segments, rings))
+    _, phase = looked_at(uv_ellipsoid(radii, segments, rings))
     assert phase[segments : -segments - 2] == pytest.approx(by_circle, rel=1e-6)
 
 
@@ -112,7 +105,7 @@ def test_straight_lines_of_an_oval_tube_are_not_coarse(segments, dtype):
         split_quads(index)[:, ::-1],
         out.reshape(-1, 3),
     )
-    _, phase, _ = looked_at(tube)
+    _, phase = looked_at(tube)
     assert phase == pytest.approx((2 * np.sin(np.pi / segments)) ** 2, rel=1e-3)
 
 
@@ -151,90 +144,12 @@ def test_subdivided_glass_is_curved_where_its_patches_meet():
         assert 50 * np.quantile(automatic[known], share) < np.quantile(drawn[known], share)
 
 
-@pytest.mark.parametrize(
-    ("points", "seed", "level"),
-    [
-        (4, 0, 2),
-        (6, 1, 2),
-        (8, 1, 2),
-        (5, 2, 1),
-        (7, 0, 1),
-    ],
-)
-def test_subdivided_rings_are_curved_from_patches_of_two_edges_on(points, seed, level):
-    """By two levels, or by one and nine faces around and more, where no polygons tell which edges
-    were drawn. Light lands nearer to where the limit of the cage sends it than as drawn, from two
-    levels on by far.
-    """
-    cage = ring_cage(uneven_profile(seed, points), 24)
-    mesh = replace(mean_normals(limit_mesh(cage, level)), polygon=None)
-    exact = landings(limit_mesh(cage, 3), "smooth", n=800)
-    drawn, smooth, automatic = (
-        np.linalg.norm(landings(mesh, choice, n=800) - exact, axis=1)
-        for choice in ("facets", "smooth", "automatic")
-    )
-    assert np.array_equal(automatic, smooth, equal_nan=True)
-    known = np.isfinite(drawn + automatic)
-    assert known.sum() > 100
-    gain = 4 if level == 2 else 1
-    for share in (0.5, 0.75):
-        assert gain * np.quantile(automatic[known], share) < np.quantile(drawn[known], share)
-
-
-@pytest.mark.parametrize("by", [0.001, 0.01, 0.1])
-def test_noise_is_not_taken_for_splines(by):
-    """Of a thousandth of an edge already, where faces are judged one by one."""
-    mesh = mean_normals(limit_mesh(ring_cage(uneven_profile(1, 6), 24), 2))
-    assert curved_share(mesh) == 1
-    assert curved_share(noisy(mesh, by * edge_of(mesh))) < {0.001: 0.8, 0.01: 0.1, 0.1: 0.01}[by]
-
-
-def test_a_shell_is_on_splines_as_a_whole_or_not_at_all():
-    """One vertex off its place, by a hundredth of an edge, leaves all to be judged one by one,
-    where no polygons tell which edges were drawn.
-    """
-    mesh = mean_normals(limit_mesh(ring_cage(uneven_profile(1, 6), 24), 2))
-    mesh = replace(mesh, polygon=None)
-    vertices = mesh.vertices.copy()
-    vertices[100] += 0.01 * edge_of(mesh)
-    assert curved_share(mesh) == 1
-    assert curved_share(mean_normals(replace(mesh, vertices=vertices))) < 0.8
-
-
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("level", [1, 2, 3])
-def test_vertices_of_subdivided_grids_lie_on_splines(level, dtype):
-    """The limit of a grid is its cubic spline, at any level, in Blender's coordinates as well."""
-    mesh = mean_normals(limit_mesh(ring_cage(uneven_profile(0, 5), 24), level))
-    rounded = replace(mesh, vertices=mesh.vertices.astype(dtype).astype(float))
-    assert off_splines(rounded).max() < (1e-15 if dtype is np.float64 else 3e-9)
-    assert scattered(rounded).max() > 3e-8
-
-
-def test_a_kink_is_on_no_spline():
-    """Beside it lines are as straight as ever. The kinks of a polygon, of sides of six edges."""
-    corners = 1e-3 * np.array([[16, 0], [18, -3], [22, -3], [24, 0], [22, 3], [18, 3]])
-    part = np.arange(6)[:, None] / 6
-    sides = [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
-    cage = ring_cage(np.concatenate(sides), 96)
-    quads = cage.start.reshape(-1, 4)
-    triangles = quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    flat = np.zeros((len(triangles), 3, 3))
-    ring = Mesh(cage.vertices, triangles, flat, np.ones(len(triangles), bool))
-    off = off_splines(mean_normals(ring)).reshape(96, 36)
-
-    edges = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) / 6
-    assert (off[:, ::6] > 0.1 * edges.min()).all()
-    assert (off[:, 3::6] < 1e-3 * edges.min()).all()
-
-
 def test_vertices_off_their_place_are_off_by_about_as_much():
     """Out of a smooth surface or along it: of a mesh so fine that its own curve is nothing."""
     fine = torus(MAJOR, MINOR, 256, 64)
     assert scattered(fine).max() < 1e-7
     for shift in (moved, noisy):
         assert 0.5e-5 < np.median(scattered(shift(fine, 1e-5))) < 2e-5
-        assert 0.2e-5 < np.median(off_splines(shift(fine, 1e-5))) < 2e-5
 
 
 @pytest.mark.parametrize(
@@ -286,7 +201,7 @@ def test_lines_run_straight_on_through_an_odd_pole(radii, segments):
     one, around or from pole to pole, whatever goes on between two edges; and all are as coarse.
     """
     rings = segments // 2
-    off, phase, _ = looked_at(uv_ellipsoid(radii, segments, rings))
+    off, phase = looked_at(uv_ellipsoid(radii, segments, rings))
     chords = [2 * np.sin(np.pi / n) for n in (segments, 2 * rings)]
     assert off.max() <= max(radii) * max(chords) ** 6 / np.sqrt(924) * (1 + 1e-9)
     assert phase[segments : -segments - 2] == pytest.approx(max(chords) ** 2, rel=1e-6)
