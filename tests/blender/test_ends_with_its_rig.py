@@ -53,7 +53,7 @@ def test_export_writes_the_image_of_its_own_rig(
         export.image_io, "write", lambda path, image, *_, **__: written.append(image) or path
     )
     values = {"filepath": "", "overwrite": False, "allow_stale": True, "choose": True}
-    dialogue = Dialogue(kiriko, "export_panel", "KIRIKO_OT_export", **values)
+    dialogue = Dialogue(kiriko, "export", "KIRIKO_OT_export", **values)
     dialogue.it.invoke(in_window(), None)
     dialogue.it.filepath = str(tmp_path / "source.png")
     choose(second)
@@ -62,7 +62,7 @@ def test_export_writes_the_image_of_its_own_rig(
     own = pixels(scene.kiriko.result.source)[..., :3]
     assert np.array_equal(written[0], own)
 
-    again = Dialogue(kiriko, "export_panel", "KIRIKO_OT_export", **values)
+    again = Dialogue(kiriko, "export", "KIRIKO_OT_export", **values)
     again.it.invoke(in_window(), None)
     bpy.ops.kiriko.remove_rig()
     assert again.it.execute(in_window()) == {"CANCELLED"}

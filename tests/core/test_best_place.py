@@ -20,26 +20,11 @@ from kiriko.core.bench.best_place import (
 )
 from kiriko.core.bench.offset import moved
 from kiriko.core.bench.picture_light import traced
-from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
 from kiriko.core.glass.motion import Motion
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
-from kiriko.core.rig.settings import Settings
-from kiriko.core.solve.session import Session
 from known.brute_force import share_arrived
+from known.proposed_rigs import plan_of, rig_around
 from known.reference_rigs import box, icosphere
-
-PIXELS = 64, 64
-
-
-def rig_around(glass: Glass, **wishes: float) -> Rig:
-    proposal = propose(glass.mesh.bounds, Wishes(**wishes))
-    bench = Rig(viewers=(), glasses=(glass,), plates=(), displays=())
-    return rig_of(proposal, bench, viewer_of(proposal, PIXELS), PIXELS)
-
-
-def plan_of():
-    session = Session()
-    return lambda rig: session.plan(rig, Settings())
 
 
 def shifted(rig: Rig, field: str, shift: list[float]) -> Rig:

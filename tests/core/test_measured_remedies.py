@@ -12,31 +12,18 @@ from kiriko.core.bench import measured_remedies
 from kiriko.core.bench.measured_remedies import Help, what_helps
 from kiriko.core.bench.part_sizes import Fitted, fit_plate
 from kiriko.core.bench.picture_light import outline_of
-from kiriko.core.bench.placement import Wishes, propose, rig_of, viewer_of
-from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
-from kiriko.core.rig.settings import Settings
-from kiriko.core.solve.session import Session
+from kiriko.core.rig.rig import ConstantIndex, Glass
+from known.proposed_rigs import plan_of, rig_around
 from known.reference_rigs import box
 
 SLAB = Glass("slab", box((0.1, 0.02, 0.1)), ConstantIndex(1.0))
-
-
-def rig_around(**wishes: float) -> Rig:
-    proposal = propose(SLAB.mesh.bounds, Wishes(**wishes))
-    bench = Rig(viewers=(), glasses=(SLAB,), plates=(), displays=())
-    return rig_of(proposal, bench, viewer_of(proposal, (64, 64)), (64, 64))
-
-
-def plan_of():
-    session = Session()
-    return lambda rig: session.plan(rig, Settings())
 
 
 def test_each_remedy_is_told_with_its_amount() -> None:
     """A display too small by 5 mm: it may be 5 mm larger, the picture smaller by as much; no place
     is better than the middle.
     """
-    found = finish(what_helps(rig_around(picture=0.025, display=0.02), plan_of()))
+    found = finish(what_helps(rig_around(SLAB, picture=0.025, display=0.02), plan_of()))
     assert found.share == pytest.approx((0.02 / 0.025) ** 2, abs=0.04)  # 32 rays
     assert list(found.lost) == ["missed the display"]
     assert {help.operator for help in found.helps} == {
@@ -50,13 +37,13 @@ def test_each_remedy_is_told_with_its_amount() -> None:
 
 def test_a_plate_that_is_too_small_is_named() -> None:
     """With the amount that its own button gives it; a picture beside the display may move, too."""
-    rig = rig_around(picture=0.02, display=0.03, plate=0.02)
+    rig = rig_around(SLAB, picture=0.02, display=0.03, plate=0.02)
     found = finish(what_helps(rig, plan_of()))
     fitted = finish(fit_plate(rig, plan_of()))
     help = next(help for help in found.helps if help.operator == "kiriko.fit_plate")
     assert help.amount == pytest.approx(fitted.more, rel=1e-2)
 
-    rig = rig_around(picture=0.02, display=0.03)
+    rig = rig_around(SLAB, picture=0.02, display=0.03)
     plane = outline_of(rig.picture_place.mesh, np.array([1.0, 0, 0]), "It")
     moved = plane.changed(rig.picture_place.mesh, 1.0, np.array([0.009, 0, 0]))
     rig = replace(rig, pictures=(replace(rig.picture_place, mesh=moved),))
@@ -78,7 +65,7 @@ def test_no_part_grows_without_end_for_little(
         share = finish(what_helps(rig, plan_of())).share
         return Fitted(size, size * 0.02, np.zeros(3), share, share + gain * (1 - share), {})
 
-    rig = rig_around(picture=0.02, display=0.03, plate=0.02)
+    rig = rig_around(SLAB, picture=0.02, display=0.03, plate=0.02)
     for size, is_expected in ((4.0, is_told), (1.5, True)):
         found = fitted(size)
 
@@ -94,7 +81,7 @@ def test_no_part_grows_without_end_for_little(
 
 def test_where_all_arrives_nothing_is_told() -> None:
     """No remedy for a picture that is whole."""
-    found = finish(what_helps(rig_around(picture=0.02, display=0.03), plan_of()))
+    found = finish(what_helps(rig_around(SLAB, picture=0.02, display=0.03), plan_of()))
     assert (found.share, found.lost, found.helps) == (1.0, {}, ())
 
 
@@ -106,6 +93,8 @@ def test_a_remedy_that_leaves_some_lost_says_how_much_arrives() -> None:
 
 def test_it_takes_no_longer_than_it_may() -> None:
     """The seconds are over before the first remedy, and it says so."""
-    found = finish(what_helps(rig_around(picture=0.025, display=0.02), plan_of(), seconds=0.0))
+    found = finish(
+        what_helps(rig_around(SLAB, picture=0.025, display=0.02), plan_of(), seconds=0.0)
+    )
     assert (found.helps, found.is_whole) == ((), False)
     assert "missed the display" in found.lost
