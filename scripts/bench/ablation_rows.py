@@ -453,6 +453,7 @@ GLASS = [
         "In part",
         protects="irregular: noisy and scanned meshes",
         least=(0.0, "any weight counts"),
+        chance=(0.0, "no vertex is worth it by chance"),
     ),
     *_option_rows(
         "glass.bounding_shell.HULL",
