@@ -178,18 +178,17 @@ def differences(before: dict[str, dict[str, Any]], after: dict[str, dict[str, An
 
 
 SOLVES = re.compile(
-    r"scenes \S+ kiriko|images Kiriko (Source|Seen)( is new| \w+)|materials .* Source\S* (is"
-    r" new|\w+)"
+    r"scenes \S+ kiriko(_scene)?|collections .* kiriko|images Kiriko (Source|Seen)( is new| \w+)"
+    r"|materials .* Source\S* (is new|\w+)"
     r"|materials .* use_fake_user|materials Kiriko Display\S* \w+"  # Add Rig's, which gives way
-    r"|objects (Kiriko )?Display\S*"
-    r" (material_slots|active_material)|meshes .* materials"
+    r"|objects (Kiriko )?Display\S* (material_slots|active_material)|meshes .* materials"
 )
 SHOWS_RANGE = re.compile(
     r"(objects|meshes) Kiriko Visible Range is new|collections .* (collection_)?objects|scenes \S+"
     r" (objects|collection)"
 )
 SHOWS_BOX = re.compile(SHOWS_RANGE.pattern.replace("Visible Range", "Eye Box"))
-GIVES_PICTURES = re.compile(r"images .* (is new|users)|scenes \S+ kiriko")
+GIVES_PICTURES = re.compile(r"images .* (is new|users)|(scenes|collections) .* kiriko(_scene)?")
 # glass is made see-through in Solid, too
 ADDS = re.compile(
     r".* is new|objects .* (kiriko|display_type)|materials .* (kiriko|diffuse_color)|scenes .*"
