@@ -39,7 +39,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class ProposedChange:
     """Objects that would move, and the gain in a sentence.
 
     scene : the fingerprint of the scene that it was made for
@@ -51,10 +51,10 @@ class Proposal:
     scene: SolvedFor | None = None
 
 
-_made: list[Proposal] = []
+_made: list[ProposedChange] = []
 
 
-def propose(proposal: Proposal) -> None:
+def propose(proposal: ProposedChange) -> None:
     """Show a proposal, in place of the last one."""
     _made[:] = [proposal]
 
@@ -64,7 +64,7 @@ def drop() -> None:
     _made.clear()
 
 
-def current(scene: bpy.types.Scene) -> Proposal | None:
+def current(scene: bpy.types.Scene) -> ProposedChange | None:
     """The proposal, where its objects are still in the places that it was made for."""
     if not _made:
         return None
@@ -78,7 +78,7 @@ def current(scene: bpy.types.Scene) -> Proposal | None:
     return _made[0]
 
 
-def refuse_changed(context: bpy.types.Context, proposal: Proposal) -> None:
+def refuse_changed(context: bpy.types.Context, proposal: ProposedChange) -> None:
     """Raise RigError where the scene is another than a proposal was made for."""
     if not proposal.scene.is_same(work.scene_now(context)):
         raise RigError(
@@ -96,7 +96,7 @@ def move_of(thing: bpy.types.Object, motion: Motion, metres: float) -> Move:
     return Move(thing.name, before, Matrix(matrix.tolist()) @ before)
 
 
-def make(context: bpy.types.Context, proposal: Proposal) -> None:
+def make(context: bpy.types.Context, proposal: ProposedChange) -> None:
     """Move the objects, all or none.
 
     Raises
@@ -247,14 +247,16 @@ class Proposes(long_work.LongWork):
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
         return needed.can_run(cls, needed.lacking(context.scene))
 
-    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+    def proposed(
+        self, context: bpy.types.Context
+    ) -> Generator[float, None, ProposedChange | Message]:
         raise NotImplementedError
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         seen = work.scene_now(context)
         found = yield from self.proposed(context)
         drop()
-        if not isinstance(found, Proposal):
+        if not isinstance(found, ProposedChange):
             return found
         found = replace(found, scene=seen)
         if self.take:
@@ -324,7 +326,9 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         if self.turn_glass:
             layout.prop(self, "glass_limit")
 
-    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+    def proposed(
+        self, context: bpy.types.Context
+    ) -> Generator[float, None, ProposedChange | Message]:
         scene = context.scene
         metres = length_of_unit(scene)
         rig = work.read(context).rig
@@ -356,7 +360,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
             told = joined(
                 [told, Message("That is as far as it may move: raise Move up to for more.")]
             )
-        return Proposal(self.bl_label, told, tuple(moves))
+        return ProposedChange(self.bl_label, told, tuple(moves))
 
 
 def _told(scene: bpy.types.Scene, rig: Rig, found: BestPlace, side: float) -> Message:
@@ -403,7 +407,9 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
         max=np.radians(90),
     )
 
-    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+    def proposed(
+        self, context: bpy.types.Context
+    ) -> Generator[float, None, ProposedChange | Message]:
         scene = context.scene
         rig = work.read(context).rig
         settings = work.settings_of(scene)
@@ -445,7 +451,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
         motion = turn_of(rig, found.turn)
         metres = length_of_unit(scene)
         moves = tuple(move_of(thing, motion, metres) for thing in things)
-        return Proposal(self.bl_label, text, moves)
+        return ProposedChange(self.bl_label, text, moves)
 
 
 def _axis_words(turn: Floats, axes: Floats) -> Message:
@@ -467,7 +473,9 @@ class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
     bl_label = "Move to Glass"
     bl_options = {"REGISTER", "UNDO"}
 
-    def proposed(self, context: bpy.types.Context) -> Generator[float, None, Proposal | Message]:
+    def proposed(
+        self, context: bpy.types.Context
+    ) -> Generator[float, None, ProposedChange | Message]:
         scene = context.scene
         rig = work.read(context).rig
         yield 0.5
@@ -492,4 +500,4 @@ class KIRIKO_OT_move_to_glass(Proposes, bpy.types.Operator):
             way=length_text(scene, way),
             display=rig.display.name,
         )
-        return Proposal(self.bl_label, text, tuple(moves))
+        return ProposedChange(self.bl_label, text, tuple(moves))

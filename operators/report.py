@@ -57,7 +57,7 @@ FOUND = 0.8  # of the progress of an eye box: the rest is its curves
 
 
 @dataclass
-class Beside:
+class ReportExtras:
     """Numbers by the names that report.json has for them, and drawings by their files; of what is
     missing the errors, by the labels of the work.
 
@@ -132,12 +132,12 @@ def beside_names(rig: Rig) -> tuple[str, ...]:
 
 def beside(
     context: bpy.types.Context, rig: Rig, limit: float = LIMIT, least: float = LEAST
-) -> Generator[float, None, Beside]:
+) -> Generator[float, None, ReportExtras]:
     """Find all that a report tells beside its costs; yields progress 0..1.
 
     A part that goes wrong is missing, and takes nothing of the others along.
     """
-    found = Beside()
+    found = ReportExtras()
     parts = (
         ("eye_box", "Eye Box", _has(check_head, rig), eye_box_of(context, rig, limit, least), 0.6),
         ("two_eyes", "Two Eyes", _has(check_pair, rig), _two_eyes_of(context, rig), 0.7),
@@ -167,7 +167,7 @@ def beside(
 
 
 def _seen_by_each(
-    context: bpy.types.Context, rig: Rig, found: Beside
+    context: bpy.types.Context, rig: Rig, found: ReportExtras
 ) -> Generator[float, None, tuple[list[dict[str, Any]], dict[str, str]]]:
     """What each of several viewers sees, the worst first, and beside it what they disagree about,
     as after a solve; no drawing. Yields progress 0..1.
@@ -333,7 +333,7 @@ def _array_plate(rig: Rig) -> Plate | None:
 
 def measured(
     context: bpy.types.Context, rig: Rig, target: Path, budget: float
-) -> Generator[float, None, tuple[WorkPrecision, Beside]]:
+) -> Generator[float, None, tuple[WorkPrecision, ReportExtras]]:
     """Measure the scene's rig, reading, and writing to the
     folder `target`, included, and what is told beside; yields progress 0..1.
 
@@ -368,7 +368,7 @@ def _can_write() -> bool:
 
 
 def write(
-    target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: Beside
+    target: Path, rig: Rig, settings: Settings, found: WorkPrecision, beside: ReportExtras
 ) -> tuple[str, ...]:
     """Write the report's files to a folder, all of them or
     none, and return their names; ImageError when they cannot be written.

@@ -23,7 +23,7 @@ from ..rig.rig import ROLES, Rig
 from .largest_square import grid_over
 from .offset import moved, turned
 from .part_sizes import ROOM_SPARE, Plane, plane_of
-from .picture_light import PlanOf, Traced, light_of, traced
+from .picture_light import PlanOf, TracedPicture, light_of, traced
 
 
 def glass_middle(rig: Rig) -> Floats:
@@ -65,7 +65,7 @@ def with_rest_turned(rig: Rig, turn: Floats) -> Rig:
 
 def light_turned(
     rig: Rig, turn: Floats, plan_of: PlanOf, n_grid: int
-) -> Generator[float, None, Traced]:
+) -> Generator[float, None, TracedPicture]:
     """The light of the picture with the glass turned; yields progress 0..1."""
     return (yield from traced(with_rest_turned(rig, turn), plan_of, n_grid))
 
@@ -139,7 +139,7 @@ def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, No
 
 
 def _placed(
-    rig: Rig, plan_of: PlanOf, limits: Limits, before: Traced, glass_turn: Floats
+    rig: Rig, plan_of: PlanOf, limits: Limits, before: TracedPicture, glass_turn: Floats
 ) -> Generator[float, None, BestPlace]:
     """The picture's best place in glass as it stands, settled by fine traces: as it is, moved, or
     turned, too, where each has to be worth it.

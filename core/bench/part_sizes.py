@@ -26,7 +26,7 @@ from .picture_light import (
     MOST,
     Outline,
     PlanOf,
-    Traced,
+    TracedPicture,
     light_of,
     outline_of,
     place_in_sight,
@@ -239,13 +239,13 @@ class _Sizing:
             limit=width * largest if farthest > AT_LIMIT * largest else 0.0,
         )
 
-    def _traced(self, rig: Rig) -> Generator[float, None, Traced]:
+    def _traced(self, rig: Rig) -> Generator[float, None, TracedPicture]:
         plate = self.outline if self.field == "plates" else None
         return (
             yield from traced_by_all(rig, self.plan_of, self.wanted.n_grid, plate, is_fine=True)
         )
 
-    def _met(self, light: Traced) -> Floats:
+    def _met(self, light: TracedPicture) -> Floats:
         """Where light that arrives meets the part, (n, 2) along its axes."""
         found = light.light
         places = found.at_plate if self.field == "plates" else found.positions
@@ -341,13 +341,13 @@ def fit_picture(
 
 def _of_size(
     rig: Rig, plan_of: PlanOf, wanted: Wanted, plane: Plane, size: float, shift: Floats
-) -> Generator[float, None, Traced]:
+) -> Generator[float, None, TracedPicture]:
     """The light of a picture of another size."""
     changed = replace(rig, pictures=(resized(rig.picture_place, plane, size, shift),))
     return (yield from traced_by_all(changed, plan_of, wanted.n_grid, is_fine=True))
 
 
-def _part_that_arrives(found: Traced, share: float) -> float:
+def _part_that_arrives(found: TracedPicture, share: float) -> float:
     """The size at which light begins to be lost, of a picture's, less some room; 1 if none is."""
     is_lost = ~found.light.has_arrived
     if not is_lost.any():

@@ -440,7 +440,7 @@ def place_in_sight(place: PicturePlace, viewer: Viewer) -> PicturePlace:
 
 
 @dataclass(frozen=True, eq=False)
-class Traced:
+class TracedPicture:
     """The light of a rig's picture, of places uv (n, 2) and their shares (n,) of the picture.
 
     area : (n,) as weight, which is 0 out of sight, in all places
@@ -464,7 +464,7 @@ class Traced:
         return 1.0 - sum(self.lost.values())
 
 
-def traced(rig: Rig, plan_of: PlanOf, n_grid: int = 0) -> Generator[float, None, Traced]:
+def traced(rig: Rig, plan_of: PlanOf, n_grid: int = 0) -> Generator[float, None, TracedPicture]:
     """Follow the light of a rig's picture to its first viewer; yields progress 0..1."""
     return (yield from traced_by_all(replace(rig, viewers=rig.viewers[:1]), plan_of, n_grid))
 
@@ -475,7 +475,7 @@ def traced_by_all(
     n_grid: int = 0,
     plate: Outline | None = None,
     is_fine: bool = False,
-) -> Generator[float, None, Traced]:
+) -> Generator[float, None, TracedPicture]:
     """The same to all viewers, one behind the other, each with an even part of the weight.
 
     is_fine : divide the picture further where ways of light part
@@ -490,7 +490,7 @@ def traced_by_all(
         lights.append(light)
         uvs.append(uv)
         areas.append(area / max(seen, np.finfo(float).tiny) / n)
-    return Traced(together(lights), np.concatenate(uvs), np.concatenate(areas))
+    return TracedPicture(together(lights), np.concatenate(uvs), np.concatenate(areas))
 
 
 def _light_over(

@@ -366,7 +366,7 @@ class Note(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Light:
+class SketchedLight:
     """The light of a picture.
 
     ways : of its corners, from the lower left on against the clock, and of its middle, without
@@ -387,7 +387,7 @@ class Sketch:
     lines : the light's ways, the outlines of picture and aerial plane
     """
 
-    light: Light = field(default_factory=Light)
+    light: SketchedLight = field(default_factory=SketchedLight)
     lines: tuple[Line, ...] = ()
     notes: tuple[Note, ...] = ()
     dimensions: tuple[Dimension, ...] = ()
@@ -400,7 +400,7 @@ def sketching(rig: Rig, plan: Plan | None) -> Pauses[Sketch]:
     viewer = rig.viewers[0] if rig.viewers else None
     canvas = canvas_of(rig.picture_place, viewer, middle) if rig.pictures else None
 
-    light = Light()
+    light = SketchedLight()
     if plan is not None and canvas is not None:
         light = yield from _following_picture(plan, canvas)
 
@@ -435,7 +435,7 @@ def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
     return nowhere if seen is None else seen
 
 
-def _following_picture(plan: Plan, canvas: Canvas) -> Pauses[Light]:
+def _following_picture(plan: Plan, canvas: Canvas) -> Pauses[SketchedLight]:
     """Follow the light of a picture: of its corners and its middle, and of parts all over it."""
     extent = [part.mesh.bounds for part in (*plan.rig.glasses, *plan.rig.plates, plan.rig.display)]
     size = float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
@@ -466,7 +466,7 @@ def _following_picture(plan: Plan, canvas: Canvas) -> Pauses[Light]:
     notes += _notes_on_parts(points, words, is_lost, told)
 
     ends, _ = canvas.points(hatched(is_lost, canvas.size).reshape(-1, 2))
-    return Light(tuple(way for way, _ in marks), tuple(notes), ends.reshape(-1, 2, 3))
+    return SketchedLight(tuple(way for way, _ in marks), tuple(notes), ends.reshape(-1, 2, 3))
 
 
 def _up_to(origin: Floats, point: Floats) -> Way:

@@ -16,7 +16,7 @@ from ...base.errors import ImageError
 
 
 @dataclass(frozen=True)
-class Drawing:
+class LatticeDrawing:
     """How a lattice is drawn, in spacings of its points.
 
     dot, mark : radii of dots, and of the first two
@@ -30,7 +30,7 @@ class Drawing:
     least_px: float = 1.0
 
 
-DRAWING = Drawing()
+DRAWING = LatticeDrawing()
 Style = Literal["dots", "grid"]
 
 

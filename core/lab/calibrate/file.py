@@ -324,7 +324,7 @@ def read_points(path: Path | str, lattice: Lattice, expected: Floats) -> Floats:
     return found
 
 
-class _Table(NamedTuple):
+class _PointTable(NamedTuple):
     """Lines of a file, by number, with their cells; the first has the names of n columns.
 
     places : the columns of x and y, or of column, row, x and y
@@ -362,7 +362,7 @@ def _text(path: Path) -> str:
     return text.partition("\n")[2] if text.lower().startswith("sep=") else text
 
 
-def _table(path: Path) -> _Table:
+def _table(path: Path) -> _PointTable:
     """The lines of a CSV file that are not empty."""
     text = _text(path)
 
@@ -393,7 +393,7 @@ def _table(path: Path) -> _Table:
             path=path,
         )
 
-    return _Table(
+    return _PointTable(
         path=path,
         lines=lines[1:],
         n_columns=len(head),
@@ -402,7 +402,7 @@ def _table(path: Path) -> _Table:
     )
 
 
-def _measured(table: _Table, lattice: Lattice) -> _Measured:
+def _measured(table: _PointTable, lattice: Lattice) -> _Measured:
     """The points of a table."""
     found = _Measured(np.full((len(lattice), 2), np.nan), {}, [])
     for number, cells in table.lines:

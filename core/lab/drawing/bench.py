@@ -15,7 +15,7 @@ from ...glass.meshes import Edges, edge_corners, find_edges, geometric_normals
 from ...image.flat_picture import view_of_picture
 from ...rig.rig import WAVELENGTH, Mesh, Rig, Role, Viewer
 from ..calibrate.drawn import Lattice
-from .svg import GLASS, MARGIN, PART, PICTURE, SIGHT, TEXT, THIN, Paper, Sheet, decimal, spread
+from .svg import GLASS, MARGIN, PART, PICTURE, SIGHT, TEXT, THIN, Paper, PaperSheet, decimal, spread
 
 CREASE = np.cos(np.radians(30))  # of the angle between two facets: beyond, their edge is drawn
 
@@ -134,7 +134,7 @@ class Datum:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class StandingPart:
     """A part as it stands on the bench.
 
     rectangle : of a flat part; None of others
@@ -191,7 +191,7 @@ def find_datum(rig: Rig, viewer: Viewer) -> Datum:
     )
 
 
-def standing(rig: Rig, datum: Datum) -> list[Standing]:
+def standing(rig: Rig, datum: Datum) -> list[StandingPart]:
     """All parts that have a mesh, in the order of the table of roles."""
     return [
         _standing(role, part, datum)
@@ -200,19 +200,19 @@ def standing(rig: Rig, datum: Datum) -> list[Standing]:
     ]
 
 
-def _standing(role: Role, part: Any, datum: Datum) -> Standing:
+def _standing(role: Role, part: Any, datum: Datum) -> StandingPart:
     vertices = datum.of(part.mesh.corners.reshape(-1, 3))
     box = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
     flat = rectangle(part.mesh)
     if flat is None:
-        return Standing(role, part, None, box, box.mean(axis=0), None, None)
+        return StandingPart(role, part, None, box, box.mean(axis=0), None, None)
 
     forward, right, up = flat.normal @ datum.axes.T
     tilt = np.degrees(np.arccos(min(1.0, abs(up))))
     # rounded, or straight back would be 180 or -180 by chance
     right = np.round(right, 9) + 0.0
     azimuth = np.degrees(np.arctan2(right, forward)) if np.hypot(forward, right) > UPRIGHT else None
-    return Standing(role, part, flat, box, datum.of(flat.centre), float(tilt), azimuth)
+    return StandingPart(role, part, flat, box, datum.of(flat.centre), float(tilt), azimuth)
 
 
 # of the bench to paper: the first that fits is taken
@@ -280,7 +280,7 @@ def draw_bench(rig: Rig, viewer: Viewer, paper: Paper = "A4") -> str:
     """
     datum = find_datum(rig, viewer)
     parts = standing(rig, datum)
-    sheet = Sheet(paper)
+    sheet = PaperSheet(paper)
     width, height = sheet.size
     rows = [HEADINGS, *map(_row, letters(), parts)]
     below = ROW * EXPLAINED
@@ -317,7 +317,7 @@ def letters() -> Iterator[str]:
             yield "".join(some)
 
 
-def _fitted(parts: list[Standing], room: Floats) -> tuple[View, View]:
+def _fitted(parts: list[StandingPart], room: Floats) -> tuple[View, View]:
     """Side view and plan in room (2, 2) of a sheet, mm: the plan is
     below, or beside where both are larger that way.
     """
@@ -355,7 +355,7 @@ def _scale(sizes: Floats, room: Floats, along: int) -> float:
 
 
 def _draw_view(
-    sheet: Sheet, view: View, viewer: Viewer, datum: Datum, parts: Sequence[Standing]
+    sheet: PaperSheet, view: View, viewer: Viewer, datum: Datum, parts: Sequence[StandingPart]
 ) -> None:
     """Draw the parts, their letters, the line of sight, and rulers with the distances."""
     boxes = np.concatenate([view.on_paper(part.box) for part in parts] + [view.origin[None]])
@@ -384,7 +384,7 @@ def _draw_view(
 
 
 def _draw_sight(
-    sheet: Sheet, view: View, viewer: Viewer, datum: Datum, low: Floats, high: Floats
+    sheet: PaperSheet, view: View, viewer: Viewer, datum: Datum, low: Floats, high: Floats
 ) -> None:
     """The middle line of sight, as far as it runs over the view, from the viewer's side on."""
     place, way = (x[0] for x in viewer.rays(np.array([[viewer.width / 2, viewer.height / 2]])))
@@ -399,7 +399,9 @@ def _draw_sight(
         sheet.lines([ends], SIGHT)
 
 
-def _draw_ruler(sheet: Sheet, view: View, centres: Floats, is_upright: bool, beside: float) -> None:
+def _draw_ruler(
+    sheet: PaperSheet, view: View, centres: Floats, is_upright: bool, beside: float
+) -> None:
     """Distances of centres (n, 3) from the datum, below the view or beside it."""
     axis, k = (view.up, 1) if is_upright else (view.across, 0)
     marks = np.concatenate([np.zeros((1, 3)), centres])
@@ -423,7 +425,7 @@ def _draw_ruler(sheet: Sheet, view: View, centres: Floats, is_upright: bool, bes
             sheet.turned_text((far[0] + 0.35 * size, far[1] + 0.5), values[n], size)
 
 
-def _row(letter: str, part: Standing) -> tuple[str, ...]:
+def _row(letter: str, part: StandingPart) -> tuple[str, ...]:
     """A part's line in the table."""
     size = " x ".join(decimal(MM * length) for length in part.size)
     places = (decimal(number) for number in MM * part.centre)
@@ -431,7 +433,7 @@ def _row(letter: str, part: Standing) -> tuple[str, ...]:
     return letter, part.part.name, part.role.label, size, *places, *angles, _make(part)
 
 
-def _make(part: Standing) -> str:
+def _make(part: StandingPart) -> str:
     """What else a builder has to know of a part."""
     thing = part.part
     if part.role.name == "GLASS":
@@ -490,7 +492,7 @@ def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -
     RigError : the picture is no flat rectangle
     """
     datum = find_datum(rig, viewer)
-    sheet = Sheet(paper)
+    sheet = PaperSheet(paper)
     width, height = sheet.size
     sheet.text((MARGIN, MARGIN + 4), "Kiriko: corners, and the lattice as seen", size=4.5)
     sheet.text((width - MARGIN, MARGIN + 4), "Lengths in mm; pixels of the viewer", "end")
@@ -512,7 +514,7 @@ def draw_seen(rig: Rig, viewer: Viewer, lattice: Lattice, paper: Paper = "A4") -
     return sheet.svg()
 
 
-def _corner_rows(part: Standing, of: Callable[[Floats], Floats]) -> list[tuple[str, ...]]:
+def _corner_rows(part: StandingPart, of: Callable[[Floats], Floats]) -> list[tuple[str, ...]]:
     """Lines of a flat part's corners."""
     if part.rectangle is None:
         return []
@@ -526,7 +528,7 @@ def _corner_rows(part: Standing, of: Callable[[Floats], Floats]) -> list[tuple[s
 
 
 def _draw_image(
-    sheet: Sheet, viewer: Viewer, lattice: Lattice, points: Floats, room: Floats
+    sheet: PaperSheet, viewer: Viewer, lattice: Lattice, points: Floats, room: Floats
 ) -> None:
     """Draw the viewer's image into room (2, 2), mm, with the points (n, 2), px, and the
     pixels of the lattice's corners.

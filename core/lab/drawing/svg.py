@@ -59,7 +59,7 @@ SIGHT = Pen("#c8501e", 0.18, "4 1 0.5 1")
 
 
 @dataclass
-class Sheet:
+class PaperSheet:
     """Lines and texts on a sheet, mm from its upper left corner, y down."""
 
     paper: Paper

@@ -365,7 +365,7 @@ MOST = 2.0  # times the limit: more is not told apart
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class HeadSurface:
     """Places on the surface, and how they hang together.
 
     Parameters
@@ -381,7 +381,7 @@ class Surface:
     off: Floats
 
 
-def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, Surface]:
+def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, HeadSurface]:
     """The surface of an eye box that a walk has found; yields progress 0..1.
 
     An end where the head was not followed any further is drawn no farther away than the picture is.
@@ -403,7 +403,7 @@ def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, Surface]:
     )
     viewer = walk.plan.viewer
     yield 1.0
-    return Surface(
+    return HeadSurface(
         positions=viewer.position + _swelled(points, ends) @ viewer.axes,
         triangles=index.reshape(len(faces), -1)[:, parts].reshape(-1, 3),
         off=(off[faces] @ weights.T).ravel()[first],

@@ -54,7 +54,7 @@ class Look:
 
 
 @dataclass(eq=False)
-class _Found:
+class _PlacesFound:
     """Places of one viewer's image so far.
 
     view, display : (n, 2) viewer px, and the display px on which their rays land
@@ -73,9 +73,9 @@ class _Found:
     reach: Floats
     has_arrived: Bools
 
-    def at(self, which: Ints) -> "_Found":
+    def at(self, which: Ints) -> "_PlacesFound":
         """Some of the points."""
-        return _Found(*(getattr(self, field.name)[which] for field in fields(self)))
+        return _PlacesFound(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def grid_of(n: int) -> Floats:
@@ -190,7 +190,7 @@ def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floa
 
 def _settled(
     traces: Sequence[Tracer],
-    found: Sequence[_Found],
+    found: Sequence[_PlacesFound],
     weights: Floats,
     meant: Callable[[Ints], Floats],
 ) -> Pauses[None]:
@@ -231,11 +231,11 @@ def _of_some(trace: Tracer, left: Ints) -> Tracer:
     return lambda rows, view: trace(left[rows], view)
 
 
-def _begun(trace: Tracer, view: Floats) -> Pauses[_Found]:
+def _begun(trace: Tracer, view: Floats) -> Pauses[_PlacesFound]:
     """Where points (n, 2) viewer px are seen straight, to begin with."""
     n = len(view)
     traced = yield from trace(np.arange(n), view)
-    return _Found(
+    return _PlacesFound(
         view=view.copy(),
         display=traced.xy.copy(),
         branch=traced.branch.copy(),
@@ -246,7 +246,9 @@ def _begun(trace: Tracer, view: Floats) -> Pauses[_Found]:
     )
 
 
-def _shown_at(found: list[_Found], ways: list[Way], weights: Floats, wanted: Floats) -> Floats:
+def _shown_at(
+    found: list[_PlacesFound], ways: list[Way], weights: Floats, wanted: Floats
+) -> Floats:
     """Where on the display (n, 2) px places are shown, to first order; NaN where on none.
 
     weights : (k, n); wanted : (n, 2) picture px
@@ -274,7 +276,7 @@ def _by_view(way: Way, view: Floats) -> Floats:
     return np.stack(columns, axis=2)
 
 
-def _go_on(trace: Tracer, one: _Found, left: Ints, shown: Floats) -> Pauses[None]:
+def _go_on(trace: Tracer, one: _PlacesFound, left: Ints, shown: Floats) -> Pauses[None]:
     """Move some places of a viewer's image to where it sees points (m, 2) display px."""
     here = one.at(left)
     step = here.reach[:, None] * np.einsum("nij,nj->ni", here.inverse, shown - here.display)
@@ -293,7 +295,7 @@ def _go_on(trace: Tracer, one: _Found, left: Ints, shown: Floats) -> Pauses[None
     one.branch[left[~can_move]] = 0
 
 
-def _is_known(one: _Found) -> Bools:
+def _is_known(one: _PlacesFound) -> Bools:
     """Which places (n,) are seen on the display."""
     is_settled = (np.abs(one.step) < IS_KNOWN).all(axis=1) & (one.reach == 1)
     return (one.branch != 0) & one.has_arrived & is_settled

@@ -36,7 +36,7 @@ from .reference import (
 GLARES = (0.0, 0.5, 1.0)
 
 
-class Choice(NamedTuple):
+class MeasuredChoice(NamedTuple):
     """One way to settle the colours of display pixels that
     are seen several times, or beside the glass.
 
@@ -49,7 +49,9 @@ class Choice(NamedTuple):
     seen_psnr: float | None
 
 
-def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tuple[Choice, ...]]:
+def measure_choices(
+    rig: Rig, settings: Settings
+) -> Generator[float, None, tuple[MeasuredChoice, ...]]:
     """Solve a rig both ways of Ghosts, and with some
     weights of Suppress Glare; yields progress 0..1.
 
@@ -71,7 +73,7 @@ def measure_choices(rig: Rig, settings: Settings) -> Generator[float, None, tupl
         solution = yield from within(session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways))
         first = first or solution  # its map knows light beside the glass: all are seen through that
         seen = first.seen(solution.source, beside=True)
-        found.append(Choice(ghosts, glare, psnr(seen - first.ideal())))
+        found.append(MeasuredChoice(ghosts, glare, psnr(seen - first.ideal())))
 
     return tuple(sorted(found))
 
@@ -144,7 +146,7 @@ class WorkPrecision:
     n_checked: int
     times_finer: int
     picture: str
-    choices: tuple[Choice, ...]
+    choices: tuple[MeasuredChoice, ...]
     view_sizes: tuple[Size, ...]
     display_size: Size
 
