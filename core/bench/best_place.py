@@ -71,7 +71,8 @@ def light_turned(
 
 
 N_RAYS = 241  # along each side of all places that a picture may take: the grid of the light
-N_POINTS = 24  # of a picture, along each side, that are looked up in that grid
+N_POINTS = 600  # of a picture, that are looked up in that grid
+GOLDEN = (5**0.5 - 1) / 2  # of the golden section, by which they are spread evenly
 N_FIRST = 25, 25, 9  # shifts along each side, and turns, that are compared at first
 N_ROUNDS = 4  # of three each, in half the step
 N_GRID = 24  # points along each edge of a triangle of the picture, for turns of the glass
@@ -169,8 +170,9 @@ def _candidates(
     light = yield from light_of(plan_of(rig), plane.middle + grid @ (plane.sides / sizes[:, None]))
     arrives = light.has_arrived.reshape(N_RAYS, N_RAYS)
 
-    line = np.linspace(-0.5, 0.5, N_POINTS) * ROOM_SPARE
-    points = np.stack(np.meshgrid(*(line * size for size in sizes)), axis=-1).reshape(-1, 2)
+    # no two in one row or column: the share changes with each small shift
+    k = np.arange(N_POINTS) + 0.5
+    points = (np.stack([k / N_POINTS, k * GOLDEN % 1], axis=1) - 0.5) * ROOM_SPARE * sizes
     turns = sorted({0.0, limits.turn})
     found = [_best(arrives, step, points, (limits.shift, limits.shift, turn)) for turn in turns]
     return [np.zeros(3), *(place for place in found if place.any())]
