@@ -1,15 +1,14 @@
 """Glass that shows no picture: it is said before a solve, and the remedy is measured."""
 
 import importlib
-from collections.abc import Callable
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from known.reference_rigs import wavy_slab
-from panel_layout import Layout, told
+from panel_layout import told
 from small_rigs import primitive
 from test_checklist import press
 
@@ -47,9 +46,7 @@ def selected(scene: bpy.types.Scene, mesh: bpy.types.Mesh) -> bpy.types.Object:
 SMALL = {"viewer_resolution": 64, "display_resolution": (128, 128)}
 
 
-def test_blenders_smooth_modifier_makes_the_mesh_that_was_measured(
-    kiriko: ModuleType, scene: bpy.types.Scene
-) -> None:
+def test_blenders_smooth_modifier_makes_the_mesh_that_was_measured(kiriko, scene):
     """Places to float32, and normals of the smooth-shaded mesh to a hundredth of a degree."""
     core = f"{kiriko.__name__}.core"
     smoothing = importlib.import_module(f"{core}.glass.smoothed")
@@ -68,17 +65,11 @@ def test_blenders_smooth_modifier_makes_the_mesh_that_was_measured(
     assert np.abs(normals - there).max() < 2e-4
 
 
-def test_a_remedy_is_told_before_a_solve_as_it_was_measured(
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    look: Callable[[], list],
-    drawn: Callable[..., Layout],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_remedy_is_told_before_a_solve_as_it_was_measured(scene, look, drawn, monkeypatch):
     """Add Rig says that nobody recognises the picture; the checklist's button makes it as legible
     as it says.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.operators.add_rig")
+    module = loaded("operators.add_rig")
     whole = module.legible
     monkeypatch.setattr(module, "legible", lambda *given, is_watched: whole(*given, True))
     glass = bumpy(scene, 0.05)
@@ -93,24 +84,22 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(
     assert glass.modifiers[0].type == "SMOOTH"
     assert not [text for text in told(look()) if "recognise" in text]
     bpy.ops.kiriko.solve()
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
+    kept = loaded("core.blender.stored_records")
     legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
     assert legibility == pytest.approx(foretold, abs=0.02)
     shown = drawn("result_panel", "VIEW3D_PT_kiriko_result").texts
     assert [text for text in shown if text.startswith("Legibility: ")]
 
 
-def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(
-    kiriko: ModuleType, scene: bpy.types.Scene, look: Callable[[], list]
-) -> None:
+def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(scene, look):
     """Waves strew light over a display that is far behind them. The checklist's button moves it to
     their back, the picture before it, and the legibility becomes what the checklist foretold.
     """
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
-    legible = importlib.import_module(f"{kiriko.__name__}.operators.remedies").legible
-    work = importlib.import_module(f"{kiriko.__name__}.operators.work")
-    result = importlib.import_module(f"{kiriko.__name__}.core.blender.result")
-    steps = importlib.import_module(f"{kiriko.__name__}.core.base.steps")
+    kept = loaded("core.blender.stored_records")
+    legible = loaded("operators.remedies").legible
+    work = loaded("operators.work")
+    result = loaded("core.blender.result")
+    steps = loaded("core.base.steps")
     wavy(scene)
     bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", distance=0.2, picture_size=0.04, **SMALL)
     bpy.ops.kiriko.solve()
@@ -142,20 +131,15 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(
     assert parts["PICTURE"].matrix_world.translation.y == pytest.approx(back, abs=1e-6)
 
 
-def test_clear_glass_needs_no_remedy(
-    kiriko: ModuleType,
-    scene: bpy.types.Scene,
-    look: Callable[[], list],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_clear_glass_needs_no_remedy(scene, look, monkeypatch):
     """A ball shows all of the card: no remedy is tried, even for somebody who reads the list."""
-    module = importlib.import_module(f"{kiriko.__name__}.operators.add_rig")
-    remedies = importlib.import_module(f"{kiriko.__name__}.operators.remedies")
+    module = loaded("operators.add_rig")
+    remedies = loaded("operators.remedies")
     whole = module.legible
     monkeypatch.setattr(module, "legible", lambda *given, is_watched: whole(*given, True))
     monkeypatch.setattr(remedies, "legible_by", None)
     bumpy(scene, 0.0)
     bpy.ops.kiriko.add_rig(**SMALL)
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
+    kept = loaded("core.blender.stored_records")
     assert kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"] > 0.99
     assert not [text for text in told(look()) if "recognise" in text]

@@ -48,7 +48,7 @@ def tilted_rig() -> dict[str, bpy.types.Object]:
     return rig
 
 
-def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> None:
+def test_a_better_place_is_proposed_and_taken(scene, capfd):
     """The gain is told before anything moves; Take It moves the
     picture, and the solve finds the share that was told.
     """
@@ -72,7 +72,7 @@ def test_a_better_place_is_proposed_and_taken(scene: bpy.types.Scene, capfd) -> 
     assert "stands in the best place within these limits" in capfd.readouterr().out
 
 
-def test_a_limit_that_was_reached_is_told(scene: bpy.types.Scene, capfd) -> None:
+def test_a_limit_that_was_reached_is_told(scene, capfd):
     """A picture that stands farther off than it may move by itself comes nearer alone: the sentence
     names the setting with which it comes back, and it does.
     """
@@ -91,7 +91,7 @@ def test_a_limit_that_was_reached_is_told(scene: bpy.types.Scene, capfd) -> None
     assert coverage() > 0.99
 
 
-def test_a_proposal_is_for_the_rig_as_it_was(scene: bpy.types.Scene) -> None:
+def test_a_proposal_is_for_the_rig_as_it_was(scene):
     """Where the picture has moved since it cannot be taken; it can be left, too."""
     rig = off_rig()
     assert not bpy.ops.kiriko.drop_proposal.poll()
@@ -108,7 +108,7 @@ def test_a_proposal_is_for_the_rig_as_it_was(scene: bpy.types.Scene) -> None:
     assert not bpy.ops.kiriko.drop_proposal.poll()
 
 
-def test_the_glass_turns_back_what_is_lost(scene: bpy.types.Scene, capfd) -> None:
+def test_the_glass_turns_back_what_is_lost(scene, capfd):
     """About the upright axis, by the angle that it says; scale and children's ties stay."""
     rig = tilted_rig()
     lost = coverage()
@@ -130,7 +130,7 @@ def test_the_glass_turns_back_what_is_lost(scene: bpy.types.Scene, capfd) -> Non
     assert 100 * found == pytest.approx(float(text[2]), abs=1.0)
 
 
-def test_what_no_turn_brings_back_is_said(scene: bpy.types.Scene, capfd) -> None:
+def test_what_no_turn_brings_back_is_said(scene, capfd):
     """As a warning, and nothing is proposed; nor where nothing is lost."""
     small_rig(ior=1.0, picture_size=0.02, display_size=0.015)
     assert bpy.ops.kiriko.turn_back(limit=np.radians(2)) == {"FINISHED"}
@@ -138,7 +138,7 @@ def test_what_no_turn_brings_back_is_said(scene: bpy.types.Scene, capfd) -> None
     assert not bpy.ops.kiriko.take_proposal.poll()
 
 
-def test_glass_that_is_held_stays(scene: bpy.types.Scene) -> None:
+def test_glass_that_is_held_stays(scene):
     """The picture does not move either, where the glass cannot turn."""
     rig = tilted_rig()
     before = {role: place(thing) for role, thing in rig.items()}
@@ -148,7 +148,7 @@ def test_glass_that_is_held_stays(scene: bpy.types.Scene) -> None:
     assert all((place(thing) == before[role]).all() for role, thing in rig.items())
 
 
-def test_a_changed_scene_is_looked_at_again(scene: bpy.types.Scene) -> None:
+def test_a_changed_scene_is_looked_at_again(scene):
     """Where another part has moved, or its glass is another, nothing is moved, and it says why;
     where all is as it was again, it can be taken.
     """
@@ -177,7 +177,7 @@ def below_an_uneven_parent(scene: bpy.types.Scene, data: bpy.types.ID | None) ->
     return glass
 
 
-def test_below_an_uneven_parent_a_turn_is_exact(scene: bpy.types.Scene) -> None:
+def test_below_an_uneven_parent_a_turn_is_exact(scene):
     """Its own location, turn and scale would have to be sheared: the way to its parent is. One
     that is held all the same is where it was.
     """

@@ -1,5 +1,4 @@
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -11,7 +10,7 @@ from small_rigs import cube, pixels, small_rig
 
 
 @pytest.fixture
-def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+def saved(scene, tmp_path) -> Path:
     """A small rig, saved; the folder for results beside it."""
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
@@ -19,9 +18,7 @@ def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
 
 
 @pytest.mark.every_blender
-def test_solve_writes_everything_and_tells_its_progress(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_solve_writes_everything_and_tells_its_progress(run, saved, capsys):
     """Exit code 0, progress on stdout, nothing on stderr.
 
     All files are there and the report is that of this rig.
@@ -49,9 +46,7 @@ def test_solve_writes_everything_and_tells_its_progress(
 
 
 @pytest.mark.parametrize("form", ["EXR_HALF", "EXR_FLOAT"])
-def test_a_source_image_in_linear_light_is_one_file(
-    run: Callable[..., int], saved: Path, form: str
-) -> None:
+def test_a_source_image_in_linear_light_is_one_file(run, saved, form):
     """It is the scene's result, to its own rounding; a second run replaces it only when told."""
     asked = ("solve", "--out", saved, "--format", form)
     assert run(*asked) == 0
@@ -66,9 +61,7 @@ def test_a_source_image_in_linear_light_is_one_file(
     assert shown.max() > 0.1
 
 
-def test_solve_takes_products_by_their_names(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_solve_takes_products_by_their_names(run, saved, capsys):
     """The open file's display is the named one, its glass has the named index.
 
     A name that is not in the catalogue is refused before anything is done.
@@ -93,9 +86,7 @@ def refusal(capsys: pytest.CaptureFixture) -> str:
     return line
 
 
-def test_missing_file_is_refused(
-    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_missing_file_is_refused(run, tmp_path, capsys):
     """With no .blend loaded, as when its name was wrong, nothing is solved or written."""
     small_rig()
     assert run("solve", "--out", tmp_path / "out") == 1
@@ -103,9 +94,7 @@ def test_missing_file_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_results_are_replaced_only_when_told(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_results_are_replaced_only_when_told(run, saved, capsys):
     """A folder with results is refused before any work, and accepted with --overwrite."""
     saved.mkdir()
     (saved / "ideal.png").write_bytes(b"mine")
@@ -117,9 +106,7 @@ def test_results_are_replaced_only_when_told(
 
 
 @pytest.mark.every_blender
-def test_broken_rig_is_one_sentence(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_broken_rig_is_one_sentence(run, saved, capsys):
     """A rig without a display fails with the sentence of the panel, not with a traceback."""
     bpy.data.objects["Kiriko Display"].kiriko.role = "NONE"
     assert run("solve", "--out", saved) == 1
@@ -127,9 +114,7 @@ def test_broken_rig_is_one_sentence(
     assert not saved.exists()  # things made for it are gone again
 
 
-def test_folder_that_cannot_be_written_is_one_sentence(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_folder_that_cannot_be_written_is_one_sentence(run, saved, capsys):
     """A folder below a file is refused with its name."""
     saved.write_bytes(b"")
     assert run("solve", "--out", saved / "below") == 1
@@ -153,14 +138,7 @@ def test_folder_that_cannot_be_written_is_one_sentence(
         ("atlas", ("--zip", "kiriko.zip"), "--job"),
     ],
 )
-def test_an_option_that_would_do_nothing_is_refused(
-    run: Callable[..., int],
-    saved: Path,
-    capsys: pytest.CaptureFixture,
-    verb: str,
-    option: tuple[str, ...],
-    needed: str,
-) -> None:
+def test_an_option_that_would_do_nothing_is_refused(run, saved, capsys, verb, option, needed):
     assert run(verb, "--out", saved, *option) == 2
     (name,) = (word for word in option if word.startswith("--") and word != "--frames")
     assert refusal(capsys) == (
@@ -184,24 +162,20 @@ def test_an_option_that_would_do_nothing_is_refused(
         ("atlas", "--out", "x", "--share", "2"),
     ],
 )
-def test_mistyped_command_is_one_sentence(
-    run: Callable[..., int], argv: tuple, capsys: pytest.CaptureFixture
-) -> None:
+def test_mistyped_command_is_one_sentence(run, argv, capsys):
     """A command line that cannot be understood gives exit code 2."""
     assert run(*argv) == 2
     assert "--help" in (told := refusal(capsys))
     assert " _" not in told  # no function's name
 
 
-def test_help_is_no_failure(run: Callable[..., int], capsys: pytest.CaptureFixture) -> None:
+def test_help_is_no_failure(run, capsys):
     """--help explains on stdout, exit code 0."""
     assert run("solve", "--help") == 0
     assert "--out DIR" in capsys.readouterr().out
 
 
-def test_solve_simulates_when_asked(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_solve_simulates_when_asked(run, saved, capsys):
     """One picture more, and its numbers: light by path, with
     standard errors, is the picture's mean.
     """
@@ -232,7 +206,7 @@ def test_solve_simulates_when_asked(
 
 
 @pytest.fixture
-def two_saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+def two_saved(scene, tmp_path) -> Path:
     """Two small rigs of which the second is active, saved; the folder for results beside it."""
     small_rig()
     other = cube(turn=0.3)
@@ -246,16 +220,14 @@ def two_saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("words", "pixels"), [((), 32), (("--rig", "Kiriko Rig"), 64)], ids=["active", "named"]
 )
-def test_one_of_two_rigs_is_solved(
-    run: Callable[..., int], two_saved: Path, words: tuple[str, ...], pixels: int
-) -> None:
+def test_one_of_two_rigs_is_solved(run, two_saved, words, pixels):
     """The one that the file shows, or that is named."""
     assert run("solve", "--out", two_saved, *words) == 0
     report = json.loads((two_saved / "report.json").read_text())
     assert report["resolution"] == [pixels, pixels]
 
 
-def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_saved: Path) -> None:
+def test_all_rigs_are_solved_each_to_its_folder(run, two_saved):
     assert run("solve", "--out", two_saved, "--rig", "all") == 0
     assert run("drawing", "--out", two_saved, "--rig", "all", "--paper", "A3") == 0
     for name, side in (("Kiriko_Rig", 64), ("Kiriko_Rig_001", 32)):
@@ -265,9 +237,7 @@ def test_all_rigs_are_solved_each_to_its_folder(run: Callable[..., int], two_sav
     assert len(list(two_saved.iterdir())) == 2
 
 
-def test_a_broken_second_rig_is_told_before_the_first_is_solved(
-    run: Callable[..., int], two_saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_broken_second_rig_is_told_before_the_first_is_solved(run, two_saved, capsys):
     """Nothing is written."""
     display = next(one for one in bpy.data.objects if one.name.startswith("Kiriko Display.0"))
     display.scale = (0, 0, 0)
@@ -277,9 +247,7 @@ def test_a_broken_second_rig_is_told_before_the_first_is_solved(
     assert not two_saved.exists()
 
 
-def test_all_rigs_are_solved_at_frames_that_have_them_whole(
-    run: Callable[..., int], two_saved: Path
-) -> None:
+def test_all_rigs_are_solved_at_frames_that_have_them_whole(run, two_saved):
     """Though the frame that the file shows lacks a part of one, as with that rig alone."""
     scene = bpy.context.scene
     display = next(one for one in scene.objects if one.name == "Kiriko Display")
@@ -294,7 +262,7 @@ def test_all_rigs_are_solved_at_frames_that_have_them_whole(
     assert run("solve", "--out", two_saved, "--rig", "all") == 1
 
 
-def test_values_are_set_of_the_rig_that_is_solved(run: Callable[..., int], two_saved: Path) -> None:
+def test_values_are_set_of_the_rig_that_is_solved(run, two_saved):
     """Whichever the file shows; with all of them, of each."""
     wanted = ("--set", "kiriko.tolerance", "0.5")
     assert run("solve", "--out", two_saved / "one", "--rig", "Kiriko Rig", *wanted) == 0
@@ -317,9 +285,7 @@ def test_values_are_set_of_the_rig_that_is_solved(run: Callable[..., int], two_s
         'bpy.data.objects["Cube"].rotation_euler[2]',
     ],
 )
-def test_one_number_of_several_is_set(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture, path: str
-) -> None:
+def test_one_number_of_several_is_set(run, saved, capsys, path):
     """By the path that Copy Full Data Path gives, and as it is left where a shell takes quotes."""
     assert run("drawing", "--out", saved, "--set", path, "0.25") == 0
     assert f"'{path}' is 0.25 now" in capsys.readouterr().out
@@ -337,9 +303,7 @@ def test_one_number_of_several_is_set(
         ("-3", "objects['-3']"),
     ],
 )
-def test_names_of_any_signs_are_found(
-    run: Callable[..., int], saved: Path, name: str, path: str
-) -> None:
+def test_names_of_any_signs_are_found(run, saved, name, path):
     """Those with brackets, quotes and points: a name in double quotes stays as it is."""
     cube = bpy.data.objects["Cube"]
     cube.name = name
@@ -350,9 +314,7 @@ def test_names_of_any_signs_are_found(
     assert cube.location.y == 2.0
 
 
-def test_numbers_of_several_that_are_not_there_are_refused(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_numbers_of_several_that_are_not_there_are_refused(run, saved, capsys):
     """And none is, where all are named at once; the scene stays."""
     for path in ("location", "location[3]"):
         assert run("drawing", "--out", saved, "--set", f"objects[Cube].{path}", "1") == 1
@@ -366,15 +328,13 @@ def test_numbers_of_several_that_are_not_there_are_refused(
     assert [*bpy.data.objects["Cube"].location] == [0.0, 0.0, 0.0]
 
 
-def test_one_frame_is_no_frames(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_one_frame_is_no_frames(run, saved, capsys):
     """In the line that tells what is solved, too."""
     assert run("solve", "--out", saved, "--frames", "1") == 0
     assert "solving 1 frame of 'rig.blend'" in capsys.readouterr().out
 
 
-def test_a_job_varies_one_number_of_several(run: Callable[..., int], saved: Path) -> None:
+def test_a_job_varies_one_number_of_several(run, saved):
     """As a glass that turns; the file stays as it is."""
     zipped = kiriko_zip(saved.parent / "kiriko-9.zip")
     turn = ("--vary", 'objects["Cube"].rotation_euler[2]', "--values", "0.1", "0.2")
@@ -382,7 +342,7 @@ def test_a_job_varies_one_number_of_several(run: Callable[..., int], saved: Path
     assert [*bpy.data.objects["Cube"].rotation_euler] == [0.0, 0.0, 0.0]
 
 
-def test_a_job_of_all_rigs_has_the_values_in_each(run: Callable[..., int], two_saved: Path) -> None:
+def test_a_job_of_all_rigs_has_the_values_in_each(run, two_saved):
     """The one that the file shows stays so."""
     zipped = kiriko_zip(two_saved.parent / "kiriko-9.zip")
     wanted = ("--set", "kiriko.tolerance", "0.5", "--zip", zipped)
@@ -398,9 +358,7 @@ def test_a_job_of_all_rigs_has_the_values_in_each(run: Callable[..., int], two_s
     assert told["resolution"] == [64, 64]
 
 
-def test_a_rig_that_is_not_there_is_refused(
-    run: Callable[..., int], two_saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_rig_that_is_not_there_is_refused(run, two_saved, capsys):
     """By its name, with those that are; nothing is written."""
     assert run("solve", "--out", two_saved, "--rig", "Goblet") == 1
     assert "no rig 'Goblet': there are 'Kiriko Rig', 'Kiriko Rig.001'" in refusal(capsys)

@@ -1,16 +1,13 @@
 """The eye box by its button: numbers as core has them, a surface through the six ends."""
 
-import importlib
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import asdict
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
-from panel_layout import Layout
+from extension import loaded
 from small_rigs import inventory, small_rig
 
 NAME = "Kiriko Eye Box"
@@ -18,27 +15,23 @@ WAYS = ("left", "right", "up", "down", "nearer", "farther")
 
 
 @pytest.fixture(autouse=True)
-def few_points(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def few_points(kiriko, monkeypatch):
     """Nine points of the picture are looked at."""
-    monkeypatch.setattr(of(kiriko, "core.lab.measure.head_range"), "N_POINTS", 3)
+    monkeypatch.setattr(loaded("core.lab.measure.head_range"), "N_POINTS", 3)
 
 
-def of(kiriko: ModuleType, name: str) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.{name}")
+def kept() -> dict:
+    return loaded("operators.eye_box").box_of(bpy.data.objects[NAME])
 
 
-def kept(kiriko: ModuleType) -> dict:
-    return of(kiriko, "operators.eye_box").box_of(bpy.data.objects[NAME])
-
-
-def by_core(kiriko: ModuleType, limit: float, least: float) -> dict:
+def by_core(limit: float, least: float) -> dict:
     """The eye box of the scene as core finds it, of a rig that nothing is known of."""
-    work = of(kiriko, "operators.work")
+    work = loaded("operators.work")
     rig = work.read(bpy.context).rig
-    steps = of(kiriko, "core.lab.measure.head_range").eye_box(
+    steps = loaded("core.lab.measure.head_range").eye_box(
         rig, work.settings_of(bpy.context.scene), limit, least
     )
-    return asdict(of(kiriko, "core.base.steps").finish(steps))
+    return asdict(loaded("core.base.steps").finish(steps))
 
 
 def points_of(thing: bpy.types.Object, camera: bpy.types.Object) -> np.ndarray:
@@ -48,12 +41,12 @@ def points_of(thing: bpy.types.Object, camera: bpy.types.Object) -> np.ndarray:
     return (points - matrix[:3, 3]) @ matrix[:3, :3] * [1, 1, -1]
 
 
-def test_its_numbers_are_those_of_core(scene: bpy.types.Scene, kiriko: ModuleType) -> None:
+def test_its_numbers_are_those_of_core(scene):
     """In metres, at the default limit and at another, whatever the scene's unit."""
     small_rig()
     assert bpy.ops.kiriko.eye_box() == {"FINISHED"}
-    expected = by_core(kiriko, 5.0, 0.98)
-    found = kept(kiriko)
+    expected = by_core(5.0, 0.98)
+    found = kept()
     for name in WAYS:
         assert found[name] == pytest.approx(expected[name], rel=1e-9), name
     assert found["limit"] == pytest.approx(5.0)
@@ -61,20 +54,18 @@ def test_its_numbers_are_those_of_core(scene: bpy.types.Scene, kiriko: ModuleTyp
     assert found["viewer"] == scene.camera.name
 
     bpy.ops.kiriko.eye_box(limit=0.5, share=0.75)
-    expected = by_core(kiriko, 0.5, 0.75)
-    narrow = kept(kiriko)
+    expected = by_core(0.5, 0.75)
+    narrow = kept()
     for name in WAYS:
         assert narrow[name] == pytest.approx(expected[name], rel=1e-9), name
     assert narrow["left"] < found["left"]
 
 
-def test_its_surface_is_closed_and_goes_through_the_six_ends(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_its_surface_is_closed_and_goes_through_the_six_ends(scene):
     """Each octant has its own half axes; open ends are drawn as far as the picture is away."""
     parts = small_rig()
     bpy.ops.kiriko.eye_box(limit=0.5)
-    thing, found = bpy.data.objects[NAME], kept(kiriko)
+    thing, found = bpy.data.objects[NAME], kept()
     ends = [found[name] for name in WAYS]
     camera = scene.camera
     away = (parts["PICTURE"].matrix_world.translation - camera.matrix_world.translation).length
@@ -98,15 +89,13 @@ def test_its_surface_is_closed_and_goes_through_the_six_ends(
     assert thing.kiriko.role == "NONE"
 
 
-def test_its_colours_tell_how_far_off_the_picture_is(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_its_colours_tell_how_far_off_the_picture_is(scene):
     """At the ends it is off by the limit at the most, and nowhere by more than twice as much is
     told.
     """
     small_rig()
     bpy.ops.kiriko.eye_box(limit=0.5)
-    thing, found = bpy.data.objects[NAME], kept(kiriko)
+    thing, found = bpy.data.objects[NAME], kept()
     off = np.empty(len(thing.data.vertices), np.float32)
     thing.data.attributes["displacement"].data.foreach_get("value", off)
     assert off.min() >= 0
@@ -121,15 +110,13 @@ def test_its_colours_tell_how_far_off_the_picture_is(
             assert at_end > 0.25, name
 
 
-def test_it_is_told_in_the_scenes_unit_and_in_the_panel(
-    scene: bpy.types.Scene, kiriko: ModuleType, drawn: Callable[..., Layout]
-) -> None:
+def test_it_is_told_in_the_scenes_unit_and_in_the_panel(scene, drawn):
     """Six lengths in mm, in the panel, too; open ways are told to be so."""
     small_rig()
     scene.unit_settings.length_unit = "MILLIMETERS"
     bpy.ops.kiriko.eye_box()
-    found = kept(kiriko)
-    ways = of(kiriko, "operators.eye_box").ways_in_words(scene, found)
+    found = kept()
+    ways = loaded("operators.eye_box").ways_in_words(scene, found)
     assert all(" mm" in way for way in ways)
     left = float(f"{1e3 * found['left']:.3g}")
     assert str(ways[0]).startswith(f"{left:g} mm")
@@ -140,9 +127,7 @@ def test_it_is_told_in_the_scenes_unit_and_in_the_panel(
     bpy.ops.kiriko.remove_eye_box()
 
 
-def test_it_is_made_anew_in_place_and_removed_with_its_mesh(
-    scene: bpy.types.Scene, kiriko: ModuleType
-) -> None:
+def test_it_is_made_anew_in_place_and_removed_with_its_mesh(scene):
     """A second one takes the first one's place; then the scene is as it was before."""
     small_rig()
     bare = inventory()
@@ -152,18 +137,16 @@ def test_it_is_made_anew_in_place_and_removed_with_its_mesh(
     before = inventory()
     bpy.ops.kiriko.eye_box(limit=1.0)
     assert inventory() == before != bare
-    assert kept(kiriko)["limit"] == 1.0
+    assert kept()["limit"] == 1.0
     assert bpy.ops.kiriko.remove_eye_box() == {"FINISHED"}
     assert inventory() == bare
 
 
-def test_where_there_is_none_one_sentence_tells_why(
-    scene: bpy.types.Scene, kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_there_is_none_one_sentence_tells_why(scene, monkeypatch):
     """An orthographic viewer, a picture in its own pixels, a dark display, viewers apart: nothing
     is made, and no way is walked.
     """
-    walk = importlib.import_module(f"{kiriko.__name__}.core.lab.measure.head_range").Walk
+    walk = loaded("core.lab.measure.head_range").Walk
     monkeypatch.setattr(walk, "farthest", None)
     parts = small_rig()
     before = inventory()
@@ -198,27 +181,23 @@ def test_where_there_is_none_one_sentence_tells_why(
         bpy.ops.kiriko.eye_box(limit=1e-3)
 
 
-def test_of_several_viewers_it_tells_how_their_box_is_served(
-    scene: bpy.types.Scene, kiriko: ModuleType, drawn: Callable[..., Layout]
-) -> None:
+def test_of_several_viewers_it_tells_how_their_box_is_served(scene, drawn):
     """The numbers of core in the panel's words, whatever curves a report draws; nothing of them
     where there is one viewer, or all are at one place.
     """
     small_rig()
     bpy.ops.kiriko.eye_box()
-    room = of(kiriko, "operators.eye_box")
-    assert room.served_in_words(kept(kiriko)) == []
+    room = loaded("operators.eye_box")
+    assert room.served_in_words(kept()) == []
     lines = " ".join(drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts)
     assert "box of" not in lines
 
     bpy.ops.kiriko.two_eyes()
     bpy.ops.kiriko.eye_box()
-    work = of(kiriko, "operators.work")
+    work = loaded("operators.work")
     plan = work.session().plan(work.read(bpy.context).rig, work.settings_of(scene))
-    found = of(kiriko, "core.base.steps").finish(
-        of(kiriko, "core.lab.measure.head_box").head_box(plan)
-    )
-    served = kept(kiriko)["head_box"]
+    found = loaded("core.base.steps").finish(loaded("core.lab.measure.head_box").head_box(plan))
+    served = kept()["head_box"]
     assert served["n_viewers"] == 2
     assert served["size_m"] == pytest.approx(found.size_m, abs=1e-9)
     for way in ("for_all", "for_middle"):
@@ -226,7 +205,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(
         for name, value in served[way].items():
             assert value == pytest.approx(getattr(getattr(found, way), name), abs=1e-9), name
     lines = " ".join(drawn("rig_panel", "VIEW3D_PT_kiriko_rig").texts)
-    number = of(kiriko, "core.base.numbers").number
+    number = loaded("core.base.numbers").number
     everyone = served["for_all"]
     assert (
         "Heads over the box of 2 viewers see the picture off by"
@@ -240,4 +219,4 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(
     scene.kiriko.viewers[2].camera.matrix_world = first.matrix_world
     bpy.context.view_layer.update()
     bpy.ops.kiriko.eye_box()
-    assert "head_box" not in kept(kiriko)
+    assert "head_box" not in kept()

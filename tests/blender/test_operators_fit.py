@@ -30,7 +30,7 @@ PARTS = {"PICTURE": "picture_size", "DISPLAY": "display", "PLATE": "plate"}
 
 
 @pytest.mark.parametrize("role", PARTS)
-def test_a_part_is_as_large_as_it_has_to_be(scene, capfd, role: str) -> None:
+def test_a_part_is_as_large_as_it_has_to_be(scene, capfd, role):
     """All of the picture arrives then, its middle stays, and it says what changed.
 
     Where display or plate are 2 % smaller, or the picture is 2 % larger, some is lost.
@@ -66,7 +66,7 @@ def test_a_part_is_as_large_as_it_has_to_be(scene, capfd, role: str) -> None:
     assert coverage() < whole
 
 
-def test_a_moved_part_may_be_smaller(scene) -> None:
+def test_a_moved_part_may_be_smaller(scene):
     """A display beside the light comes to it where it may move, and is smaller than where not."""
     rig = small_rig(display_size=0.05)
     rig["DISPLAY"].location.x += 0.01
@@ -80,7 +80,7 @@ def test_a_moved_part_may_be_smaller(scene) -> None:
     assert coverage() > 0.998
 
 
-def test_units_and_parents(scene) -> None:
+def test_units_and_parents(scene):
     """In a scene of millimetres, below a turned parent: the same size and place in the world."""
     scene.unit_settings.scale_length = 0.001
     rig = small_rig_in_mm()
@@ -115,7 +115,7 @@ def small_rig_in_mm() -> dict[str, bpy.types.Object]:
     return {thing.kiriko.role: thing for thing in bpy.context.scene.objects}
 
 
-def test_what_is_held_says_so(scene) -> None:
+def test_what_is_held_says_so(scene):
     """Locked, animated, held by a constraint: the reason, and everything as it was."""
     rig = small_rig(display_size=0.02)
     display = rig["DISPLAY"]
@@ -141,7 +141,7 @@ def test_what_is_held_says_so(scene) -> None:
 
 
 @pytest.mark.parametrize("display", [1.0, 12.0])
-def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, display) -> None:
+def test_the_share_that_is_told_is_true_beside_edges_of_the_glass(scene, capfd, display):
     """Where light beside an edge goes far aside in a strip as thin as 1/500 of the picture: what
     is told is what the solve finds, and what arrived before is not cut.
     """
