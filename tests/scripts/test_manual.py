@@ -73,7 +73,7 @@ def test_no_button_has_two_places() -> None:
 def test_a_page_leads_to_each_place(tmp_path: Path) -> None:
     """A button's page leads to its heading, another one's to the page that has all."""
     own = full_name("kiriko.solve"), full_name("KirikoRig.tolerance")
-    assert own == ("bpy.ops.kiriko.solve", "bpy.types.kirikoscene.tolerance")
+    assert own == ("bpy.ops.kiriko.solve", "bpy.types.kirikorig.tolerance")
     assert place_of(own[1]) == f"{REFERENCE}#{own[1]}"
     lead(tmp_path, list(own))
     urls = [
