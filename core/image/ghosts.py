@@ -11,8 +11,7 @@ from ..base.arrays import Floats
 from ..base.steps import Pauses
 from ..base.vectors import cross_2d
 from ..map.pieces import Piece
-from ..map.share_batches import ShareBatches
-from ..map.shares import Shares
+from ..map.shares import ShareBatches, Shares
 
 # an odd number: pixels and paths are mixed to one number, the golden ratio
 MIX = np.uint64(0x9E3779B97F4A7C15)

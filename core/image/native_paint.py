@@ -15,7 +15,6 @@ from ..native.image_passes import of_levels
 from ..native.loading import loaded, n_threads
 from ..native.structures import TAP, Made, StrokesStructure
 from .flat_picture import FlatWay
-from .reads import Reads
 
 STRIPE = 1024  # display pixels that a thread paints before it looks for others
 MOST_PIXELS = 1 << 31  # of a display whose taps are kept
@@ -32,10 +31,9 @@ class FlatStrokes:
     ----------
     way : from the viewer's pixels to the picture's UV
     size : (width, height) of the picture, px
-    reads : how finely shares are read
     """
 
-    def __init__(self, shares: Shares, way: FlatWay, size: tuple[int, int], reads: Reads) -> None:
+    def __init__(self, shares: Shares, way: FlatWay, size: tuple[int, int]) -> None:
         self.made = made = Made(StrokesStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
@@ -65,8 +63,6 @@ class FlatStrokes:
             low=way.low,
             high=way.high,
             size=np.array(size, float),
-            side=reads.side,
-            most_reads=reads.most_reads,
         )
 
 

@@ -1,8 +1,17 @@
-"""Colours of a picture under footprints of any size and shape."""
+"""Colours of a picture under footprints of any size and shape.
+
+A footprint is the image of a small part of the viewer's image: about a parallelogram. It is divided
+into parts, which are read at their middles between the picture's pixels. So a share is read as
+finely as the picture is, and nothing of the picture is made blurred. Only footprints of more pixels
+than are read leave a rest to smaller sizes of the picture.
+"""
 
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +19,21 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats, is_frozen
 from ..base.errors import RigError
 from ..native import image_passes, loading
+from .flat_picture import LEAST
 from .picture import POINTS_AT_ONCE, PicturePoints
-from .reads import READS, Reads, reads_of
+
+# A footprint's side, picture px, up to twice as long as this is read at two places, a longer one at
+# four. The error of a source image falls with them until what is left is that of the map, and the
+# shape of shares that the border of a display pixel cut.
+SIDE = 0.9
+MOST_READS = 4  # along a side
+# sides beyond two over which each of two places becomes two: gradually, so that rounding moves no
+# read, but soon, for until then they read nearly the same
+APART = 0.25
+POINT_SIDE = 0.2  # picture px; a shorter side is a point, and one of twice as much as long as it is
+
+# signs of the far and the near step of each read along a side, by their number
+STEPS_BY_NUMBER = {1: ((0, 0),), 2: ((-1, 0), (1, 0)), 4: tuple(product((-1, 1), repeat=2))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +55,7 @@ class Taps:
     weight: NDArray[np.float32]
 
 
-def find_taps(
-    points: PicturePoints, weight: Floats, size: tuple[int, int], reads: Reads = READS
-) -> Taps:
+def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
     """How colours are read, times weight (n,), at points of a picture of a size (width, height).
 
     A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all,
@@ -51,9 +71,7 @@ def find_taps(
     seen = np.flatnonzero(weight > 0).astype(np.int32)
 
     for first in range(0, len(seen), POINTS_AT_ONCE):
-        some, x, y, part, variance = reads_of(
-            points, seen[first : first + POINTS_AT_ONCE], weight, reads
-        )
+        some, x, y, part, variance = reads_of(points, seen[first : first + POINTS_AT_ONCE], weight)
         relative = 1 + 4 * variance
         lower = np.minimum((np.frexp(relative)[1] - 1) // 2, last)
         upper_part = np.clip((np.ldexp(relative, -2 * lower) - 1) / 3, 0, 1) * (lower < last)
@@ -160,9 +178,9 @@ class Pyramid:
                     value += numbers[step + channel :].take(at) * weight
         return values
 
-    def sample(self, points: PicturePoints, reads: Reads = READS) -> Floats:
+    def sample(self, points: PicturePoints) -> Floats:
         """Linear colours (n, 3) at points, over black."""
-        taps = find_taps(points, points.cover, self.levels[0].shape[1::-1], reads)
+        taps = find_taps(points, points.cover, self.levels[0].shape[1::-1])
         n = len(points.xy)
         return np.stack([np.bincount(taps.point, value, n) for value in self.read(taps)], axis=1)
 
@@ -212,3 +230,121 @@ def _halved_along(axis: int, plane: NDArray[np.float32]) -> NDArray[np.float32]:
     part = (edges - whole).reshape([-1, 1] if axis == 0 else [1, -1])
     at = np.take(total, whole, axis=axis) + part * np.take(plane, whole, axis=axis)
     return (np.diff(at, axis=axis) * (m / n)).astype(np.float32)
+
+
+def pyramids_of(
+    images: Sequence[NDArray[np.float32]], known: Sequence[Pyramid] = ()
+) -> tuple[Pyramid, ...]:
+    """A pyramid for each image (h, w, 4): one for the same array, and a known one where it is of
+    such an image.
+    """
+    found: dict[int, Pyramid] = {}
+    for image in images:
+        if id(image) not in found:
+            is_known = (one for one in known if one.is_of(image))
+            found[id(image)] = next(is_known, None) or Pyramid(image)
+    return tuple(found[id(image)] for image in images)
+
+
+class FootprintReads(NamedTuple):
+    """Where footprints are read, a row (r,) for each place.
+
+    number : of the point; x, y : picture px; weight; variance : along each axis, picture px^2
+    """
+
+    number: NDArray[np.int32]
+    x: Floats
+    y: Floats
+    weight: Floats
+    variance: Floats
+
+
+class _Side(NamedTuple):
+    """How footprints are read along a side of theirs.
+
+    number : (n,) of places, 1, 2 or 4
+    steps : far and near (n,), standard deviations: from the middle to each half of them, and from
+        there to each quarter
+    """
+
+    number: NDArray[np.integer]
+    steps: tuple[Floats, Floats]
+
+
+def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> FootprintReads:
+    """Where some points are read.
+
+    Reads come apart gradually, so that a footprint that rounding changes is read at the same places
+    but for rounding.
+    """
+    x = points.xy[some, 0]
+    y = points.xy[some, 1]
+    part = weight[some]
+    axes = points.axes[:, some]
+    sides = [np.sqrt(12 * (axes[k] * axes[k] + axes[k + 1] * axes[k + 1])) for k in (0, 2)]
+    first, second = (_along(side) for side in sides)
+
+    left = _left_to_levels(axes, np.minimum(*sides))
+    rows = np.flatnonzero(left > 0)
+    axes[:, rows] = _without(axes[:, rows], left[rows])
+
+    found = []
+    for n, m in product(STEPS_BY_NUMBER, repeat=2):
+        rows = np.flatnonzero((first.number == n) & (second.number == m))
+        if len(rows) == 0:
+            continue
+        steps_along, steps_across = (
+            [
+                sum(sign * step[rows] for sign, step in zip(signs, side.steps, strict=True))
+                for signs in STEPS_BY_NUMBER[number]
+            ]
+            for side, number in ((first, n), (second, m))
+        )
+        first_x, first_y, second_x, second_y = axes[:, rows]
+        for i, j in product(steps_along, steps_across):
+            at = x[rows] + i * first_x + j * second_x, y[rows] + i * first_y + j * second_y
+            found.append((some[rows], *at, part[rows] / (n * m), left[rows]))
+    return FootprintReads(*(np.concatenate(values) for values in zip(*found, strict=True)))
+
+
+def _along(side: Floats) -> _Side:
+    """How sides (n,), picture px, are read: as many places as they need, with their variance."""
+    two = np.clip(side / POINT_SIDE - 1, 0, 1)
+    four = np.clip((side / SIDE - 2) / APART, 0, 1)
+    far = np.sqrt(two / (1 + four * four / 4))
+    number = np.where(four > 0, 4, np.where(two > 0, 2, 1))
+    return _Side(number, (far, four * far / 2))
+
+
+def _left_to_levels(axes: Floats, shorter: Floats) -> Floats:
+    """The variance (n,) along each axis that smaller sizes of the picture add to each of the most
+    reads, of footprints with axes (4, n) and a shorter side (n,).
+    """
+    each = shorter / MOST_READS
+    left = np.maximum(each * each - SIDE * SIDE, 0) / 12
+    # no more than the footprint has in its narrowest direction, which is not that of its sides
+    # where they are askew
+    first_x, first_y, second_x, second_y = axes
+    area = first_x * second_y - first_y * second_x
+    most = 0.75 * area * area / np.maximum((axes * axes).sum(axis=0), LEAST)
+    return np.minimum(left, most)
+
+
+def _without(axes: Floats, left: Floats) -> Floats:
+    """Axes (4, n) of footprints that have less variance, along each axis of the picture.
+
+    With L the axes, as a matrix, L L' - left is L K L' with K = 1 - left (L' L)^-1, and L times the
+    triangular root of K has it.
+    """
+    first_x, first_y, second_x, second_y = axes
+    area = first_x * second_y - first_y * second_x
+    scale = left / (area * area)
+    k = 1 - scale * (second_x * second_x + second_y * second_y)
+    askew = scale * (first_x * second_x + first_y * second_y)
+    reach = np.sqrt(k)
+    along = askew / reach
+    across = np.sqrt(1 - scale * (first_x * first_x + first_y * first_y) - along * along)
+    return np.stack([
+        *(reach * first_x + along * second_x, reach * first_y + along * second_y),
+        *(across * second_x, across * second_y),
+    ])  # fmt: skip

@@ -7,8 +7,12 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.steps import Pauses
-from ..map.share_batches import ShareBatches
-from ..map.shares import add_at
+from ..map.shares import ShareBatches, add_at
+from ..rig.rig import Picture, Viewer
+from .picture import POINTS_AT_ONCE, of_square, picture_from_view
+from .pyramid import Pyramid
+
+SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,29 @@ def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Pauses[NDArray
         for channel in range(n_channels):
             add_at(seen[channel], pixel, weight * shown[:, channel])
     return np.ascontiguousarray(seen.transpose(1, 2, 0), np.float32)
+
+
+def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
+    """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
+    pyramid = Pyramid(picture.image)
+    place = picture.place
+    w, h = viewer.width, viewer.height
+    image = np.zeros((h * w, 3), np.float32)
+    offsets = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
+    footprint = of_square(1 / SUBPIXELS)
+
+    for first in range(0, h * w, POINTS_AT_ONCE):
+        pixels = np.arange(first, min(first + POINTS_AT_ONCE, h * w))
+        corner = np.stack([pixels % w, pixels // w], axis=1)
+        total = np.zeros((len(pixels), 3))
+
+        for dx in offsets:
+            for dy in offsets:
+                at = corner + np.array([dx, dy])
+                total += pyramid.sample(picture_from_view(place, viewer, at, footprint))
+        image[pixels] = total / SUBPIXELS**2
+
+    return image.reshape(h, w, 3)
 
 
 @dataclass(frozen=True, eq=False)

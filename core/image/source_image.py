@@ -19,9 +19,7 @@ from ..rig.rig import PicturePlace, Viewer
 from . import native_paint
 from .flat_picture import flat_way
 from .picture import picture_from_view
-from .pyramid import Pyramid, Taps, find_taps
-from .pyramids import pyramids_of
-from .reads import READS, Reads
+from .pyramid import Pyramid, Taps, find_taps, pyramids_of
 
 Strokes = Taps | native_paint.FlatStrokes
 
@@ -88,9 +86,7 @@ class Painting:
         return grow(image, covered, margin, is_free)
 
 
-def find_strokes(
-    place: PicturePlace, viewer: Viewer, shares: Shares, reads: Reads = READS
-) -> Strokes:
+def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
     """How the sums area * T * colour of display pixels are read
     from a picture in its place: taps whose points are display pixels.
 
@@ -100,13 +96,13 @@ def find_strokes(
     """
     way = flat_way(place, viewer) if loading.library() is not None else None
     if way is not None:
-        return native_paint.FlatStrokes(shares, way, (place.width, place.height), reads)
+        return native_paint.FlatStrokes(shares, way, (place.width, place.height))
 
     points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)
     if shares.throughput is not None:
         weight *= shares.throughput
-    taps = find_taps(points, weight, (place.width, place.height), reads)
+    taps = find_taps(points, weight, (place.width, place.height))
     return replace(taps, point=shares.display_index[taps.point])
 
 

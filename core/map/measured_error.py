@@ -10,25 +10,12 @@ from ..base.steps import Pauses
 from ..light.plan import Plan
 from ..light.rays import Reason
 from .points import is_in_image, is_seen, trace_points
-from .squares import Squares
+from .smooth_cells import Squares
 from .view_map import MapError, ViewMap
 
-
-@dataclass(frozen=True)
-class Check:
-    """At how many places a map is checked.
-
-    n_places : of smooth squares and of pixels, each
-    n_places_each : of a square or a pixel, where they are few
-    quantile : of the error, that keeps to the tolerance
-    """
-
-    n_places: int = 1024
-    n_places_each: int = 16
-    quantile: float = 0.999
-
-
-CHECK = Check()
+N_PLACES = 1024  # of smooth squares and of pixels, each, at which a map is checked
+N_PLACES_EACH = 16  # of a square or a pixel, where they are few
+QUANTILE = 0.999  # of the error, that keeps to the tolerance
 TINY = 1e-300  # of an area that is divided by
 
 
@@ -82,7 +69,7 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     limited, unresolved = (kind & (off > view_map.tolerance) for kind in (is_one, ~is_one))
     return MapError(
         rms=_rms(off, area),
-        percentile=_quantile(off, area, CHECK.quantile),
+        percentile=_quantile(off, area, QUANTILE),
         facet_limited=float(area[limited].sum() / whole),
         facet_error=_rms(off[limited], area[limited]),
         unresolved=float(area[unresolved].sum() / whole) + noise,
@@ -112,9 +99,7 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
     smooth = Squares(view_map.corner, view_map.size).at(has_picture)
 
-    n_smooth, n_pixels = (
-        min(CHECK.n_places, CHECK.n_places_each * len(kind)) for kind in (smooth, pixels)
-    )
+    n_smooth, n_pixels = (min(N_PLACES, N_PLACES_EACH * len(kind)) for kind in (smooth, pixels))
 
     # squares by their area, pixels all alike
     squares = smooth.at(

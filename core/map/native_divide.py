@@ -32,6 +32,11 @@ class Divided(NamedTuple):
     number: NDArray[np.int64] | None
 
 
+def index_type(size: tuple[int, int]) -> type[np.signedinteger]:
+    """The integers that number the pixels of an image of a size (width, height)."""
+    return np.int32 if size[0] * size[1] <= np.iinfo(np.int32).max else np.int64
+
+
 def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
     """Can the kernel divide such cells?"""
     shape = np.shape(display_polygons)
@@ -41,8 +46,8 @@ def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
 
 
 def divided(
-    lots: Sequence[tuple[tuple[int, int], Floats, Floats]],
-    index_types: Sequence[type[np.signedinteger]],
+    display_size: tuple[int, int],
+    lots: Sequence[tuple[Floats, Floats]],
     at_once: int,
     is_numbered: bool = True,
 ) -> Iterator[tuple[int, Divided]]:
@@ -53,21 +58,20 @@ def divided(
 
     Parameters
     ----------
-    lots : size of the display, polygons on the viewer's image and on the display, as for
-        `rasterise.parts_by_rows`
-    index_types : of each lot's pixels
+    lots : polygons on the viewer's image and on the display, as for `rasterise.parts_by_rows`
     is_numbered : is the number of each share's cell asked for?
     """
     # side by side, as far as there is room
-    made = [_lot_of(*lot) for lot in lots]
+    pixels = index_type(display_size)
+    made = [_lot_of(display_size, *lot) for lot in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
-    rooms = [min(_guess(size, display) + LEAST_ROOM, at_once) for size, _, display in lots]
+    rooms = [min(_guess(display_size, display) + LEAST_ROOM, at_once) for _, display in lots]
     shares = [
-        _room_for(room, index_type, division, is_numbered)
-        for room, index_type, division in zip(rooms, index_types, divisions, strict=True)
+        _room_for(room, pixels, division, is_numbered)
+        for room, division in zip(rooms, divisions, strict=True)
     ]
     begun = _Begun(divisions, made, shares)
-    return _parts_of(begun, index_types, at_once, is_numbered)
+    return _parts_of(begun, pixels, at_once, is_numbered)
 
 
 class _Begun:
@@ -96,7 +100,7 @@ def _leave(work: int | None, *_: object) -> None:
 
 
 def _parts_of(
-    begun: _Begun, index_types: Sequence[type[np.signedinteger]], at_once: int, is_numbered: bool
+    begun: _Begun, pixels: type[np.signedinteger], at_once: int, is_numbered: bool
 ) -> Iterator[tuple[int, Divided]]:
     """What `divided` gives of lots that are begun."""
     begun.end()
@@ -108,7 +112,7 @@ def _parts_of(
             yield number, _first_of(shares[number], division.n)
         while division.cell < division.n_cells:
             room = min(2 * room, at_once)
-            shares[number] = _room_for(room, index_types[number], division, is_numbered)
+            shares[number] = _room_for(room, pixels, division, is_numbered)
             kernel.kiriko_divide(ctypes.addressof(division), 1)
             if division.n:
                 yield number, _first_of(shares[number], division.n)
@@ -194,11 +198,11 @@ def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
 
 
 def _room_for(
-    n: int, index_type: type[np.signedinteger], division: ctypes.Structure, is_numbered: bool
+    n: int, pixels: type[np.signedinteger], division: ctypes.Structure, is_numbered: bool
 ) -> Divided:
     """Arrays for n shares, which a division puts down there, as long as these are kept."""
     shares = Divided(
-        np.empty(n, index_type),
+        np.empty(n, pixels),
         np.empty((n, 2)),
         np.empty((3, n), np.float32),
         np.empty(n),
@@ -207,7 +211,7 @@ def _room_for(
     )
 
     pixel, *others = (None if values is None else values.ctypes.data for values in shares)
-    division.pixel, division.wide_pixel = (None, pixel) if index_type is np.int64 else (pixel, None)
+    division.pixel, division.wide_pixel = (None, pixel) if pixels is np.int64 else (pixel, None)
     division.view_xy, division.covariance, division.area, division.display_area, division.number = (
         others
     )

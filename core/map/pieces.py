@@ -1,4 +1,17 @@
-"""Quads and triangles, of which a view map is made where shares are asked for."""
+"""Quads and triangles, of which a view map is made where shares are asked for.
+
+A sample stands for all light of its stratum, of which it knows one landing. Where samples land far
+apart, and from all over the view, a display pixel would show the colours of the few that happen to
+land in it, or nothing. So each lights a square around its landing, as wide as it takes for some of
+them to light each place: an estimate of density by nearest neighbours (Loftsgaarden and Quesenberry
+1965; Silverman 1986, chapter 5). Light is moved by half a width at the most, and none is lost.
+
+Where samples that land close together come from close together, as through facets that show parts
+of the picture side by side, their colours are to be told apart, not mixed. That is known by the
+variance of their places on the view: within small blocks of the display it is less than in large
+ones there, and the same where light is mixed. There, and where next to none land, each sample
+lights the pixel that it lands in.
+"""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -6,14 +19,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Bools, Floats, Ints, mean_at, taken
-from . import interpolation
-from .points import Points
+from ..base.arrays import Bools, Floats, Ints, mean_at, taken, whole_within
+from ..base.steps import Pauses
+from . import smooth_cells
+from .points import Points, is_in_image
 
 UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # its corners
 # Light between the nodes of a cell is taken to be so many times as faint as at the faintest, or as
 # bright as at the brightest, and no more: smooth light is far from it.
 SWING = 2.0
+TOGETHER = 16  # about so many samples light a place
+MOST_PX = 16  # display px, side of the widest squares around samples, a power of two
+LEAST_PX = 0.25  # display px, of samples that light their pixel alone
+# light is mixed where the variance in smaller blocks is at least so many times that in a large one,
+# which is known with so many degrees of freedom
+MIXED = 0.7
+LEAST_FREE = 8
 
 
 class Piece(NamedTuple):
@@ -66,6 +87,53 @@ def squares_around(
     )
 
 
+def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Pauses[Floats]:
+    """Sides (s,), display px, of the squares over which samples at viewer px (s, 2) that land at
+    display px (s, 2) are spread; 0 for those that land beside the display or nowhere. Pauses on the
+    way.
+    """
+    found = np.zeros(len(xy))
+    lit = np.flatnonzero(is_in_image(xy, display_size))
+    view = taken(view, lit)
+    columns, rows = display_size
+    column, row = whole_within(taken(xy, lit), (columns - 1, rows - 1))
+    width = np.full(len(lit), LEAST_PX)
+    most = np.full(len(lit), float(MOST_PX))
+    yield 0
+
+    # of ever smaller blocks around the landing the smallest that has so many
+    side = MOST_PX
+    while side:
+        x, y = column // side, row // side
+        block = y * -(-columns // side) + x
+        if side == MOST_PX:
+            large, least_variance = block, MIXED * _variance(view, block, block)
+        n = np.bincount(block)[block]
+        has_many = n >= TOGETHER
+        # the last blocks may reach beyond the display
+        area = np.minimum(side, columns - side * x) * np.minimum(side, rows - side * y)
+        width[has_many] = np.sqrt(area * TOGETHER / n)[has_many]
+        yield 0
+        most[(_variance(view, block, large) < least_variance)[large]] = side / 2
+        side //= 2
+        yield 0
+    width = np.minimum(width, most)
+    found[lit] = np.where(width > 0.5, np.minimum(width, min(display_size)), LEAST_PX)
+    return found
+
+
+def _variance(view: Floats, block: Ints, large: Ints) -> Floats:
+    """Of viewer px (s, 2) within blocks (s,), of all blocks in each large one (l,), by the numbers
+    (s,) of these; NaN where it is not known.
+    """
+    n = np.maximum(np.bincount(block), 1)
+    squared = sum((along - (np.bincount(block, along) / n)[block]) ** 2 for along in view.T)
+    # a block of n samples has n - 1 degrees of freedom
+    free = np.bincount(large, 1 - 1 / n[block])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(free > LEAST_FREE - 0.5, np.bincount(large, squared) / free, np.nan)
+
+
 def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> Piece:
     """Quads of smooth cells, as many as m a side.
 
@@ -73,7 +141,7 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     """
     # landings and throughput on a grid of each cell
     values = np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
-    landed = interpolation.on_grid(values, m)
+    landed = smooth_cells.on_grid(values, m)
 
     # where light falls steeply, quartics swing beyond their nodes, and might swing below nothing
     faintest, brightest = (of(values[..., 2], axis=1)[:, None, None] for of in (np.min, np.max))

@@ -9,34 +9,22 @@ traced. So the bound holds for every pixel, and what is sampled instead depends 
 the view, on no batch and on no machine.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints, whole_within
 from ..light.plan import Plan
 
-
-@dataclass(frozen=True)
-class AllowanceRule:
-    """The most rays of a viewer pixel.
-
-    times_effort : so many times Effort, for each display pixel that there is for one of the viewer
-    apart : of these, kept for rays that make no map: those that measure it, and look for glare
-    """
-
-    times_effort: int = 24
-    apart: int = 4
-
-
-ALLOWANCE = AllowanceRule()
+TIMES_EFFORT = 24  # rays, for each display pixel that there is for one of the viewer
+# of these, for rays that make no map: those that measure it, and look for glare
+APART = 4
+N_QUARTERS = 4  # of a pixel: where it is sampled, each takes a ray
 
 
 def most_rays(plan: Plan) -> int:
     """The most rays that a viewer pixel of a plan may take."""
     viewer, display = plan.viewer, plan.rig.display
     ratio = display.width * display.height // (viewer.width * viewer.height)
-    return ALLOWANCE.times_effort * plan.settings.effort * max(1, ratio)
+    return TIMES_EFFORT * plan.settings.effort * max(1, ratio)
 
 
 class Allowance:
@@ -44,19 +32,14 @@ class Allowance:
 
     def __init__(self, plan: Plan, view: Floats) -> None:
         """After rays at viewer px (n, 2)."""
-        viewer, rule = plan.viewer, ALLOWANCE
+        viewer = plan.viewer
         self.size = (viewer.width, viewer.height)
-        self.along = plan.settings.samples_along
-        self.kept = self.along**2
+        self.kept = max(plan.settings.samples_along**2, N_QUARTERS)
 
-        most = most_rays(plan) - rule.apart
+        most = most_rays(plan) - APART
         # places on the lower and the right border are those of pixels beyond
         self.left = np.full((viewer.width + 1) * (viewer.height + 1), most, np.int64)
         self.take(view)
-
-    def keep(self, quarterings: int) -> None:
-        """Keep the rays that sample a pixel, also one quartered so often: a quarter takes one."""
-        self.kept = max(self.along**2, 4**quarterings)
 
     def take(self, view: Floats, n_rays: Ints | int = 1) -> None:
         """Rays (n,) at viewer px (n, 2) are traced, or will be."""

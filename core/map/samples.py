@@ -3,7 +3,7 @@
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
 mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
 bisection have an end there. Cells whose light falls where the display is faint take further ones,
-and all samples of a cell count alike. On the display each lights a square (kernel_width.py).
+and all samples of a cell count alike. On the display each lights a square (pieces.py).
 
 A display pixel shows the mean of its light, and is known by the samples that land in it. Where
 light is spread thin few do, whatever the picture shows there: that is most of the error of a glass
@@ -20,7 +20,7 @@ right on average then, whatever the rule is.
 """
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -36,25 +36,12 @@ from .points import BYTES_OF_POINT, Points, is_in_image, trace_points
 from .ray_budget import Allowance
 from .view_map import QUADS_AT_ONCE, ViewMap
 
-
-@dataclass(frozen=True)
-class FaintRule:
-    """When chaotic cells take more samples than Effort says.
-
-    block_px : display px, side of the parts on which light is summed up
-    times : so many times as many further samples along a pixel's side, one of these
-    most_along : further samples along a pixel's side, at the most
-    least_share : of the view, that is chaotic: where less is none takes more, for it is not worth
-        the time that summing up light takes
-    """
-
-    block_px: int = 8
-    times: tuple[float, ...] = (1.0, 1.5)
-    most_along: int = 12
-    least_share: float = 0.001
-
-
-FAINT = FaintRule()
+BLOCK_PX = 8  # display px, side of the parts on which light is summed up
+TIMES = (1.0, 1.5)  # so many times as many further samples along a pixel's side, one of these
+MOST_ALONG = 12  # further samples along a pixel's side
+# of the view, that is chaotic: where less is none takes more, for it is not worth the time that
+# summing up light takes
+LEAST_SHARE = 0.001
 
 # the pixels of the other colour that are at most two columns and rows away
 AROUND = [(x, y) for x, y in product(range(-2, 3), repeat=2) if (x + y) % 2]
@@ -65,14 +52,14 @@ def numbers_along(along: int) -> list[int]:
     """How many further samples along a pixel's side faint light may take, one of these, beside the
     `along` that all chaotic light has.
     """
-    numbers = {int(times * along) for times in FAINT.times}
-    return sorted(n for n in numbers if n <= FAINT.most_along)
+    numbers = {int(times * along) for times in TIMES}
+    return sorted(n for n in numbers if n <= MOST_ALONG)
 
 
 def may_take_more(plan: Plan, area: float) -> bool:
     """Is some chaotic light, of an area in viewer px^2, to be looked at?"""
     whole = plan.viewer.width * plan.viewer.height
-    return area >= FAINT.least_share * whole and bool(numbers_along(plan.settings.samples_along))
+    return area >= LEAST_SHARE * whole and bool(numbers_along(plan.settings.samples_along))
 
 
 def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
@@ -124,7 +111,7 @@ def samples_worth(
     """
     viewer, display = plan.viewer, plan.rig.display
     size = (display.width, display.height)
-    even = viewer.width * viewer.height * FAINT.block_px**2 / (display.width * display.height)
+    even = viewer.width * viewer.height * BLOCK_PX**2 / (display.width * display.height)
     is_lit = is_in_image(points.xy, size) & (points.branch != 0)
     is_lit &= points.reason != Reason.MISSED_GLASS
 
@@ -182,14 +169,14 @@ def further_along(
 
 def _blocks(display_size: tuple[int, int]) -> tuple[int, int]:
     """Columns and rows of the blocks of a display."""
-    columns, rows = (-(-n // FAINT.block_px) for n in display_size)
+    columns, rows = (-(-n // BLOCK_PX) for n in display_size)
     return columns, rows
 
 
 def _block_of(display: Floats, display_size: tuple[int, int]) -> Ints:
     """Numbers (n,) of the blocks of display px (n, 2) in the image, its far borders included."""
     columns, rows = _blocks(display_size)
-    column, row = whole_within(display / FAINT.block_px, (columns - 1, rows - 1))
+    column, row = whole_within(display / BLOCK_PX, (columns - 1, rows - 1))
     return row * columns + column
 
 

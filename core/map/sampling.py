@@ -7,7 +7,7 @@ on one branch are cells, the others are cut in pieces.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from typing import TypeVar
 
@@ -18,33 +18,19 @@ from ..base.stages import MAP, Span, section, spans
 from ..base.steps import Pauses, between
 from ..light.plan import Plan
 from ..light.rays import Reason
-from . import interpolation
-from .borders import Cutting, Pieces
-from .cut_quality import CUT
-from .interpolation import CHECKS, COLUMN, PARTS, ROW
+from . import smooth_cells
+from .cutting import CutPixels, Cutting
 from .measured_error import checked
 from .points import Paths, Points, is_seen, trace_points
 from .samples import n_strata, sample_cells
-from .squares import Squares, is_beside_display
-from .subdivision import SUBDIVISION
+from .smooth_cells import CHECKS, COLUMN, PARTS, ROW, Squares, is_beside_display
 from .view_map import ViewMap
 
 Result = TypeVar("Result")
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """How squares are divided.
-
-    n_across : squares along the longer side of the viewer's image to begin with
-    dark_side_px : up to here squares may be dark whose rays are lost in different ways
-    """
-
-    n_across: int = 16
-    dark_side_px: int = 8
-
-
-REFINEMENT = Refinement()
+N_ACROSS = 16  # squares along the longer side of the viewer's image to begin with
+DARK_SIDE_PX = 8  # up to here squares may be dark whose rays are lost in different ways
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -64,15 +50,14 @@ class Sampling:
 
     def __init__(self, plan: Plan, is_coarse: bool = False, is_checked: bool = True) -> None:
         self.plan, self.is_coarse, self.is_checked = plan, is_coarse, is_checked and not is_coarse
-        self.quarterings = 0 if is_coarse else CUT.quarterings
         viewer, display = plan.viewer, plan.rig.display
         self.view_size = (viewer.width, viewer.height)
         self.display_size = (display.width, display.height)
         self.tolerance = plan.settings.tolerance
-        self.allowed = (1 - SUBDIVISION.of_tolerance) * self.tolerance
+        self.allowed = (1 - smooth_cells.OF_TOLERANCE) * self.tolerance
 
         # the first squares, and room for the nodes of all
-        self.first_size = max(PARTS, 2 ** int(np.log2(max(self.view_size) / REFINEMENT.n_across)))
+        self.first_size = max(PARTS, 2 ** int(np.log2(max(self.view_size) / N_ACROSS)))
         n_columns, n_rows = (-(-n // self.first_size) for n in self.view_size)
         self.number = np.full(
             (n_rows * self.first_size + 1, n_columns * self.first_size + 1), -1, np.int32
@@ -181,11 +166,11 @@ class Sampling:
 
         is_aside = is_beside_display(xy, branch, np.array(self.display_size))
         is_smooth = is_one & ~is_aside
-        expected = interpolation.expected_error(xy[is_smooth])
+        expected = smooth_cells.expected_error(xy[is_smooth])
         is_smooth[is_smooth] = (expected <= self.allowed) | (squares.size[is_smooth] == PARTS)
 
         # lost in different ways: something between may be seen
-        large = np.flatnonzero(is_dark & (squares.size > REFINEMENT.dark_side_px))
+        large = np.flatnonzero(is_dark & (squares.size > DARK_SIDE_PX))
         met = self.paths.met[nodes[large]]
         is_dark[large] = (met == met[:, :1]).all(axis=(1, 2))
 
@@ -202,10 +187,12 @@ class Sampling:
 
     def _bent(self, squares: Squares) -> Floats:
         """About how far off (n,), display px, the pixels of the
-        smallest squares are, quartered as in `cut`.
+        smallest squares are, quartered as in `Cutting`.
         """
-        by_quads = interpolation.sag(taken(self.points.xy, self._at_nodes(squares)))
-        return np.where(by_quads > self.tolerance, by_quads / 4**self.quarterings, by_quads)
+        by_quads = smooth_cells.sag(taken(self.points.xy, self._at_nodes(squares)))
+        if self.is_coarse:
+            return by_quads
+        return np.where(by_quads > self.tolerance, by_quads / 4, by_quads)
 
     def _missed(self, squares: Squares, first: int) -> Floats:
         """By how much (n,), display px, smooth squares miss the points traced to check them.
@@ -216,7 +203,7 @@ class Sampling:
         n_checks = len(CHECKS)
         nodes = self._at_nodes(squares)
         checks = slice(first, first + n_checks * n)
-        expected = interpolation.at_checks(taken(self.points.xy, nodes)).reshape(-1, 2)
+        expected = smooth_cells.at_checks(taken(self.points.xy, nodes)).reshape(-1, 2)
         xy = self.points.xy[checks]
         is_one = self.points.branch[checks] == self.points.branch[nodes[:, 0]].repeat(n_checks)
         off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
@@ -271,15 +258,13 @@ class Sampling:
         view_map = replace(view_map, unchecked=None if self.is_coarse else cells)
         return (yield from checked(self.plan, view_map)) if self.is_checked else view_map
 
-    def _cut(self, cells: Ints, square: Ints) -> Pauses[Pieces]:
+    def _cut(self, cells: Ints, square: Ints) -> Pauses[CutPixels]:
         """Pieces of pixels (m, 4) in squares (m,), by number."""
-        cutting = Cutting(self.plan, self.points, self.quarterings)
-        first, *others, last = (
-            section(self.borders, k, self.quarterings + 2) for k in range(self.quarterings + 2)
-        )
+        cutting = Cutting(self.plan, self.points, self.is_coarse)
+        first, second, last = (section(self.borders, k, 3) for k in range(3))
         some = yield from self._during(first, cutting.pixels(cells, square))
-        for depth, span in enumerate(others, 1):
-            some = yield from self._during(span, cutting.quarters(some, depth))
+        if not self.is_coarse:
+            yield from self._during(second, cutting.quarters(some))
         return (yield from self._during(last, cutting.finished()))
 
     def _reasons(self) -> np.ndarray:

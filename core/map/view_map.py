@@ -3,7 +3,7 @@
 `Lookup` finds the cell at a place of the viewer's image.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,17 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
-from ..base.steps import Pauses, at, finish, within
+from ..base.steps import Pauses, finish
 from ..light.rays import Reason
-from . import interpolation
+from . import smooth_cells
 from .cells import count_shares
-from .decimation import THINNING, Thinning
-from .interpolation import PARTS, bilinear
-from .kernel_width import widths
-from .pieces import Piece, polygons, quads_of, squares_around
+from .pieces import Piece, polygons, quads_of, squares_around, widths
 from .points import Points, in_triangles, is_in_image
-from .squares import CORNERS, Squares
-from .subdivision import n_parts
+from .smooth_cells import CORNERS, PARTS, Squares, bilinear, n_parts
 
 
 @dataclass(eq=False)
@@ -54,7 +50,7 @@ class Lookup:
         rays = in_image[smooth]
         cells = owner[smooth]
         places = (xy[rays] - self.corner[cells]) / self.size[cells, None]
-        found[rays] = interpolation.at_places(self.points.xy[self.nodes[cells]], places)
+        found[rays] = smooth_cells.at_places(self.points.xy[self.nodes[cells]], places)
 
         # in whole pixels
         whole = np.flatnonzero(owner < -1)
@@ -323,51 +319,24 @@ class ViewMap:
         """(4,) approximate numbers of shares that smooth cells, quads, triangles and samples make,
         one for each display pixel that a piece touches.
         """
-        shares, step = self._count_shares(self.nodes[:, CORNERS], self._n_parts)
-        smooth = step * shares.sum()
-        shares, step = self._count_shares(self.quads)
-        quads = step * shares.sum()
-        shares, step = self._shares_of_triangles
-        if self.thinning is not None:
-            some = self.triangles[::step]
-            some = [taken(places, some) for places in (self.points.view, self.points.xy)]
-            shares = shares / self.thinning.strides(*some) ** 2
-        triangles = step * shares.sum()
+        of_cells = [
+            self._count_shares(self.nodes[:, CORNERS], self._n_parts),
+            self._count_shares(self.quads),
+            self._count_shares(self.triangles),
+        ]
         # a square narrower than a pixel lies in one
         width = self.sample_width
         shares = np.where(width < 1, width > 0, (width + 1) ** 2)
-        return np.array([smooth, quads, triangles, shares.sum()])
+        return np.array([*of_cells, shares.sum()])
 
-    @cached_property
-    def thinning(self) -> Thinning | None:
-        """Of triangles that spread far over the display; None where these are not many."""
-        return finish(self._looking_far())
+    def _count_shares(self, pieces: Ints, parts: Ints | None = None) -> float:
+        shares, step = count_shares(self.points.xy, pieces, self.display_size, parts)
+        return step * shares.sum()
 
-    def look_far(self) -> Generator[float, None, None]:
-        """Make `sample_width` and `thinning`, each of which may take a second and more; yields
-        progress 0..1.
-        """
+    def spread_samples(self) -> Pauses[None]:
+        """Make `sample_width`, which may take a second and more."""
         if "sample_width" not in vars(self):
-            vars(self)["sample_width"] = yield from at(0.0, self._spreading())
-        if "thinning" not in vars(self):
-            vars(self)["thinning"] = yield from within(self._looking_far(), 0.5, 1.0)
-
-    def _looking_far(self) -> Generator[float, None, Thinning | None]:
-        shares, step = self._shares_of_triangles
-        if step * shares.sum() <= THINNING.per_pixel * np.prod(self.display_size):
-            return None
-        thinning = Thinning(self.display_size)
-        for first in range(0, len(self.triangles), QUADS_AT_ONCE):
-            thinning.add(*polygons(self.points, self.triangles[first : first + QUADS_AT_ONCE])[:2])
-            yield first / len(self.triangles)
-        return thinning
-
-    @cached_property
-    def _shares_of_triangles(self) -> tuple[Floats, int]:
-        return self._count_shares(self.triangles)
-
-    def _count_shares(self, pieces: Ints, n_parts: Ints | None = None) -> tuple[Floats, int]:
-        return count_shares(self.points.xy, pieces, self.display_size, n_parts)
+            vars(self)["sample_width"] = yield from self._spreading()
 
     @property
     def is_whole(self) -> Bools:

@@ -166,7 +166,7 @@ typedef struct {
     double facing[3], normal[3];       /* of curved faces, not unit */
 } Hit;
 
-/* Edges of which the last place on a branch is looked for by halves, as core/map/bisection.py has them, and the viewer
+/* Edges of which the last place on a branch is looked for by halves, as core/map/borders.py has them, and the viewer
    that their rays start from, as viewer.py has it. */
 typedef struct {
     const double *start, *way;         /* (n, 2) viewer px: their near ends, and from there to the far ones */
@@ -215,8 +215,6 @@ typedef struct {
     int64_t n;
     double matrix[9];                  /* from viewer px to the picture's UV */
     double low[2], high[2], size[2];   /* of the picture, in UV; its pixels */
-    double side;                       /* picture px, and at how many places a share is read along a side at the most: */
-    int64_t most_reads;                /* as in reads.py */
 } Strokes;
 
 /* A picture at one of its sizes. */

@@ -3,13 +3,14 @@
 #include "kiriko.h"
 
 #define LEAST 1e-100 /* as in flat_picture.py */
-#define UPRIGHT 1e-3 /* as in picture.py; the next three as in reads.py, READS */
+#define UPRIGHT 1e-3 /* as in picture.py; the next four as in pyramid.py */
+#define SIDE 0.9
 #define APART 0.25
 #define POINT_SIDE 0.2
-#define MOST_READS 8
+#define MOST_READS 4
 #define WELL_BELOW 0.999 /* of a limit: so far below it nothing need be worked out, whatever rounding does */
 #define MOST_LEVELS 64
-#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: at most eight places along each side, on two levels */
+#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: at most four places along each side, on two levels */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
 #define STRIPE 1024     /* pixels */
 
@@ -29,16 +30,16 @@ typedef struct {
 /* How a share is read along a side: at how many places, as parts of the side from its middle. */
 typedef struct {
     int n;
-    const double *step; /* the same for all sides that are read at one place, or at two, four or eight far apart */
+    const double *step; /* the same for all sides that are read at one place, or at two or four far apart */
     double own[MOST_READS];
 } Side;
 
-/* A picture's sizes; sides that are read at four places far apart, and at as many as can be. */
+/* A picture's sizes; sides that are read at four places far apart. */
 typedef struct {
     const Level *levels;
     int64_t n_levels;
     Grid grids[MOST_LEVELS];
-    Side four, most;
+    Side four;
 } Reader;
 
 /* Where a share lies on the picture, two sides of it, each as long as its standard deviation, and what it weighs. */
@@ -143,14 +144,12 @@ static const double ONE[1] = {0}, TWO[2] = {-1, 1};
 
 static inline double squared(double number) { return number * number; }
 
-static void find_own_side(double length, const Strokes *strokes, Side *side) {
-    double two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / strokes->side;
-    double four = clip((relative - 2) / APART, 0, 1);
-    double eight = strokes->most_reads > 4 ? clip((relative / 2 - 2) / APART, 0, 1) : 0;
-    side->n = eight > 0 ? 8 : four > 0 ? 4 : two > 0 ? 2 : 1;
+static void find_own_side(double length, Side *side) {
+    double two = clip(length / POINT_SIDE - 1, 0, 1), four = clip((length / SIDE - 2) / APART, 0, 1);
+    side->n = four > 0 ? 4 : two > 0 ? 2 : 1;
     side->step = side->own;
-    double far = two < 1 || four > 0 ? sqrt(two / (1 + four * four / 4 + eight * eight / 16)) : 1;
-    const double steps[3] = {far, four * far / 2, eight * far / 4};
+    double far = two < 1 || four > 0 ? sqrt(two / (1 + four * four / 4)) : 1;
+    const double steps[2] = {far, four * far / 2};
     for (int k = 0; k < side->n; k++) {
         side->own[k] = 0;
         for (int i = 0, half = side->n / 2; half > 0; i++, half /= 2) side->own[k] += k & half ? steps[i] : -steps[i];
@@ -163,23 +162,19 @@ static inline void take_side(int n, const double *step, Side *side) {
 }
 
 /* By the square of its length, for most sides need no root. */
-static inline void find_side(double square, const Strokes *strokes, const Reader *reader, Side *side) {
-    double one = strokes->side, less = squared(WELL_BELOW) * square;
+static inline void find_side(double square, const Reader *reader, Side *side) {
+    double less = squared(WELL_BELOW) * square;
     if (square < squared(WELL_BELOW * POINT_SIDE)) take_side(1, ONE, side);
-    else if (less > squared(2 * POINT_SIDE) && square < squared(WELL_BELOW * 2 * one))
-        take_side(2, TWO, side);
-    else if (one > POINT_SIDE && less > squared((2 + APART) * one) && square < squared(WELL_BELOW * 4 * one))
-        take_side(reader->four.n, reader->four.own, side);
-    else if (one > POINT_SIDE && less > squared(2 * (2 + APART) * one))
-        take_side(reader->most.n, reader->most.own, side);
-    else find_own_side(sqrt(square), strokes, side);
+    else if (less > squared(2 * POINT_SIDE) && square < squared(WELL_BELOW * 2 * SIDE)) take_side(2, TWO, side);
+    else if (less > squared((2 + APART) * SIDE)) take_side(reader->four.n, reader->four.own, side);
+    else find_own_side(sqrt(square), side);
 }
 
 /* The variance along each axis that smaller sizes of the picture add to each of the most reads; the sides are made
    shorter, so that the places have the rest. `square`: of the shorter one's length. */
-static double leave_to_levels(double *first, double *second, double square, const Strokes *strokes) {
-    if (square < squared(WELL_BELOW * strokes->side * (double)strokes->most_reads)) return 0;
-    double each = sqrt(square) / (double)strokes->most_reads, left = (each * each - strokes->side * strokes->side) / 12;
+static double leave_to_levels(double *first, double *second, double square) {
+    if (square < squared(WELL_BELOW * SIDE * MOST_READS)) return 0;
+    double each = sqrt(square) / MOST_READS, left = (each * each - SIDE * SIDE) / 12;
     if (!(left > 0)) return 0;
     double of_first = first[0] * first[0] + first[1] * first[1], of_second = second[0] * second[0] + second[1] * second[1];
     double area = first[0] * second[1] - first[1] * second[0], both = of_first + of_second;
@@ -197,14 +192,14 @@ static double leave_to_levels(double *first, double *second, double square, cons
 }
 
 /* Read a share at as many places as its sides need. */
-static Tap *read_share(const Strokes *strokes, const Reader *reader, const Footprint *f, Tap *tap) {
+static Tap *read_share(const Reader *reader, const Footprint *f, Tap *tap) {
     double first[2] = {f->first[0], f->first[1]}, second[2] = {f->second[0], f->second[1]};
     double length = 12 * (first[0] * first[0] + first[1] * first[1]); /* both squared */
     double width = 12 * (second[0] * second[0] + second[1] * second[1]);
     Side along, across;
-    find_side(length, strokes, reader, &along);
-    find_side(width, strokes, reader, &across);
-    Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width, strokes));
+    find_side(length, reader, &along);
+    find_side(width, reader, &across);
+    Mix mix = find_mix(reader, leave_to_levels(first, second, length < width ? length : width));
     double weight = f->weight / (along.n * across.n);
     for (int i = 0; i < along.n; i++) {
         double x = f->at[0] + along.step[i] * first[0], y = f->at[1] + along.step[i] * first[1];
@@ -258,7 +253,7 @@ static void go_through_stripes(void *context, int64_t first, int64_t last) {
         Footprint footprint;
         if (stripe < first || stripe >= last || !find_footprint(strokes, i, &footprint)) continue;
         Tap taps[MOST_TAPS]; /* of which only those before the end are set */
-        const Tap *end = read_share(strokes, &canvas->reader, &footprint, taps);
+        const Tap *end = read_share(&canvas->reader, &footprint, taps);
         if (canvas->total) {
             add_taps(canvas->reader.levels, taps, end - taps, canvas->total + pixel, n_pixels);
             continue;
@@ -284,8 +279,7 @@ static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, in
             reader->grids[k].last[a] = size[a] > 1 ? (int32_t)(size[a] - 2) : 0;
         }
     }
-    find_own_side(3 * canvas->strokes->side, canvas->strokes, &reader->four);
-    find_own_side(6 * canvas->strokes->side, canvas->strokes, &reader->most);
+    find_own_side(3 * SIDE, &reader->four);
     if (n_threads < 1) n_threads = 1;
     int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
     if (reader->n_levels > 0) share_out(go_through_stripes, canvas, N_STRIPES, at_once, n_threads);

@@ -63,7 +63,7 @@ DivisionStructure = _structure(
 StrokesStructure = _structure(
     "StrokesStructure",
     pixel=_P, wide_pixel=_P, view_xy=_P, covariance=_P, apart=_I, area=_P, throughput=_P, n=_I,
-    matrix=_D * 9, low=_D * 2, high=_D * 2, size=_D * 2, side=_D, most_reads=_I,
+    matrix=_D * 9, low=_D * 2, high=_D * 2, size=_D * 2,
 )  # fmt: skip
 LevelStructure = _structure("LevelStructure", pixels=_P, width=_I, height=_I, stride=_I)
 FitStructure = _structure(

@@ -28,8 +28,7 @@ class Settings:
     effort : rays that sample a viewer pixel where light is chaotic, rounded down to a square;
         up to 3.25 times as many where the display is faint (core/map/samples.py). No pixel takes
         more than 24 times as many, for each display pixel that there is for it
-        (core/map/ray_budget.py); with more than 16 cells are cut finer where faces bend light, too
-        (core/map/cut_quality.py);
+        (core/map/ray_budget.py);
         1 to MOST_EFFORT
     margin : display pixels by which the covered area is grown in the source image
     wavelength : m

@@ -19,8 +19,7 @@ from ..base.stages import MAP, spans
 from ..base.steps import Pauses, at, finish, within
 from ..image.ghosts import paths_of
 from ..image.glare import Glare, LightBeside, look_beside, looking_beside
-from ..image.ideal_image import ideal_image
-from ..image.seen_image import seeing
+from ..image.seen_image import ideal_image, seeing
 from ..image.simulation import PlateView, plate_view
 from ..light.compile_plan import planning
 from ..light.mesh_cache import Kept
@@ -28,8 +27,7 @@ from ..light.plan import Aside, Plan
 from ..light.rays import ReachedError, Reason
 from ..map.pieces import Piece
 from ..map.sampling import Sampling, sample
-from ..map.share_batches import ShareBatches
-from ..map.shares import Coverage, Shares, add_at
+from ..map.shares import Coverage, ShareBatches, Shares, add_at
 from ..map.view_map import MapError, ViewMap
 from ..rig.rig import Rig
 from ..rig.settings import Settings
@@ -244,7 +242,7 @@ def shares_of(
             yield piece.view, piece.display, piece.throughput, paths_of(piece) if has_path else None
 
     sizes = view_map.display_size, view_map.view_size
-    return ShareBatches(*sizes, has_throughput, cells, has_path, view_map.thinning)
+    return ShareBatches(*sizes, has_throughput, cells, has_path)
 
 
 def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.fingerprint import fingerprint
 from ..base.steps import at, within
-from ..image.ideal_image import ideal_image
+from ..image.seen_image import ideal_image
 from ..rig.rig import Picture, Rig, Viewer
 from ..rig.settings import Settings
 from .session import Session

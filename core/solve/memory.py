@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 from ..base.free_memory import check_free, is_free
 from ..base.messages import Message
-from ..map.dividing import SHARES_AT_ONCE
 from ..map.points import BYTES_OF_POINT
-from ..map.share_batches import MOST_KEPT
+from ..map.rasterise import SHARES_AT_ONCE
+from ..map.shares import MOST_KEPT
 from ..map.view_map import ViewMap
 from ..native.loading import library
 from ..rig.rig import Display, Rig

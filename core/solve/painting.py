@@ -14,11 +14,9 @@ from ..image.ghosts import strongest_paths
 from ..image.inverse_lookup import Asked, moved_in_view
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
-from ..image.reads import Reads, reads_at
 from ..image.source_image import Painting, Strokes, find_strokes
 from ..map.pieces import Piece
-from ..map.share_batches import ShareBatches
-from ..map.shares import Coverage, Shares
+from ..map.shares import Coverage, ShareBatches, Shares
 from ..map.view_map import ViewMap
 from ..rig.rig import PicturePlace
 from ..rig.settings import Settings
@@ -34,7 +32,6 @@ PASS = 0.5  # of the progress: two passes over all shares count alike
 class Placed:
     """The part of a channel that depends on the picture's place and size, but not on its colours.
 
-    reads : how finely shares are read
     n_pieces : of the map, of which the shares are made
     coverage : complete when all shares were made once
     is_counted : is it complete?
@@ -46,7 +43,6 @@ class Placed:
     key: ChannelKey
     picture: PicturePlace
     shares: ShareBatches
-    reads: Reads
     n_pieces: int
     coverage: Coverage
     is_counted: bool = False
@@ -166,7 +162,7 @@ def _add(
 
         if strokes is None:
             shown = placed.weighed(shown)
-            strokes = find_strokes(placed.picture, placed.viewer, shown, placed.reads)
+            strokes = find_strokes(placed.picture, placed.viewer, shown)
             yield told
         if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
             placed.strokes.append(strokes)
@@ -191,7 +187,6 @@ def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: S
         key=key,
         picture=picture,
         shares=shares,
-        reads=reads_at(view_map.tolerance),
         n_pieces=view_map.n_pieces,
         coverage=Coverage(shares.display_size, shares.view_size),
     )

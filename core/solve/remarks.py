@@ -78,7 +78,6 @@ def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
 
     remedies = {
         "drawn": drawn,
-        "coarse": remedy_for_coarse(rig, mesh),
         "order": Message("it is coarse: subdivide the glass"),
         "straight": Message(
             "its edges are straight where smooth faces meet flat ones: add loops near them"
@@ -95,17 +94,6 @@ def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
 def facetted_glass(rig: Rig) -> str:
     """The name of a glass whose facets stand for a curved surface, '' where there is none."""
     return next((glass.name for glass in rig.glasses if is_facetted(glass.mesh)), "")
-
-
-def remedy_for_coarse(rig: Rig, mesh: Tessellation) -> Message:
-    """The remedy for a mesh that is too coarse to tell which surface was meant."""
-    return Message(
-        "'{name}' is too coarse to tell which surface was meant: Smooth and As Drawn land light"
-        " about as far apart, and send {share} of it another way. Give it more faces, or compare"
-        " both",
-        name=name_of(rig, mesh.coarse.part),
-        share=percent(mesh.coarse.elsewhere),
-    )
 
 
 def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:

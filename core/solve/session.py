@@ -16,8 +16,7 @@ from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.stages import AFTER, MAP, TRACING, section, spans
 from ..base.steps import Pauses, at, finish, within
-from ..image.pyramid import Pyramid
-from ..image.pyramids import pyramids_of
+from ..image.pyramid import Pyramid, pyramids_of
 from ..image.source_image import Painting
 from ..light.compile_plan import planning
 from ..light.mesh_cache import Kept
@@ -419,7 +418,7 @@ class Session:
 
         clock.lap("tracing")
         yield spread[0]
-        yield from within(view_map.look_far(), *spread)
+        yield from at(spread[0], view_map.spread_samples())
         clock.lap("shares")
         yield spread[1]
         weight = yield from at(spread[1], weight_beside(view_map, settings))

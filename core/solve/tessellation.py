@@ -6,32 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Floats
+from ..base.arrays import Bools, Floats
 from ..base.steps import Pauses, at, within
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.trust import PART
 from ..light import kernel_trees
 from ..light.compile_plan import planning
-from ..light.plan import Plan, PlannedLayer
+from ..light.plan import Counts, Plan, PlannedLayer
 from ..light.ray_engine import Layer
 from ..light.rays import Landings, Step, Words, main_landings
 from ..light.trace import recording, tracing
 from ..native import loading
-from ..rig.rig import Glass, Mirror, Rig, Viewer
-from .coarse_parts import (
-    Coarse,
-    difference,
-    followed,
-    go_alike,
-    is_mostly_drawn,
-    looking_for_coarse,
-)
-from .undecided import undecided
+from ..rig.rig import ROLES, Glass, Kind, Mirror, Rig, Viewer
 
 SAMPLES = 32  # rays along each side of the viewer's image
 # of a face's tilt: normals are means of some faces, and light turns by half of their turn
 TILTED = 0.25
+MOSTLY = 0.5  # share of a part's smooth faces: if more are left as drawn, most of the part is
+NEAR_OF_GLASS = 1e-3  # of the glass's size: solids nearer than this may overlap by another mesh
 
 
 class Tessellation(NamedTuple):
@@ -47,8 +40,6 @@ class Tessellation(NamedTuple):
         their edges: the mesh is irregular or noisy
     uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
     is_irregular : jumps exceed the tolerance, and Automatic leaves most of that part as drawn
-    coarse : a part that does not tell which surface was meant: drawn is then no less than its
-        error, and jumps are no more
     undecided : share of the light, 0..1, that passes two solids so near each other that it arrives
         elsewhere, or does not, where the curved faces are of degree 3 instead of 4: the solids have
         other triangles there
@@ -61,7 +52,6 @@ class Tessellation(NamedTuple):
     uneven: int = -1
     is_irregular: bool = False
     undecided: float = 0.0
-    coarse: Coarse = Coarse()
 
     @property
     def error(self) -> float:
@@ -70,23 +60,13 @@ class Tessellation(NamedTuple):
 
     @property
     def cause(self) -> str:
-        """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'; 'coarse' where most is
-        of a part that does not tell which surface was meant.
+        """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'.
 
         On a mesh that is merely coarse normals jump as well.
         """
-        if 2 * self.coarse.error > self.error:
-            return "coarse"
         if self.is_irregular:
             return "jumps"
         return max(("drawn", "order", "straight"), key=lambda name: getattr(self, name))
-
-    def limited_by(self, coarse: Coarse, rig: Rig) -> "Tessellation":
-        """The same with a part of a rig that is too coarse to tell."""
-        found = self._replace(coarse=coarse, jumps=min(self.jumps, coarse.error))
-        if rig.curved_parts()[coarse.part].mesh.surface == "smooth":
-            return found
-        return found._replace(drawn=max(self.drawn, coarse.error))
 
 
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
@@ -172,18 +152,13 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         let_go = yield from at(0.8, sample.changed(_let_go))
         found = found._replace(straight=difference(sample.here, let_go))
 
-    automatic = None
-    if found.jumps > plan.settings.tolerance:
-        automatic = plan
-        if plan.rig.curved_parts()[found.uneven].mesh.surface != "automatic":
-            rig = followed(plan.rig, "automatic", found.uneven)
-            automatic = yield from at(0.9, planning(rig, plan.settings))
-    coarse = yield from at(0.9, looking_for_coarse(plan, sample.whole, sample.every, automatic))
-    if coarse.part >= 0:
-        return found.limited_by(coarse, plan.rig)
-    if automatic is None:
+    if found.jumps <= plan.settings.tolerance:
         return found
-    return found._replace(is_irregular=is_mostly_drawn(automatic.counts, found.uneven))
+    counts, part = plan.counts, found.uneven
+    if plan.rig.curved_parts()[part].mesh.surface != "automatic":
+        automatic = yield from at(0.9, planning(_by_automatic(plan.rig, part), plan.settings))
+        counts = automatic.counts
+    return found._replace(is_irregular=_is_mostly_drawn(counts, part))
 
 
 def _sampled(plan: Plan) -> Pauses[_Sample]:
@@ -238,14 +213,12 @@ def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None,
 
     last = difference(own, cubic)
     before = difference(cubic, square)
-    ways = sample.steps, steps
-    origins = sample.every[0], sample.rays[0]
     # both sides of an edge differ by twice as much as from their mean
     jumps = 2 * float(np.sqrt(PART.told)) * difference(sample.here, own)
 
     return found._replace(
         order=last * min(1.0, last / before) if before else last,
-        undecided=undecided(sample.plan, (sample.here, cubic), origins, ways),
+        undecided=_undecided(sample, cubic, steps),
         jumps=jumps,
         uneven=_most_moved(sample, own) if jumps else -1,
     )
@@ -260,7 +233,7 @@ def _spread_rays(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
 def _most_moved(sample: _Sample, own: Landings) -> int:
     """The part most of whose light lands elsewhere by its faces' own normals."""
     plan, here = sample.plan, sample.here
-    alike = go_alike(here, own)
+    alike = _go_alike(here, own)
     moved = np.zeros(len(sample.every[0]))
     moved[here.sample[alike]] = ((own.xy - here.xy)[alike] ** 2).sum(axis=1)
 
@@ -285,6 +258,78 @@ def _let_go(curved: CurvedFaces) -> CurvedFaces:
     held = np.flatnonzero(curved.bent_row >= 0)
     coefficients[held] = curved.bent[curved.bent_row[held]]
     return replace(curved, coefficients=coefficients)
+
+
+def difference(one: Landings, other: Landings) -> float:
+    """Distance of landings on the same branch, rms in display px; 0 where there are none."""
+    same = _go_alike(one, other)
+    return (
+        float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
+    )
+
+
+def _go_alike(one: Landings, other: Landings) -> Bools:
+    """Which landings arrive on the same branch."""
+    return one.has_arrived & other.has_arrived & (one.branch == other.branch)
+
+
+def _undecided(sample: _Sample, other: Landings, other_steps: list[Step]) -> float:
+    """Share of the light that arrives elsewhere by another degree of the curved faces, having
+    passed near two solids on either way.
+
+    other : landings of the sample's rays by that degree; other_steps : where they meet surfaces
+    """
+    here = sample.here
+    is_changed = other.branch != here.branch
+    if not is_changed.any():
+        return 0.0
+
+    with np.errstate(invalid="ignore"):
+        off = np.abs(other.xy - here.xy).max(axis=1)
+        is_changed &= ~(other.has_arrived & (off <= sample.plan.settings.tolerance))
+
+    is_near = _passes_near(sample.plan, sample.every[0], sample.steps)[here.sample]
+    is_near |= _passes_near(sample.plan, sample.rays[0], other_steps)
+    return float((is_changed & is_near).mean())
+
+
+def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
+    """Which rays (n,) meet two solids one after the other
+    within NEAR_OF_GLASS of the glass's size of each other?
+    """
+    size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
+    last = origins.copy()
+    solid = np.full(len(origins), -1)
+    is_near = np.zeros(len(origins), bool)
+
+    for step in steps:
+        part = plan.triangles.part[step.patch]  # a patch has the number of one of its triangles
+        part = np.where(plan.parts.kind[part] == Kind.GLASS, part, -1)
+        is_other = (part >= 0) & (solid[step.rays] >= 0) & (part != solid[step.rays])
+        is_near[step.rays] |= is_other & (
+            np.linalg.norm(step.place - last[step.rays], axis=1) < NEAR_OF_GLASS * size
+        )
+        last[step.rays], solid[step.rays] = step.place, part
+
+    return is_near
+
+
+def _is_mostly_drawn(counts: Counts, part: int) -> bool:
+    """Is most of a part, by its number among the glasses, then mirrors, left as drawn?"""
+    n_doubted = counts.n_doubted[part]
+    return n_doubted > MOSTLY * (n_doubted + counts.n_curved[part])
+
+
+def _by_automatic(rig: Rig, part: int) -> Rig:
+    """A rig whose curved part of that number is followed by Automatic."""
+    chosen = rig.curved_parts()[part]
+    changed = replace(chosen, mesh=replace(chosen.mesh, surface="automatic"))
+    fields = {
+        role.field: tuple(changed if one is chosen else one for one in rig.of(role))
+        for role in ROLES
+        if role.is_curved
+    }
+    return replace(rig, **fields)
 
 
 def way_from(rig: Rig, part: Glass | Mirror) -> float:

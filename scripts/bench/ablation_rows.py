@@ -171,19 +171,14 @@ def _no_lines(old: Callable) -> Callable:
     return look
 
 
-def _all_sides(old: Callable) -> Callable:
-    """Sides of cells as if no border were known."""
+def _all_lack(old: Callable) -> Callable:
+    """No pixel has rays left for its quarters."""
 
-    def find(points: Any, cells: Any, known: Any) -> Generator[int, None, Any]:
-        return (yield from old(points, cells, type(known).none()))
+    def lack(points: Any, cells: Any, *others: Any) -> Generator[int, None, np.ndarray]:
+        return np.ones(len(cells), bool)
+        yield
 
-    return find
-
-
-def _not_coarse(old: Callable) -> Generator[int, None, Any]:
-    from kiriko.core.solve.coarse_parts import Coarse
-
-    return _giving(Coarse())
+    return lack
 
 
 def _no_tessellation(old: Callable) -> Callable:
@@ -230,14 +225,10 @@ TAIL = [
         "irregular: noisy, decimated and scanned meshes",
     ),
     Row(
-        "Coarse parts reported",
-        (Change("solve.tessellation.looking_for_coarse", _not_coarse),),
-        "no part is reported as coarse; no image changes",
-    ),
-    Row(
         "Undecided light reported",
-        (instead("solve.tessellation.undecided", lambda *arguments: 0.0),),
+        (instead("solve.tessellation._undecided", lambda *arguments: 0.0),),
         "no light is reported as undecided; no image changes",
+        "extremes: ball in a cavity of its own size",
     ),
     Row(
         "Error of the mesh reported",
@@ -266,34 +257,25 @@ TAIL = [
     ),
     Row(
         "Faint light takes more samples",
-        (options("map.samples.FAINT", times=()),),
+        (instead("map.samples.TIMES", ()),),
         "no cell takes further samples",
     ),
     Row(
         "Samples spread by density",
-        (options("map.kernel_width.WIDTHS", together=NEVER),),
+        (instead("map.pieces.TOGETHER", NEVER),),
         "no part of the display has enough samples: each lights its pixel alone",
     ),
     Row(
         "Samples spread: limit by mixing",
-        (options("map.kernel_width.WIDTHS", mixed=-1.0),),
+        (instead("map.pieces.MIXED", -1.0),),
         "no light is unmixed, so that density alone decides",
-    ),
-    Row(
-        "Thinning of far triangles",
-        (options("map.decimation.THINNING", per_pixel=NEVER),),
-        "there are never too many shares",
+        "tests/core/test_widths.py: a flat-shaded ball errs twice as much",
     ),
     Row(
         "Allowance of rays",
-        (options("map.ray_budget.ALLOWANCE", times_effort=NEVER, apart=0),),
+        (instead("map.ray_budget.TIMES_EFFORT", NEVER),),
         "each pixel may take as many rays as it asks for",
         "extremes: the bound on rays of a pixel",
-    ),
-    Row(
-        "Borders known from before",
-        (Change("map.cut_cells.find_sides", _all_sides),),
-        "each border is looked for again by each cell",
     ),
     Row(
         "Things that rays pass by",
@@ -322,77 +304,46 @@ TAIL = [
 MAP = [
     Row(
         "Cutting: quarters of pixels",
-        (options("map.cut_quality.CUT", quarterings=0),),
+        (Change("map.cutting.lack_quarters", _all_lack),),
         "no pixel is quartered",
     ),
     Row(
-        "Cutting: second quarters",
-        (options("map.cut_quality.CUT", quarterings=1),),
-        "no quarter is quartered again",
-    ),
-    *_option_rows(
-        "map.cut_quality.CUT",
-        "Cutting",
-        least_error_px=(0.0, "quarters are worth their rays only if they reach the tolerance"),
-        of_effort=(NEVER, "Effort does not change which error is worth rays"),
-        new_share=(2.0, "no square is sampled because its middles are on new branches"),
-        n_doubtful=(NEVER, "no number of doubtful pixels makes a square chaotic"),
-        gap_share=(1.0, "no part that pieces leave out is large enough to be looked into"),
-        many_branches=(6, "five places cannot be on six branches"),
-        apart_px=(INF, "samples never leave gaps"),
-        least_along=(0, "Effort alone tells how dense samples are"),
+        "Cutting: n_doubtful",
+        (instead("map.cutting.N_DOUBTFUL", NEVER),),
+        "no number of doubtful pixels makes a square chaotic: all pixels are cut",
     ),
     Row(
-        "Cutting: cut instead of sampling where samples leave gaps",
-        (options("map.cut_quality.CUT", apart_px=-1.0),),
-        "samples always leave gaps, so that all pixels are cut",
+        "Quads of smooth cells: cheap_error_px",
+        (instead("map.smooth_cells.CHEAP_ERROR_PX", INF),),
+        "quads keep the tolerance, and no more",
+        "the other rows of quads: with them off, too, a ball errs twice as much",
     ),
     Row(
-        "Strips before the dark",
-        (instead("map.strips.MOST_STRIPS", 0),),
-        "no strip is looked for",
+        "Quads of smooth cells: n_places",
+        (instead("map.smooth_cells.N_PLACES", 1),),
+        "one colour for a display pixel that is larger than a viewer pixel",
     ),
     Row(
-        "Bisection: least digits",
-        (options("map.bisection.BISECTION", least_digits=1),),
-        "the tolerance alone tells how exactly a border is found",
+        "Quads of smooth cells: n_places_few",
+        (instead("map.smooth_cells.N_PLACES_FEW", 1.0),),
+        "one colour for a smaller display pixel",
     ),
     Row(
-        "Bisection: by tolerance",
-        (options("map.bisection.BISECTION", of_tolerance=1e9),),
-        "the least number of digits alone tells how exactly a border is found",
-    ),
-    *_option_rows(
-        "map.subdivision.SUBDIVISION",
-        "Quads of smooth cells",
-        of_tolerance=(0.5, "cells and quads share the tolerance evenly"),
-        cheap_error_px=(INF, "quads keep the tolerance, and no more"),
-        n_places=(1, "one colour for a display pixel that is larger than a viewer pixel"),
-        n_places_few=(1.0, "one colour for a smaller display pixel"),
-        one_place_tolerance_px=(0.0, "one place on curved glass at any tolerance"),
-        most_parts=(1 << 20, "no bound on the quads of a cell"),
+        "Quads of smooth cells: most_parts",
+        (instead("map.smooth_cells.MOST_PARTS", 1 << 20),),
+        "no bound on the quads of a cell",
     ),
     Row(
         "Squares: first size",
-        (options("map.sampling.REFINEMENT", n_across=4),),
+        (instead("map.sampling.N_ACROSS", 4),),
         "four squares across the view to begin with, a sixteenth of the number",
         "extremes: small glass",
     ),
     Row(
         "Squares: dark ones whose rays are lost differently",
-        (options("map.sampling.REFINEMENT", dark_side_px=NEVER),),
+        (instead("map.sampling.DARK_SIDE_PX", NEVER),),
         "a dark square is left alone, whatever its rays met",
-    ),
-    *_option_rows(
-        "map.squares.BESIDE",
-        "Beside the display",
-        margin_steps=(0.0, "light between nodes reaches no further than the nodes"),
-        lost_displays=(0.0, "light that is lost was beside the display"),
-    ),
-    Row(
-        "Check of the map",
-        (options("map.measured_error.CHECK", n_places=0),),
-        "the error of the map is not measured; no image changes",
+        "tests/core/test_view_map.py: a slit between two blockers",
     ),
 ]
 GLASS = [
@@ -475,23 +426,11 @@ GLASS = [
 ]
 
 IMAGE = [
-    *_option_rows(
-        "image.reads.READS",
-        "Reads",
-        side=(INF, "no footprint is longer than one that two places read"),
-        most_reads=(4, "four reads along a side at most"),
-    ),
-    *_option_rows(
-        "image.reads.READS",
-        "Reads",
-        by_numpy=True,
-        apart=(1e-9, "places come apart at once"),
-        point_side=(1e9, "each footprint is a point"),
-    ),
     Row(
-        "Glare: rays",
-        (instead("image.glare.N_RAYS_A_SIDE", 8),),
-        "a sixty-fourth of the rays; no image changes",
+        "Reads: side",
+        (instead("image.pyramid.SIDE", INF),),
+        "no footprint is longer than one that two places read",
+        by_numpy=True,
     ),
 ]
 
@@ -525,7 +464,6 @@ ELSEWHERE = {
     "bench": "`tests/core/test_spread.py` (Add Rig) and `dev.py paper` (photographs)",
     "image.seen_image.DotKnobs": "`dev.py paper`: the lattice as seen",
     "image.tone.Tone": "the user's choice",
-    "image.reads.COARSE_SIDE": "only at a tolerance of 0.2 px and more",
     "map.pieces.SWING": "only with Brightness",
     "solve.accuracy.MANY_EVENTS": "only with more than 64 events",
     "solve.memory.Bytes": "`dev.py bench`: memory told beforehand",

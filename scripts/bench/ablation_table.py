@@ -54,6 +54,7 @@ def table(rows: Sequence[Row], results: dict[str, dict[str, list]], machine: str
         text.append(f"## {room}\n\n| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
         text += [line_of(row, results.get(row.name, {})) for row in rows if row.room == room]
         text.append("")
+    text += _removed(rows, results)
     text.append("## Options without a row\n")
     text.append(
         "Batch sizes, rounding, scales without a neutral value, and other benches' options.\n"
@@ -135,6 +136,18 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
     return (
         f"CPU seconds of one solve vary by {statistics.median(spreads):.0%} rms." if spreads else ""
     )
+
+
+def _removed(rows: Sequence[Row], results: dict[str, dict[str, list]]) -> Iterator[str]:
+    """The numbers on which heuristics were removed: of the results that have no row."""
+    columns = "removed", *COLUMNS[2:8]
+    yield f"## Removed\n\n| {' | '.join(columns)} |\n|{'---|' * len(columns)}"
+    for name in sorted(set(results) - {row.name for row in rows}):
+        ratios = [ratios_of(*both) for both in results[name].values() if not isinstance(both, str)]
+        cells = [_spread([one[k] for one in ratios]) for k in range(4)]
+        counted = [f"{n} of {len(ratios)}" for n in count_gains(ratios)]
+        yield f"| {' | '.join([name, *cells, *counted])} |"
+    yield ""
 
 
 def _without_row(rows: Sequence[Row]) -> Iterator[str]:

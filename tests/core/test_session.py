@@ -15,7 +15,7 @@ from kiriko.core.light import ray_engine
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
-from kiriko.core.map import dividing, rasterise, share_batches
+from kiriko.core.map import rasterise, shares
 from kiriko.core.native import loading
 from kiriko.core.rig.mesh import FURTHEST
 from kiriko.core.rig.rig import Blocker, ConstantIndex, Glass, Mesh
@@ -142,9 +142,9 @@ def test_shares_too_many_to_keep_are_made_again(monkeypatch, brightness):
     expected = [solve(some, brightness=brightness) for some in (a_rig, other)]
     n = len(expected[0].first.shares)
 
-    assert n < share_batches.MOST_KEPT
-    monkeypatch.setattr(share_batches, "MOST_KEPT", n // 2)
-    monkeypatch.setattr(dividing, "SHARES_AT_ONCE", n // 5)
+    assert n < shares.MOST_KEPT
+    monkeypatch.setattr(shares, "MOST_KEPT", n // 2)
+    monkeypatch.setattr(rasterise, "SHARES_AT_ONCE", n // 5)
     monkeypatch.setattr(rasterise, "PARTS_AT_ONCE", n // 20)
     monkeypatch.setattr(painting, "MOST_PLACED", 2)
     kept = Session()

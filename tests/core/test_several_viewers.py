@@ -10,7 +10,7 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.lab.measure.viewer_errors import conflict_in_light, displaced, viewer_reports
 from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.map import share_batches
+from kiriko.core.map import shares
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session
@@ -229,7 +229,7 @@ def test_shares_of_viewers_are_made_again_alike(monkeypatch, ghosts, disagreemen
     expected = solve(a_rig, ghosts=ghosts, disagreement=disagreement)
     n = max(len(channel.shares) for channel in expected.channels)
     assert all(channel.shares.are_kept for channel in expected.channels)
-    monkeypatch.setattr(share_batches, "MOST_KEPT", n)
+    monkeypatch.setattr(shares, "MOST_KEPT", n)
     found = solve(a_rig, ghosts=ghosts, disagreement=disagreement)
     assert not any(channel.shares.are_kept for channel in found.channels)
     np.testing.assert_allclose(found.source, expected.source, atol=1e-6)

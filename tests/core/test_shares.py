@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kiriko.core.map import dividing, share_batches
 from kiriko.core.map import rasterise as rasterise_module
+from kiriko.core.map import shares as share_module
 from kiriko.core.map.cells import area_within
-from kiriko.core.map.share_batches import ShareBatches
-from kiriko.core.map.shares import Coverage, add_at
+from kiriko.core.map.shares import Coverage, ShareBatches, add_at
 from known.polygons import area_and_centroid, clip, clipped, covariance, pieces_of
 from known.rasterised import rasterise, to_display, to_view
 
@@ -453,9 +452,9 @@ def test_batches_add_up(monkeypatch, most, has_throughput, has_path):
 
     Few are kept, many are divided anew.
     """
-    monkeypatch.setattr(dividing, "SHARES_AT_ONCE", 50)
+    monkeypatch.setattr(rasterise_module, "SHARES_AT_ONCE", 50)
     monkeypatch.setattr(rasterise_module, "PARTS_AT_ONCE", 64)
-    monkeypatch.setattr(share_batches, "MOST_KEPT", most)
+    monkeypatch.setattr(share_module, "MOST_KEPT", most)
     view = grid(12)
     asked = []
     quads = turned(view, [6, 6], [9, 9], 1.2, 0.3)[0]

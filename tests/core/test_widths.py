@@ -1,8 +1,7 @@
 """Chaotic light is spread over as much of the display as it takes for some samples to light each
-place, where it is mixed; none of it is lost, and source images err less.
+place; none of it is lost, and source images err less.
 """
 
-import tracemalloc
 from dataclasses import replace
 from functools import cache
 from unittest.mock import patch
@@ -12,11 +11,10 @@ import pytest
 
 from kiriko.core.base.steps import finish
 from kiriko.core.light.rays import Reason
-from kiriko.core.map import kernel_width
-from kiriko.core.map.kernel_width import SAMPLES_AT_ONCE, WIDTHS
+from kiriko.core.map import pieces
+from kiriko.core.map.pieces import LEAST_PX, MOST_PX, TOGETHER, widths
 from kiriko.core.map.points import Points
 from kiriko.core.map.shares import add_at
-from kiriko.core.native import loading
 from known.rasterised import rasterise
 from known.reference_rigs import facetted_rig
 from known.work import solve
@@ -34,7 +32,7 @@ def mixed(xy, size=SIZE):
 
 
 def widths_of(view, xy, size):
-    return finish(kernel_width.widths(view, xy, size))
+    return finish(widths(view, xy, size))
 
 
 @pytest.mark.parametrize("per_pixel", [0.125, 0.5, 2, 8, 60])
@@ -45,8 +43,8 @@ def test_about_so_many_samples_light_each_place(per_pixel):
     n = int(per_pixel * np.prod(SIZE))
     found = mixed(landings(n))
     together = (found**2).sum() / np.prod(SIZE)
-    assert WIDTHS.together * 0.75 < together < WIDTHS.together * 1.05
-    assert found.max() <= WIDTHS.most_px
+    assert TOGETHER * 0.75 < together < TOGETHER * 1.05
+    assert found.max() <= MOST_PX
 
 
 def test_squares_are_as_wide_as_the_density_at_their_place_asks():
@@ -59,9 +57,9 @@ def test_squares_are_as_wide_as_the_density_at_their_place_asks():
 def test_few_samples_and_very_many_light_their_own_pixels():
     """Fifteen in a block and a sixteenth in the next; or so many that squares were half a pixel."""
     xy = np.full((15, 2), [17.0, 1.0])
-    assert (mixed(np.append(xy, [[15.9, 1]], axis=0)) == WIDTHS.least_px).all()
+    assert (mixed(np.append(xy, [[15.9, 1]], axis=0)) == LEAST_PX).all()
     assert (mixed(np.append(xy, [[17.0, 1]], axis=0)) == 1).all()
-    assert (mixed(landings(120 * 16**2, size=(16, 16)))).max() == WIDTHS.least_px
+    assert (mixed(landings(120 * 16**2, size=(16, 16)))).max() == LEAST_PX
 
 
 @pytest.mark.parametrize("patch_px", [1, 2, 4, 8])
@@ -77,7 +75,7 @@ def test_light_that_lies_side_by_side_is_not_mixed(patch_px, per_pixel):
     view += 0.1 * landings(n, 5, (1, 1))
     found = widths_of(view, xy, SIZE)
     if per_pixel * patch_px**2 >= 2:
-        assert found.max() <= max(patch_px / 2, WIDTHS.least_px)
+        assert found.max() <= max(patch_px / 2, LEAST_PX)
     assert np.median(mixed(xy)) > np.median(found)
 
 
@@ -91,40 +89,12 @@ def test_blocks_that_the_border_cuts_are_as_dense_as_others(remainder):
     assert found[is_last].mean() == pytest.approx(found[~is_last].mean(), rel=0.2)
 
 
-def test_few_samples_before_a_large_display_take_little_memory():
-    xy = landings(1000, size=(4096, 4096))
-    tracemalloc.start()
-    found = mixed(xy, (4096, 4096))
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 1e6
-    assert (found == WIDTHS.least_px).all()
-
-
-def test_of_many_samples_it_can_be_stopped():
-    """There is a pause for each SAMPLES_AT_ONCE of them, and a look at a map pauses there, too."""
-    n = 5 * SAMPLES_AT_ONCE
-    size = (480, 512)
-    work = kernel_width.widths(landings(n, 9, (48, 48)), landings(n, size=size), size)
-    assert sum(1 for _ in work) >= 5
-
-    view_map = samples_alone(landings(n), np.ones(n))
-    assert sum(1 for _ in view_map.look_far()) >= 5
+def test_it_can_be_stopped():
+    """There is a pause for each size of blocks."""
+    view_map = samples_alone(landings(1000), np.ones(1000))
+    assert sum(1 for _ in view_map.spread_samples()) >= 5
     assert "sample_width" in vars(view_map)
-    assert sum(1 for _ in view_map.look_far()) == 0
-
-
-@pytest.mark.parametrize("at_once", [1, 1000, 50_000])
-def test_parts_at_a_time_are_as_all_at_once(at_once):
-    """To the last bit, also of samples that crowd together and before displays of many blocks."""
-    for size in (SIZE, (4096, 4090), (7, 4096), (1, 1)):
-        xy = landings(60_000, size=size)
-        xy[:30_000] = (xy[:30_000] * 0.01) % size
-        view = np.round(xy[::-1] / 8) + landings(60_000, 5, (3, 3))
-        with patch.object(kernel_width, "SAMPLES_AT_ONCE", 1 << 30):
-            whole = widths_of(view, xy, size)
-        with patch.object(kernel_width, "SAMPLES_AT_ONCE", at_once):
-            assert np.array_equal(widths_of(view, xy, size), whole)
+    assert sum(1 for _ in view_map.spread_samples()) == 0
 
 
 @pytest.mark.parametrize("place", [[-0.1, 5], [5, 192.1], [np.nan, np.nan], [320.1, 5], [1e300, 5]])
@@ -156,7 +126,7 @@ def solved(effort=16):
 @cache
 def alone(effort=16):
     """The same, each sample in its own pixel."""
-    with patch.object(kernel_width, "WIDTHS", replace(WIDTHS, together=1 << 30)):
+    with patch.object(pieces, "TOGETHER", 1 << 30):
         return solve(facetted_rig(), effort=effort)
 
 
@@ -184,7 +154,7 @@ def test_smooth_light_errs_less_than_in_the_samples_own_pixels(away, gain):
     def error(wide):
         return np.sqrt(np.mean((lit(xy, wide, np.ones(n)) - expected) ** 2))
 
-    assert error(mixed(xy)) < gain * error(np.full(n, WIDTHS.least_px))
+    assert error(mixed(xy)) < gain * error(np.full(n, LEAST_PX))
 
 
 def test_more_effort_errs_less():
@@ -199,7 +169,7 @@ def test_a_flat_shaded_ball_s_light_is_not_mixed():
     """Its facets lie side by side on the display: nearly all samples light their own pixels, and
     the source image errs as little as if all did.
     """
-    assert (solved().first.view_map.sample_width <= WIDTHS.least_px).mean() > 0.99
+    assert (solved().first.view_map.sample_width <= LEAST_PX).mean() > 0.99
     truth = alone(4096).source
     ours, theirs = (np.sqrt(np.mean((some.source - truth) ** 2)) for some in (solved(), alone()))
     assert ours < 1.01 * theirs
@@ -264,18 +234,6 @@ def test_even_light_is_even_up_to_the_border():
         mean = image.mean(axis=along)
         assert 0.66 < mean.min() < mean.max() < 1.25
         assert mean[20:-20] == pytest.approx(1, abs=0.15)
-
-
-def test_numpy_spreads_them_alike():
-    pytest.importorskip("kiriko_kernel")
-    found = solve(facetted_rig(32))
-    with loading.off():
-        other = solve(facetted_rig(32))
-    for name in ("samples", "sample_area"):
-        ours, theirs = (getattr(some.first.view_map, name) for some in (found, other))
-        assert np.array_equal(ours, theirs)
-    ours, theirs = (some.first.view_map.sample_width for some in (found, other))
-    np.testing.assert_allclose(ours, theirs, atol=1e-9)
 
 
 def test_light_that_lands_nowhere_is_not_spread():

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.base.arrays import Floats
-from kiriko.core.map.share_batches import Lot, divided, joined
-from kiriko.core.map.shares import Shares, index_type
+from kiriko.core.map.native_divide import index_type
+from kiriko.core.map.shares import Lot, Shares, divided, joined
 
 
 def rasterise(

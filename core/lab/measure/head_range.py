@@ -25,7 +25,6 @@ from ...image.flat_picture import view_of_picture
 from ...light.compile_plan import planning
 from ...light.mesh_cache import Kept
 from ...light.plan import Plan
-from ...map.searches import side_by_side
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ..atlas.heads import Offset, check_viewer, viewer_at
@@ -195,14 +194,24 @@ class Walk:
 
         They are walked side by side: the heads of a round are looked from together.
         """
-        walked = side_by_side([self._walked(way, most) for way, most in ways])
-        parts, n = None, 0
+        searches = [self._walked(way, most) for way, most in ways]
+        found: list[tuple[float, bool] | None] = [None] * len(searches)
+        answers: list[list[float] | None] = [None] * len(searches)
+        n = 0
         while True:
-            try:
-                offsets = walked.send(parts)
-            except StopIteration as end:
-                return end.value
+            asks = {}
+            for k, search in enumerate(searches):
+                if found[k] is None:
+                    try:
+                        asks[k] = search.send(answers[k])
+                    except StopIteration as end:
+                        found[k] = end.value
+            if not asks:
+                return found
+            offsets = [one for some in asks.values() for one in some]
             parts = yield from at(min(1.0, n / ABOUT_ROUNDS), self.parts(offsets))
+            for k, some in asks.items():
+                answers[k], parts = parts[: len(some)], parts[len(some) :]
             n += 1
 
     def _walked(

@@ -16,9 +16,7 @@ from ...base.vectors import dot
 from ...image.flat_picture import not_flat, view_of_picture
 from ...image.inverse_lookup import mapped, way_of
 from ...image.picture import cover_in_view
-from ...image.pyramid import Pyramid
-from ...image.pyramids import pyramids_of
-from ...image.reads import reads_at
+from ...image.pyramid import Pyramid, pyramids_of
 from ...image.source_image import Painting, find_strokes
 from ...light.rays import main_landings
 from ...light.trace import trace_all
@@ -255,11 +253,10 @@ def _asked_for(channel: Channel, pyramid: Pyramid) -> Pauses[Floats]:
     """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
     painting = Painting(channel.shares.display_size)
     place = channel.plan.rig.place_of(channel.viewer)
-    reads = reads_at(channel.view_map.tolerance)
     for shares in channel.shares.pausing():
         if shares is not None:
             shown = channel.shown(shares)
-            painting.add(pyramid, find_strokes(place, channel.viewer, shown, reads))
+            painting.add(pyramid, find_strokes(place, channel.viewer, shown))
         yield 0
     return painting.finished(channel.coverage.weight).astype(float)
 

@@ -23,10 +23,10 @@ from ...base.steps import Pauses, at
 from ...base.vectors import cross_2d
 from ...image.ghosts import NO_PATH, paths_of, strongest_paths
 from ...light.plan import Plan
-from ...map.outlines import ragged
 from ...map.pieces import Piece
 from ...map.points import Tracer, is_in_image, trace_points, tracer
-from ...map.share_batches import ShareBatches
+from ...map.rasterise import ragged
+from ...map.shares import ShareBatches
 from ...map.view_map import ViewMap
 from ...solve.channel import shares_of
 

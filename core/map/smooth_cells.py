@@ -1,15 +1,22 @@
-"""Cells of the viewer's image on which the view map is
-smooth: biquartic through 5 x 5 traced nodes.
+"""Squares of the viewer's image, traced at 5 x 5 nodes: cells on which the view map is smooth are
+biquartic through these, and are cut into quads.
 
-Nodes are numbered row by row from the upper left corner, a quarter of the cell's side apart.
+Nodes are numbered row by row from the upper left corner, a quarter of the square's side apart.
+
+A quad is bilinear, the cell biquartic: n parts a side leave an error that falls as 1 / n^2. A
+display pixel takes one colour from each quad in it, so quads are also smaller than display pixels,
+by the number of places. By the tolerance alone they were too large: a colour from one or two places
+costs more in the source image than the whole map is off.
 """
 
+from dataclasses import dataclass
 from functools import cache, reduce
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints
+from ..base.arrays import Bools, Floats, Ints, taken
 from ..base.vectors import cross_2d
+from .points import bounds_of
 
 NODES_ALONG = 5  # nodes along a side: quartics
 PARTS = NODES_ALONG - 1  # a cell's side in steps between nodes
@@ -28,6 +35,74 @@ CHECKS = np.array(
 QUARTIC = 3 * 3.6314 / 120
 DIFFERENCE_2 = np.array([1.0, -2.0, 1.0])
 DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+CORNERS = [0, 4, 24, 20]  # of the nodes, around the square
+
+# Quads, tuned on the ball and on flat glass, by the error of the source image against the number of
+# shares (docs/design.md, decision 5)
+OF_TOLERANCE = 0.5  # quads may be off their smooth cell by so much, and this off the map
+CHEAP_ERROR_PX = 0.01  # display px, so near they come, unless that takes less than viewer pixels
+N_PLACES = 4  # along a display pixel that is larger than a viewer pixel: its colour is taken there
+N_PLACES_FEW = 2.0  # along a smaller one
+MOST_PARTS = 128  # along the side of a smooth cell
+
+
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """Squares of the viewer's image: upper left corner (n, 2), side (n,), px."""
+
+    corner: Ints
+    size: Ints
+
+    def __len__(self) -> int:
+        return len(self.size)
+
+    def at(self, which: Bools | Ints) -> "Squares":
+        return Squares(self.corner[which], self.size[which])
+
+    def and_more(self, others: "Squares") -> "Squares":
+        return Squares(
+            np.concatenate([self.corner, others.corner]), np.concatenate([self.size, others.size])
+        )
+
+    @property
+    def area(self) -> int:
+        """Of all of them, px."""
+        return int((self.size**2).sum())
+
+    def quarters(self) -> "Squares":
+        half = np.repeat(self.size // 2, 4)
+        step = np.tile([[0, 0], [1, 0], [0, 1], [1, 1]], (len(self), 1))
+        return Squares(np.repeat(self.corner, 4, axis=0) + half[:, None] * step, half)
+
+    def nodes(self) -> tuple[Ints, Ints]:
+        """Columns and rows (n, 25) of the nodes."""
+        step = self.size[:, None] // PARTS
+        return self.corner[:, :1] + step * COLUMN, self.corner[:, 1:] + step * ROW
+
+    def checks(self) -> Floats:
+        """Viewer px (n, 6, 2) of the places at which the interpolation is checked."""
+        return self.corner[:, None] + self.size[:, None, None] * CHECKS
+
+    def are_within(
+        self, xy: Floats, view_size: tuple[int, int], display_size: tuple[int, int]
+    ) -> Bools:
+        """Are the squares (n,), with nodes at (n, 25, 2) display px, inside both images, wholly?"""
+        low, high = bounds_of(xy)
+        is_shown = ((low >= 0) & (high <= display_size)).all(axis=1)
+        return is_shown & (self.corner + self.size[:, None] <= view_size).all(axis=1)
+
+
+def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
+    """Do squares (n,) with nodes that land at (n, k, 2), on branches (n, k), show nothing of the
+    display? Those do on one branch whose nodes that land all do so beside it, on one side.
+    """
+    is_lost = branch == 0
+    is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1)
+    some = np.flatnonzero(is_single & ~is_lost.all(axis=1))
+    low, high = bounds_of(np.where(is_lost[some, :, None], np.nan, taken(xy, some)))
+    found = np.zeros(len(xy), bool)
+    found[some] = ((low > display_size) | (high < 0)).any(axis=1)
+    return found
 
 
 def weights(t: Floats) -> Floats:
@@ -112,12 +187,34 @@ def sag(nodes: Floats) -> Floats:
     return _differences(nodes, DIFFERENCE_2) / 8
 
 
-def parts_for(off: Floats, allowed: float, most: int) -> Ints:
-    """Into how many parts (n,) a side is to be cut, a power of two, so that bilinear cells are off
-    by less, which are off by so much (n,) between the nodes.
+def n_parts(xy: Floats, size: Ints, is_inside: Bools, tolerance: float) -> Ints:
+    """Into how many quads (c,) the sides of smooth cells are cut.
+
+    Parameters
+    ----------
+    xy : (c, 25, 2) display px, of the nodes
+    size : (c,) viewer px, side of the cells
+    is_inside : (c,) whether a cell lies in both images, wholly
+    tolerance : display px
     """
-    parts = PARTS * np.sqrt(off / allowed)
-    return 2 ** np.ceil(np.log2(np.clip(parts, 1, most))).astype(np.int64)
+    # for the tolerance: powers of two
+    off = PARTS * np.sqrt(sag(xy))
+    parts, cheap = (
+        2 ** np.ceil(np.log2(np.clip(off / allowed**0.5, 1, MOST_PARTS))).astype(np.int64)
+        for allowed in (OF_TOLERANCE * tolerance, CHEAP_ERROR_PX)
+    )
+    parts = np.maximum(parts, np.minimum(cheap, size))
+
+    # for the places; on flat glass, where one quad would keep
+    # the tolerance, they alone keep the picture sharp
+    low, high = bounds_of(xy)
+    span = (high - low).max(axis=1)
+    per_pixel = np.maximum(span / (N_PLACES_FEW * size), 1.0)
+    pixels = np.clip(N_PLACES * span, 1.0, size) / per_pixel
+    parts = np.maximum(parts, 2 ** np.log2(np.maximum(pixels, 1.0)).astype(np.int64))
+
+    # a pixel each where the image folds or lies across the display's edge
+    return np.where(is_inside & ~is_folded(xy), parts, np.maximum(parts, size))
 
 
 def is_folded(nodes: Floats) -> np.ndarray:

@@ -1,0 +1,309 @@
+"""Where branches meet: a pixel whose corners lie on several branches is cut along the borders.
+
+Corners do not know all that goes on within a pixel. A ray through its middle tells: where it misses
+its piece by more than the tolerance the pixel is quartered. Where light is chaotic that has no end,
+and where borders take more rays than a pixel is allowed: such pixels are sampled.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..base.arrays import Bools, Floats, Ints, mean_at, taken
+from ..base.steps import Pauses
+from ..light.plan import Plan
+from ..light.rays import Words
+from .cut_cells import around_middles, cut_cells
+from .points import Points, in_triangles, is_seen, trace_points
+from .ray_budget import Allowance
+
+# pixels of a square that may be in doubt, as where edges meet, which is no chaos
+N_DOUBTFUL = 1
+
+
+def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowance) -> Pauses[Bools]:
+    """Which square cells (m, 4) with middles (m,) have no rays left for the corners and the
+    middles of their quarters?
+    """
+    corners = taken(points.view, cells)
+    halfway = (corners + np.roll(corners, -1, axis=1)) / 2
+    middles = (corners + points.view[middle][:, None]) / 2
+    view = np.concatenate([halfway, middles], axis=1)
+    yield 0
+    return allowance.lacks(view.reshape(-1, 2)).reshape(len(cells), 8).any(axis=1)
+
+
+def quartered(
+    plan: Plan, points: Points, cells: Ints, middle: Ints, allowance: Allowance
+) -> Generator[int, None, tuple[Points, Ints, Ints]]:
+    """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all
+    points, among them the middles (4 m,) of the quarters.
+    """
+    if not len(cells):
+        return points, cells, middle
+
+    # points between the corners, each once
+    view = taken(points.view, cells)
+    halfway = (view + np.roll(view, -1, axis=1)) / 2
+
+    # they lie on a grid so fine: whole numbers are told apart faster than places
+    column, row = np.moveaxis(2 * halfway, 2, 0).astype(np.int64)
+    _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
+    yield 0
+    halfway = taken(halfway.reshape(-1, 2), first)
+    number = len(points) + number.reshape(cells.shape)
+    quarters = [
+        np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)
+    ]
+
+    # each begins at its corner of the whole: turned back, so that all begin at the upper left
+    quarters = np.concatenate([np.roll(q, k, axis=1) for k, q in enumerate(quarters)])
+
+    # with their middles, in one go
+    middles = mean_at(np.concatenate([points.view, halfway]), quarters)
+    asked = np.concatenate([halfway, middles])
+    allowance.take(asked)
+    found = yield from trace_points(plan, asked)
+    of_middle = len(points) + len(halfway) + np.arange(len(quarters))
+    yield 0
+    points = yield from Points.joining([points, found])
+    return points, quarters, of_middle
+
+
+@dataclass(frozen=True, eq=False)
+class CutPixels:
+    """Pixels cut in pieces: all points; indices of corners of whole
+    pixels and quarters (q, 4), of other pieces (t, 3).
+
+    chaotic (c, 4) : cells that are not cut, because light is chaotic there
+    allowance : what is left of it
+    """
+
+    points: Points
+    quads: Ints
+    triangles: Ints
+    chaotic: Ints
+    allowance: Allowance
+
+
+class _Parts(NamedTuple):
+    """Pixels, or quarters of them, to be cut: indices of corners (m, 4) and middles (m,).
+
+    is_calm (m,) : they are cut while there are rays left
+    """
+
+    corners: Ints
+    middle: Ints
+    is_calm: Bools
+
+    def at(self, which: Ints) -> "_Parts":
+        return _Parts(*(values[which] for values in self))
+
+
+class _Found(NamedTuple):
+    """What was found by cutting cells (m,).
+
+    is_one : corners on one branch; off : display px by which the middle is missed, as of `_missed`
+    lacks : they were not cut, since that takes more rays than are left to their pixels
+    pieces, owner : (t, 3) lit pieces of those that are not one, and the cells (t,) they are of
+    """
+
+    is_one: Bools
+    off: Floats
+    lacks: Bools
+    pieces: Ints
+    owner: Ints
+
+
+class Cutting:
+    """Cuts pixels (m, 4) whose corners lie on several branches along the borders between them: a
+    round for the pixels, one for their quarters, and a last one.
+
+    A ray through the middle tells whether more goes on than the corners know. Where it takes
+    another branch than the piece it lies in, or lands further than the tolerance from where it was
+    expected, the pixel is quartered. Of cells that are still off then four triangles around the
+    middle are cut.
+
+    Bisection has no end where light is chaotic. If more than a few pixels of a square (m,), by
+    number, are in doubt, its mixed quarters are not cut. Nor are pixels and quarters whose borders
+    take more rays than the allowance of a pixel has left.
+
+    is_coarse : no pixel is quartered
+    last : (n, 5) corners and middles of cells that are cut around their middles at the end
+    rough : (t, 4) the pieces of these by their corners alone, and the numbers of the cells
+    """
+
+    def __init__(self, plan: Plan, points: Points, is_coarse: bool) -> None:
+        self.plan, self.points, self.is_coarse = plan, points, is_coarse
+        self.allowance = Allowance(plan, points.view)
+        self.quads: list[Ints] = []
+        self.triangles: list[Ints] = []
+        self.chaotic: list[Ints] = []
+        self.last: list[Ints] = []
+        self.rough: list[Ints] = []
+
+    def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
+        """Cut pixels (m, 4) in squares (m,), by number; the cells that are to be quartered."""
+        middle = mean_at(self.points.view, corners)
+        self.allowance.take(middle)
+        found = yield from trace_points(self.plan, middle)
+        number = len(self.points) + np.arange(len(corners))
+        self.points = self.points.and_more(found)
+        yield 0
+        cells = _Parts(corners, number, np.ones(len(corners), bool))
+        found = yield from self._cut(cells)
+        yield 0
+
+        # calm where few are in doubt: not by cells that are only bent by more than the tolerance
+        n_in_doubt = np.bincount(square, np.isinf(found.off) & ~found.lacks)
+        cells = cells._replace(is_calm=(n_in_doubt <= N_DOUBTFUL)[square])
+        return (yield from self._settled(cells, found, is_last=self.is_coarse))
+
+    def quarters(self, some: _Parts) -> Generator[int, None, None]:
+        """Cut the quarters of pixels."""
+        yield 0
+        self.points, corners, middle = yield from quartered(
+            self.plan, self.points, some.corners, some.middle, self.allowance
+        )
+        yield 0
+        cells = _Parts(corners, middle, np.tile(some.is_calm, 4))
+        branch = self.points.branch[corners]
+        is_given_up = (branch != branch[:, :1]).any(axis=1) & ~cells.is_calm
+        self.chaotic.append(corners[is_given_up])
+        cells = cells.at(np.flatnonzero(~is_given_up))
+        yield 0
+
+        found = yield from self._cut(cells)
+        yield 0
+        yield from self._settled(cells, found, is_last=True)
+
+    def finished(self) -> Generator[int, None, CutPixels]:
+        """Cut what is left."""
+        yield 0
+        last = np.concatenate(self.last)
+        of_last = yield from self._cut_last(last)
+        triangles = np.concatenate([*self.triangles, of_last])
+        quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
+        return CutPixels(self.points, quads, triangles, chaotic, self.allowance)
+
+    def _cut(self, cells: _Parts) -> Generator[int, None, _Found]:
+        """Cut cells on several branches, and compare all with their middles."""
+        plan = self.plan
+        branch = self.points.branch[cells.corners]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        one = np.flatnonzero(is_one)
+        mixed = np.flatnonzero(~is_one)
+
+        # on one branch: no cut
+        off = np.zeros(len(is_one))
+        off[one] = missed_by_corners(
+            plan, self.points, cells.corners[one], self.points.at(cells.middle[one])
+        )
+        yield 0
+
+        # on several
+        corners, middle = cells.corners[mixed], cells.middle[mixed]
+        cut = yield from cut_cells(plan, self.points, corners, self.allowance, middle)
+        self.points = cut.points
+        yield 0
+        off[mixed] = missed_by_pieces(
+            plan, self.points, cut.pieces, cut.owner, self.points.at(middle)
+        )
+        lacks = np.zeros(len(is_one), bool)
+        lacks[mixed] = cut.lacks
+        return _Found(is_one, off, lacks, cut.pieces, mixed[cut.owner])
+
+    def _settled(self, cells: _Parts, found: _Found, is_last: bool) -> Pauses[_Parts]:
+        """Take up the pieces, and hand on the cells that are to be quartered: none in the end."""
+        again = found.off > self.plan.settings.tolerance
+
+        # sampled
+        is_sampled = found.lacks | (is_last & np.isinf(found.off) & ~cells.is_calm)
+        self.chaotic.append(cells.corners[is_sampled])
+
+        # as they are
+        is_lit = self.points.branch[cells.corners[:, 0]] != 0
+        self.quads.append(cells.corners[found.is_one & is_lit & ~again])
+        self.triangles.append(found.pieces[~(again | is_sampled)[found.owner]])
+        yield 0
+
+        # their quarters want rays, too
+        again &= ~is_sampled
+        simple = again & (not is_last)
+        parts = np.flatnonzero(simple)
+        simple[parts] = ~(
+            yield from lack_quarters(
+                self.points, cells.corners[parts], cells.middle[parts], self.allowance
+            )
+        )
+        yield 0
+
+        rest = again & ~simple
+        number = sum(len(some) for some in self.last) + np.cumsum(rest) - 1
+        is_rough = rest[found.owner]
+        owner = number[found.owner[is_rough]]
+        self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
+        self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
+        yield 0
+        return cells.at(np.flatnonzero(simple))
+
+    def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:
+        """Pieces (t, 3) of cells (n, 5), around their middles, or where rays lack by corners."""
+        triangles = around_middles(last)
+        branch = self.points.branch[triangles]
+        is_one = (branch == branch[:, :1]).all(axis=1)
+        mixed = np.flatnonzero(~is_one)
+        found = yield from cut_cells(self.plan, self.points, triangles[mixed], self.allowance)
+        self.points = found.points
+        yield 0
+
+        cell = np.arange(len(triangles)) % max(len(last), 1)
+        lacks = np.zeros(len(last), bool)
+        lacks[cell[mixed[found.lacks]]] = True
+        rough = np.concatenate(self.rough)
+        has_rough = np.bincount(rough[:, 3], minlength=len(last)) > 0
+        self.chaotic.append(last[lacks & ~has_rough, :4])
+
+        is_whole = is_one & ~lacks[cell] & (branch[:, 0] != 0)
+        return np.concatenate([
+            triangles[is_whole],
+            found.pieces[~lacks[cell[mixed[found.owner]]]],
+            rough[lacks[rough[:, 3]], :3],
+        ])  # fmt: skip
+
+
+def missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) -> Floats:
+    """By how much (m,), display px, the corners of cells (m, 4) on
+    one branch each miss their middles, as `_missed`.
+    """
+    return _missed(plan, points.branch[cells[:, 0]], mean_at(points.xy, cells), middle)
+
+
+def missed_by_pieces(
+    plan: Plan, points: Points, pieces: Ints, owner: Ints, middle: Points
+) -> Floats:
+    """By how much (m,), display px, pieces (t, 3) of cells that
+    own them (t,) miss their middles, as `_missed`.
+
+    A middle that no piece holds is expected to be dark.
+    """
+    branch = np.zeros(len(middle), np.uint64)
+    xy = np.full((len(middle), 2), np.nan)
+    holds, at = in_triangles(
+        *(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner)
+    )
+    branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
+    return _missed(plan, branch, xy, middle)
+
+
+def _missed(plan: Plan, branch: Words, xy: Floats, middle: Points) -> Floats:
+    """By how much (m,), display px, middles miss the places xy
+    (m, 2) where they are expected, on branches (m,).
+
+    inf on another branch, 0 beside the display.
+    """
+    seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
+    off = np.where(seen, np.nan_to_num(np.linalg.norm(xy - middle.xy, axis=1)), 0.0)
+    return np.where(branch == middle.branch, off, np.inf)
