@@ -16,11 +16,12 @@ from ..base.steps import Pauses
 from ..light.plan import Plan
 from ..light.rays import Words
 from .cut_cells import around_middles, cut_cells
-from .points import Points, in_triangles, is_seen, trace_points
+from .points import Points, areas, in_triangles, is_seen, trace_points
 from .ray_budget import Allowance
 
 # pixels of a square that may be in doubt, as where edges meet, which is no chaos
 N_DOUBTFUL = 1
+GAP_SHARE = 1 / 16  # of a cell: less that its pieces leave out is light that is not missed
 
 
 def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowance) -> Pauses[Bools]:
@@ -106,12 +107,14 @@ class _Found(NamedTuple):
     """What was found by cutting cells (m,).
 
     is_one : corners on one branch; off : display px by which the middle is missed, as of `_missed`
+    has_gaps : pieces leave out a lit part
     lacks : they were not cut, since that takes more rays than are left to their pixels
     pieces, owner : (t, 3) lit pieces of those that are not one, and the cells (t,) they are of
     """
 
     is_one: Bools
     off: Floats
+    has_gaps: Bools
     lacks: Bools
     pieces: Ints
     owner: Ints
@@ -127,8 +130,9 @@ class Cutting:
     middle are cut.
 
     Bisection has no end where light is chaotic. If more than a few pixels of a square (m,), by
-    number, are in doubt, its mixed quarters are not cut. Nor are pixels and quarters whose borders
-    take more rays than the allowance of a pixel has left.
+    number, are in doubt, its mixed quarters are not cut, and pixels of which the pieces leave out a
+    part, though all corners are lit: else light would be lost. Nor are pixels and quarters whose
+    borders take more rays than the allowance of a pixel has left.
 
     is_coarse : no pixel is quartered
     last : (n, 5) corners and middles of cells that are cut around their middles at the end
@@ -157,7 +161,8 @@ class Cutting:
         yield 0
 
         # calm where few are in doubt: not by cells that are only bent by more than the tolerance
-        n_in_doubt = np.bincount(square, np.isinf(found.off) & ~found.lacks)
+        in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.lacks
+        n_in_doubt = np.bincount(square, in_doubt)
         cells = cells._replace(is_calm=(n_in_doubt <= N_DOUBTFUL)[square])
         return (yield from self._settled(cells, found, is_last=self.is_coarse))
 
@@ -211,16 +216,18 @@ class Cutting:
         off[mixed] = missed_by_pieces(
             plan, self.points, cut.pieces, cut.owner, self.points.at(middle)
         )
-        lacks = np.zeros(len(is_one), bool)
+        gaps, lacks = np.zeros((2, len(is_one)), bool)
+        gaps[mixed] = has_gaps(self.points, corners, cut.pieces, cut.owner)
         lacks[mixed] = cut.lacks
-        return _Found(is_one, off, lacks, cut.pieces, mixed[cut.owner])
+        return _Found(is_one, off, gaps, lacks, cut.pieces, mixed[cut.owner])
 
     def _settled(self, cells: _Parts, found: _Found, is_last: bool) -> Pauses[_Parts]:
         """Take up the pieces, and hand on the cells that are to be quartered: none in the end."""
         again = found.off > self.plan.settings.tolerance
 
         # sampled
-        is_sampled = found.lacks | (is_last & np.isinf(found.off) & ~cells.is_calm)
+        is_tangled = found.has_gaps | (is_last & np.isinf(found.off))
+        is_sampled = found.lacks | (is_tangled & ~cells.is_calm)
         self.chaotic.append(cells.corners[is_sampled])
 
         # as they are
@@ -242,7 +249,7 @@ class Cutting:
 
         rest = again & ~simple
         number = sum(len(some) for some in self.last) + np.cumsum(rest) - 1
-        is_rough = rest[found.owner]
+        is_rough = (rest & ~found.has_gaps)[found.owner]
         owner = number[found.owner[is_rough]]
         self.rough.append(np.column_stack([found.pieces[is_rough], owner]))
         self.last.append(np.column_stack([cells.corners[rest], cells.middle[rest]]))
@@ -272,6 +279,15 @@ class Cutting:
             found.pieces[~lacks[cell[mixed[found.owner]]]],
             rough[lacks[rough[:, 3]], :3],
         ])  # fmt: skip
+
+
+def has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
+    """Do the pieces (t, 3) of cells (m, 4) that own them (t,)
+    leave out a part of one with all corners lit?
+    """
+    covered = np.bincount(owner, areas(points.view, pieces), len(cells))
+    side = points.view[cells[:, 1], 0] - points.view[cells[:, 0], 0]
+    return (points.branch[cells] != 0).all(axis=1) & (covered < (1 - GAP_SHARE) * side**2)
 
 
 def missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) -> Floats:

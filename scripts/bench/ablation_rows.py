@@ -313,6 +313,12 @@ MAP = [
         "no number of doubtful pixels makes a square chaotic: all pixels are cut",
     ),
     Row(
+        "Cutting: gap_share",
+        (instead("map.cutting.GAP_SHARE", 1.0),),
+        "no part that pieces leave out is large enough to be looked into",
+        "tests/core/test_chaos.py: light in all, of which a twentieth would be lost",
+    ),
+    Row(
         "Quads of smooth cells: cheap_error_px",
         (instead("map.smooth_cells.CHEAP_ERROR_PX", INF),),
         "quads keep the tolerance, and no more",

@@ -78,7 +78,7 @@ def test_four_times_the_effort_halves_the_noise():
 def test_the_effort_bounds_the_rays():
     for effort in (1, 8, 16):
         error = solved(effort).first.map_error
-        assert 0 < error.n_samples <= effort * PIXELS**2
+        assert 0 < error.n_samples <= max(effort, 4) * PIXELS**2  # a quarter takes one
         assert error.noise == pytest.approx(error.sampled / Settings(effort=effort).samples_along)
         assert error.noise <= error.unresolved <= 1
 
