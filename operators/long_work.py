@@ -15,6 +15,7 @@ import bpy
 
 from ..core.base.messages import Message, as_message
 from ..core.base.steps import finish
+from ..core.blender.rigs import active_rig
 from . import live, needed, work
 from .telling import in_words, report, told
 
@@ -182,6 +183,7 @@ class LongWork:
 
         self._begin(context)
         self._work = self.steps(context)
+        self._rig = active_rig(context.scene)
         self.window = context.window
         manager = context.window_manager
         self._timer = manager.event_timer_add(TICK, window=context.window)
@@ -211,6 +213,8 @@ class LongWork:
 
         with told(self, self.stays):
             try:
+                if self._rig is not None:
+                    self._rig.name  # noqa: B018 - undo, which may have replaced it, ends the work
                 stays = self.stays()
                 progress = next(self._work)
                 # a new image is drawn at once
