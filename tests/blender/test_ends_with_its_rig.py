@@ -1,13 +1,11 @@
 """Dialogues and previews end with the rig with which they began, whichever is active by then."""
 
-import importlib
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
-import pytest
 
+from extension import loaded
 from small_rigs import pixels, show_scene
 from test_rigs import choose, two
 
@@ -16,7 +14,7 @@ class Dialogue:
     """An operator's instance, as Blender keeps it while its dialogue is open."""
 
     def __init__(self, kiriko: ModuleType, module: str, name: str, **values: object) -> None:
-        kind = getattr(importlib.import_module(f"{kiriko.__name__}.operators.{module}"), name)
+        kind = getattr(loaded(f"operators.{module}"), name)
         self.reports: list[str] = []
         bases = [base for base in kind.__mro__ if base.__module__.startswith(kiriko.__name__)]
         own = {k: v for base in reversed(bases) for k, v in vars(base).items() if k[:2] != "__"}
@@ -33,7 +31,7 @@ def in_window(**more: object) -> SimpleNamespace:
     return SimpleNamespace(**{**of_scene, "window_manager": manager, "window": object(), **more})
 
 
-def solved(kiriko: ModuleType) -> tuple[bpy.types.Collection, bpy.types.Collection]:
+def solved() -> tuple[bpy.types.Collection, bpy.types.Collection]:
     rigs = two()
     for rig in rigs:
         choose(rig)
@@ -41,13 +39,11 @@ def solved(kiriko: ModuleType) -> tuple[bpy.types.Collection, bpy.types.Collecti
     return rigs
 
 
-def test_export_writes_the_image_of_its_own_rig(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_export_writes_the_image_of_its_own_rig(kiriko, scene, tmp_path, monkeypatch):
     """The other rig was selected while the dialogue was open. A rig that is gone is told."""
-    first, second = solved(kiriko)
+    first, second = solved()
     choose(first)
-    export = importlib.import_module(f"{kiriko.__name__}.operators.export")
+    export = loaded("operators.export")
     written = []
     monkeypatch.setattr(
         export.image_io, "write", lambda path, image, *_, **__: written.append(image) or path
@@ -69,9 +65,9 @@ def test_export_writes_the_image_of_its_own_rig(
     assert again.reports == ["The rig with which Export Source Image began is gone: begin again."]
 
 
-def test_a_preview_is_kept_with_its_own_rig(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+def test_a_preview_is_kept_with_its_own_rig(kiriko, scene):
     """Also where the window shows another scene when the render ends."""
-    first, second = solved(kiriko)
+    first, second = solved()
     choose(first)
     values = {
         "samples": 1, "percentage": 100, "border": (0, 1, 0, 1), "reflections": False,
@@ -90,9 +86,7 @@ def test_a_preview_is_kept_with_its_own_rig(kiriko: ModuleType, scene: bpy.types
     assert second.kiriko.result.preview is None
 
 
-def test_a_picture_is_opened_for_its_own_rig(
-    kiriko: ModuleType, scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_a_picture_is_opened_for_its_own_rig(kiriko, scene, tmp_path):
     """And a drawing is refused where another scene is shown by then."""
     first, second = two()
     choose(first)

@@ -68,7 +68,7 @@ def link_in_place(linked: Callable, own: bpy.types.Object) -> bpy.types.Object:
 
 
 @pytest.fixture
-def theirs(scene: bpy.types.Scene, linked: Callable) -> bpy.types.Object:
+def theirs(scene, linked) -> bpy.types.Object:
     """A linked glass in the scene."""
     return link_in_place(linked, suzanne())
 
@@ -87,9 +87,7 @@ def link_group(scene: bpy.types.Scene, path: Path) -> bpy.types.Collection:
     return group
 
 
-def test_a_rig_around_linked_glass_has_it_in_the_next_session(
-    theirs: bpy.types.Object, tmp_path: Path, capfd: pytest.CaptureFixture
-) -> None:
+def test_a_rig_around_linked_glass_has_it_in_the_next_session(theirs, tmp_path, capfd):
     """Twice: what Blender reads of the other file has no settings, each time anew. It finds no
     fault in the file.
     """
@@ -108,8 +106,8 @@ def test_a_rig_around_linked_glass_has_it_in_the_next_session(
 
 @pytest.mark.parametrize("is_reopened", [False, True])
 def test_linked_glass_keeps_its_role_when_its_file_is_read_again(
-    theirs: bpy.types.Object, tmp_path: Path, is_reopened: bool, capfd: pytest.CaptureFixture
-) -> None:
+    theirs, tmp_path, is_reopened, capfd
+):
     """By Reload, twice; by Relocate; and Blender finds no fault in what it writes then."""
     add_rig(theirs)
     scene = reopened(tmp_path / "scene.blend") if is_reopened else bpy.context.scene
@@ -130,9 +128,7 @@ def test_linked_glass_keeps_its_role_when_its_file_is_read_again(
     assert "RNA_" not in out.out + out.err
 
 
-def test_linked_glass_keeps_its_role_in_an_auto_save(
-    theirs: bpy.types.Object, tmp_path: Path
-) -> None:
+def test_linked_glass_keeps_its_role_in_an_auto_save(theirs, tmp_path):
     """Which tells no handler, and so is that of a session's end."""
     add_rig(theirs)
     for _ in range(3):
@@ -141,9 +137,7 @@ def test_linked_glass_keeps_its_role_in_an_auto_save(
         assert [glass.name for glass in glass_of(scene)] == ["Suzanne"]
 
 
-def test_glass_of_a_hierarchy_of_overrides_keeps_its_role_when_it_is_resynced(
-    scene: bpy.types.Scene, tmp_path: Path
-) -> None:
+def test_glass_of_a_hierarchy_of_overrides_keeps_its_role_when_it_is_resynced(scene, tmp_path):
     """After opening, with no save between."""
     group = link_group(scene, tmp_path / "library.blend")
     (thing,) = scene.objects
@@ -157,7 +151,7 @@ def test_glass_of_a_hierarchy_of_overrides_keeps_its_role_when_it_is_resynced(
         assert len(glass_of(scene)) == 1
 
 
-def test_settings_of_an_override_are_saved(theirs: bpy.types.Object, tmp_path: Path) -> None:
+def test_settings_of_an_override_are_saved(theirs, tmp_path):
     """Those within the groups of plate, picture and display, too."""
     own = theirs.override_create(remap_local_usages=True)
     own.kiriko.surface, own.kiriko.use_ior, own.kiriko.ior = "SMOOTH", True, 1.7
@@ -176,7 +170,7 @@ def test_settings_of_an_override_are_saved(theirs: bpy.types.Object, tmp_path: P
         assert ours.display.black_level == 0.25
 
 
-def test_glass_in_a_linked_collection_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_glass_in_a_linked_collection_is_refused(scene, tmp_path):
     """No override takes its place there. All is as it was."""
     group = link_group(scene, tmp_path / "library.blend")
     (thing,) = scene.objects
@@ -196,13 +190,8 @@ def test_glass_in_a_linked_collection_is_refused(scene: bpy.types.Scene, tmp_pat
 
 @pytest.mark.parametrize("is_local", [True, False])
 def test_linked_glass_without_a_material_is_made_glass(
-    scene: bpy.types.Scene,
-    linked: Callable,
-    tmp_path: Path,
-    look: Callable,
-    capfd: pytest.CaptureFixture,
-    is_local: bool,
-) -> None:
+    scene, linked, tmp_path, look, capfd, is_local
+):
     """Its mesh has no slot, and can get none in this file: a modifier of the object sets it. Remove
     Rig takes that away. The object may be one of this file.
     """
@@ -227,9 +216,7 @@ def test_linked_glass_without_a_material_is_made_glass(
     assert not glass.modifiers
 
 
-def test_an_override_that_was_made_glass_has_its_material_back(
-    scene: bpy.types.Scene, linked: Callable, tmp_path: Path
-) -> None:
+def test_an_override_that_was_made_glass_has_its_material_back(scene, linked, tmp_path):
     """Also when the rig is removed in another session."""
     own = suzanne()
     own.material_slots[0].material = bpy.data.materials.new("Matt")
@@ -241,9 +228,7 @@ def test_an_override_that_was_made_glass_has_its_material_back(
     assert [(slot.link, slot.material.name) for slot in glass.material_slots] == [("DATA", "Matt")]
 
 
-def test_an_instance_of_glass_with_a_role_says_why_it_cannot_be_glass(
-    scene: bpy.types.Scene,
-) -> None:
+def test_an_instance_of_glass_with_a_role_says_why_it_cannot_be_glass(scene):
     """The role of the object itself counts, and it may be in a rig of another file."""
     own = suzanne()
     own.kiriko.role = "GLASS"
@@ -276,9 +261,7 @@ def brought(scene: bpy.types.Scene, path: Path, *names: str) -> list[bpy.types.O
 
 @pytest.mark.parametrize("is_one_first", [False, True])
 @pytest.mark.parametrize("names", [("Whole", "Part"), ("Part", "Whole")])
-def test_linked_glass_follows_linked_glass(
-    scene: bpy.types.Scene, tmp_path: Path, names: tuple[str, str], is_one_first: bool
-) -> None:
+def test_linked_glass_follows_linked_glass(scene, tmp_path, names, is_one_first):
     """Its parent, by a Boolean and by a constraint, whichever was made an override first."""
     whole, part = suzanne(), suzanne()
     whole.name, part.name = "Whole", "Part"
@@ -307,7 +290,7 @@ def test_linked_glass_follows_linked_glass(
         scene = reopened(tmp_path / "scene.blend")
 
 
-def test_remove_rig_leaves_no_glass_of_a_modifier(scene: bpy.types.Scene, linked: Callable) -> None:
+def test_remove_rig_leaves_no_glass_of_a_modifier(scene, linked):
     """Nor do its nodes stay. One that others have stays."""
     bpy.ops.mesh.primitive_monkey_add(size=0.06)
     own = bpy.context.object

@@ -1,11 +1,10 @@
-import importlib
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import bpy
 import pytest
 
+from extension import loaded
 from small_rigs import new_object, small_rig
 from test_remove_rig import differences, plain, snapshot
 
@@ -62,16 +61,16 @@ def turned_away() -> None:
     now.region_3d.view_rotation = (0.5, 0.5, 0.5, 0.5)
 
 
-def button(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.look_through")
+def button() -> ModuleType:
+    return loaded("operators.look_through")
 
 
-def live(kiriko: ModuleType) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.live")
+def live() -> ModuleType:
+    return loaded("operators.live")
 
 
 @pytest.fixture
-def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+def rig(scene) -> dict[str, bpy.types.Object]:
     """A small rig in a scene with a camera of the artist's own."""
     scene.camera = new_object(bpy.data.cameras.new("Mine"))
     made = small_rig()
@@ -80,9 +79,7 @@ def rig(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
     return made
 
 
-def test_there_and_back(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
-) -> None:
+def test_there_and_back(scene, rig):
     """The view has the viewer's camera, Rendered in Cycles, and Live is on; the scene's camera
     stays. Pressed again every property of every datablock and of the view is as before.
     """
@@ -95,10 +92,10 @@ def test_there_and_back(
     assert scene.render.engine == "CYCLES"
     assert not scene.cycles.use_preview_denoising
     assert scene.cycles.preview_samples < 32
-    assert live(kiriko).is_on()
+    assert live().is_on()
 
     bpy.ops.kiriko.look_through()
-    assert not live(kiriko).is_on()
+    assert not live().is_on()
     assert view() == seen
     assert differences(before, snapshot()) == []
 
@@ -151,9 +148,7 @@ def hidden_sun(scene: bpy.types.Scene) -> None:
     ],
     ids=["no world", "black", "off", "hidden sun", "sun", "grey", "textured"],
 )
-def test_glass_in_the_dark_is_lit_faintly(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], make, is_lit: bool
-) -> None:
+def test_glass_in_the_dark_is_lit_faintly(scene, rig, make, is_lit):
     """By the view's own studio light, and in this view alone; a scene with light has its own."""
     space().shading.use_scene_world_render = True
     space().shading.studiolight_intensity = 1.5
@@ -168,20 +163,16 @@ def test_glass_in_the_dark_is_lit_faintly(
     assert differences(before, snapshot()) == []
 
 
-def test_live_stays_on_where_it_was(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
-) -> None:
+def test_live_stays_on_where_it_was(scene, rig):
     """The button stops only what it began."""
     bpy.ops.kiriko.live()
     bpy.ops.kiriko.look_through()
     bpy.ops.kiriko.look_through()
-    assert live(kiriko).is_on()
+    assert live().is_on()
     bpy.ops.kiriko.live()
 
 
-def test_whatever_the_artist_changes_meanwhile_stays(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
-) -> None:
+def test_whatever_the_artist_changes_meanwhile_stays(scene, rig):
     """Samples, and a view that is turned away; the rest is put back."""
     bpy.ops.kiriko.look_through()
     scene.cycles.preview_samples = 77
@@ -193,9 +184,7 @@ def test_whatever_the_artist_changes_meanwhile_stays(
     assert (view()["shading"], scene.render.engine) == ("WIREFRAME", "BLENDER_WORKBENCH")
 
 
-def test_a_file_that_is_saved_meanwhile_has_the_artists_settings(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], tmp_path: Path
-) -> None:
+def test_a_file_that_is_saved_meanwhile_has_the_artists_settings(scene, rig, tmp_path):
     """And the view goes on after it."""
     bpy.ops.kiriko.look_through()
     looking = view()
@@ -209,9 +198,7 @@ def test_a_file_that_is_saved_meanwhile_has_the_artists_settings(
     assert (view()["shading"], view()["is_local"]) == ("WIREFRAME", False)
 
 
-def test_a_view_that_stays_while_another_file_is_opened_is_put_back(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], tmp_path: Path
-) -> None:
+def test_a_view_that_stays_while_another_file_is_opened_is_put_back(scene, rig, tmp_path):
     """As where Blender is not to load the interface of files. A file that cannot be opened leaves
     all as it is.
     """
@@ -231,15 +218,13 @@ def test_a_view_that_stays_while_another_file_is_opened_is_put_back(
     assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
 
 
-def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType, tmp_path: Path
-) -> None:
+def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(scene, rig, tmp_path):
     """Such as an auto-save, which asks no add-on before."""
     seen = {**view(), "camera": None}
     bpy.ops.kiriko.look_through()
     path = str(tmp_path / "forced.blend")
     handlers = bpy.app.handlers.save_pre
-    ours = next(f for f in handlers if f.__module__ == button(kiriko).__name__)
+    ours = next(f for f in handlers if f.__module__ == button().__name__)
     handlers.remove(ours)
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
     handlers.append(ours)
@@ -249,9 +234,7 @@ def test_a_file_that_was_saved_by_force_is_put_back_when_it_is_opened(
     assert {**view(), "camera": None} == seen
 
 
-def test_a_viewer_that_is_deleted_meanwhile_keeps_nobody_there(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
-) -> None:
+def test_a_viewer_that_is_deleted_meanwhile_keeps_nobody_there(scene, rig):
     """The button is the way back all the same."""
     seen = view()
     bpy.ops.kiriko.look_through()
@@ -261,24 +244,20 @@ def test_a_viewer_that_is_deleted_meanwhile_keeps_nobody_there(
     assert scene.render.engine == "BLENDER_WORKBENCH"
 
 
-def test_undo_to_before_takes_the_view_along(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], kiriko: ModuleType
-) -> None:
+def test_undo_to_before_takes_the_view_along(scene, rig):
     """Undo knows the scene and not the view, which follows; Live stops, too."""
     seen = {**view(), "camera": None}
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.kiriko.look_through()
     bpy.ops.ed.undo_push(message="Look Through Viewer")
     bpy.ops.ed.undo()
-    button(kiriko).follow()  # by a timer, which background has not
+    button().follow()  # by a timer, which background has not
     assert {**view(), "camera": None} == seen
     assert bpy.context.scene.render.engine == "BLENDER_WORKBENCH"
-    assert not live(kiriko).is_on()
+    assert not live().is_on()
 
 
-def test_remove_rig_leaves_the_view_first(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
-) -> None:
+def test_remove_rig_leaves_the_view_first(scene, rig):
     """Nothing of it stays behind."""
     seen = view()
     bpy.ops.kiriko.look_through()
@@ -287,18 +266,14 @@ def test_remove_rig_leaves_the_view_first(
     assert scene.render.engine == "BLENDER_WORKBENCH"
 
 
-def test_without_a_viewer_the_button_is_grey(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
-) -> None:
+def test_without_a_viewer_the_button_is_grey(scene, rig):
     """And says why."""
     scene.kiriko.viewer = scene.camera = None
     with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
         bpy.ops.kiriko.look_through()
 
 
-def test_a_plane_of_the_artists_is_no_part_of_what_is_seen(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object]
-) -> None:
+def test_a_plane_of_the_artists_is_no_part_of_what_is_seen(scene, rig):
     """It would stand before the light that makes the picture."""
     before = plain(rig["PICTURE"])
     rig["PICTURE"].visible_camera = True
@@ -311,9 +286,7 @@ def test_a_plane_of_the_artists_is_no_part_of_what_is_seen(
 
 
 @pytest.mark.parametrize("is_saved", [False, True])
-def test_things_that_are_renamed_meanwhile_are_put_back(
-    scene: bpy.types.Scene, rig: dict[str, bpy.types.Object], is_saved: bool, tmp_path: Path
-) -> None:
+def test_things_that_are_renamed_meanwhile_are_put_back(scene, rig, is_saved, tmp_path):
     """Picture, viewer and the artist's camera, which stays the scene's; after a save, too."""
     rig["PICTURE"].visible_camera = True
     viewer, mine, seen = scene.kiriko.viewer, scene.camera, view()
@@ -337,16 +310,11 @@ def test_things_that_are_renamed_meanwhile_are_put_back(
 
 
 @pytest.mark.parametrize("is_left_at_first", [True, False])
-def test_the_view_follows_the_chosen_viewer(
-    scene: bpy.types.Scene,
-    rig: dict[str, bpy.types.Object],
-    kiriko: ModuleType,
-    is_left_at_first: bool,
-) -> None:
+def test_the_view_follows_the_chosen_viewer(scene, rig, is_left_at_first):
     """Whichever is chosen, and the view is fitted to its image; Live goes on. In the end all is as
     before. A view that was given another camera stays.
     """
-    choose_rig = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig")
+    choose_rig = loaded("operators.choose_rig")
     bpy.ops.kiriko.two_eyes()
     left, right = (one.camera for one in list(scene.kiriko.viewers)[1:])
     right.kiriko.use_resolution, right.kiriko.resolution = True, (64, 16)
@@ -362,11 +330,11 @@ def test_the_view_follows_the_chosen_viewer(
         assert view()["camera"] == shown
         assert view()["view_perspective"] == "CAMERA"
         assert view()["view_camera_zoom"] == zooms.setdefault(shown, view()["view_camera_zoom"])
-        assert live(kiriko).is_on()
+        assert live().is_on()
     assert zooms[left] != zooms[right]
     bpy.ops.kiriko.look_through()
     assert view() == seen
-    assert not live(kiriko).is_on()
+    assert not live().is_on()
     assert differences(before, snapshot()) == []
 
     bpy.ops.kiriko.look_through()

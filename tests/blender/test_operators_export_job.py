@@ -1,17 +1,16 @@
-import importlib
 import json
 import re
 import shutil
 from collections.abc import Callable
 from math import pi
 from pathlib import Path
-from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 
+from extension import loaded
 from known.kiriko_zip import kiriko_zip
 from long_work import full_disk
 from small_rigs import small_rig
@@ -20,13 +19,13 @@ NAME = "金魚 の bowl.blend"
 
 
 @pytest.fixture
-def zipped(tmp_path: Path) -> Path:
+def zipped(tmp_path) -> Path:
     """A zip as Kiriko's: the bundle copies it as it is."""
     return kiriko_zip(tmp_path / "kiriko-9.zip")
 
 
 @pytest.fixture
-def saved(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+def saved(scene, tmp_path) -> Path:
     """A small rig, saved; the folder for the bundle beside it."""
     small_rig()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / NAME))
@@ -37,9 +36,7 @@ def read(path: Path) -> dict:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def test_bundle_has_all_that_tasks_need(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_bundle_has_all_that_tasks_need(run, saved, zipped, capsys):
     """A copy of the file that reads the same image by its new place, the bootstrap, the zip, and
     the template; a second job is refused before anything is replaced.
     """
@@ -78,7 +75,7 @@ def test_bundle_has_all_that_tasks_need(
     )
 
 
-def test_a_job_never_replaces_the_open_file(saved: Path, zipped: Path) -> None:
+def test_a_job_never_replaces_the_open_file(saved, zipped):
     """Its dialogue begins in the file's own folder; Overwrite is about jobs."""
     file = saved.parent / NAME
     before = file.read_bytes()
@@ -90,9 +87,7 @@ def test_a_job_never_replaces_the_open_file(saved: Path, zipped: Path) -> None:
     assert sorted(path.name for path in saved.parent.iterdir()) == there
 
 
-def test_rigs_and_values_become_tasks(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_rigs_and_values_become_tasks(run, saved, zipped, capsys):
     """Names that folders cannot have get folders that they can."""
     (group,) = (one for one in bpy.data.collections if one.kiriko.is_rig)
     group.name = "rig / 一"
@@ -130,14 +125,7 @@ def test_rigs_and_values_become_tasks(
         (("--frames", "9999,10000", "--name", "金" * 82 + "a####"), "no room for such a name"),
     ],
 )
-def test_bad_jobs_are_one_sentence(
-    run: Callable[..., int],
-    saved: Path,
-    zipped: Path,
-    capsys: pytest.CaptureFixture,
-    words: tuple[str, ...],
-    said: str,
-) -> None:
+def test_bad_jobs_are_one_sentence(run, saved, zipped, capsys, words, said):
     """And leave no folder behind."""
     assert run("job", *words, "--zip", zipped, "--out", saved) == 1
     (line,) = capsys.readouterr().err.splitlines()
@@ -154,13 +142,7 @@ def test_bad_jobs_are_one_sentence(
         (('\nversion = "', '\nversion = "99'), "name the zip of"),
     ],
 )
-def test_a_zip_that_no_worker_could_use_is_refused(
-    run: Callable[..., int],
-    saved: Path,
-    capsys: pytest.CaptureFixture,
-    change: tuple[str, str] | str | None,
-    said: str,
-) -> None:
+def test_a_zip_that_no_worker_could_use_is_refused(run, saved, capsys, change, said):
     """None, a text by such a name, another extension, another version."""
     path = saved.parent / "bad.zip"
     if change is None:
@@ -174,9 +156,7 @@ def test_a_zip_that_no_worker_could_use_is_refused(
     assert not saved.exists()
 
 
-def test_a_job_that_is_replaced_leaves_no_zip_of_another_version(
-    run: Callable[..., int], saved: Path, zipped: Path
-) -> None:
+def test_a_job_that_is_replaced_leaves_no_zip_of_another_version(run, saved, zipped):
     """Those of this one may be for other platforms, and what is no Kiriko is not ours."""
     assert run("job", "--frames", "1-3", "--zip", zipped, "--out", saved) == 0
     kiriko = saved / "kiriko"
@@ -191,9 +171,7 @@ def test_a_job_that_is_replaced_leaves_no_zip_of_another_version(
     assert not list(saved.glob("*.blend1"))
 
 
-def test_results_of_an_earlier_job_are_not_taken_for_the_next_ones(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_results_of_an_earlier_job_are_not_taken_for_the_next_ones(run, saved, zipped, capsys):
     """Tasks leave images that are there: the job is refused, and all stays as it was."""
     job = ("job", "--frames", "1-2", "--zip", zipped, "--out", saved, "--overwrite")
     assert run(*job) == 0
@@ -209,13 +187,7 @@ def test_results_of_an_earlier_job_are_not_taken_for_the_next_ones(
     assert (saved / NAME).read_bytes() == before
 
 
-def test_a_full_disk_leaves_no_part_of_a_job(
-    run: Callable[..., int],
-    saved: Path,
-    zipped: Path,
-    capsys: pytest.CaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_full_disk_leaves_no_part_of_a_job(run, saved, zipped, capsys, monkeypatch):
     """Of a compressed file that it could not write Blender says that it is saved."""
     monkeypatch.setattr(bpy.context.preferences.filepaths, "use_file_compression", True)
     bpy.ops.wm.save_as_mainfile(filepath=str(saved.parent / NAME), compress=True)
@@ -225,9 +197,7 @@ def test_a_full_disk_leaves_no_part_of_a_job(
     assert not saved.exists()
 
 
-def test_all_files_that_tasks_read_are_listed_once(
-    run: Callable[..., int], saved: Path, zipped: Path
-) -> None:
+def test_all_files_that_tasks_read_are_listed_once(run, saved, zipped):
     """Every frame of a sequence, every tile; one file that two images read once."""
     for name in ("s_0001", "s_0002", "s_0010", "s_0002b", "u.1001", "u.1002", "still"):
         picture = bpy.data.images.new(name, 4, 4)
@@ -252,11 +222,11 @@ def test_all_files_that_tasks_read_are_listed_once(
     assert listed == [str(saved.parent / name) for name in names]
 
 
-def test_button_writes_the_same(kiriko: ModuleType, scene: bpy.types.Scene, saved: Path) -> None:
+def test_button_writes_the_same(scene, saved):
     """The scene's range where no frames are given; the wheels of a checkout may be missing, which
     is told.
     """
-    extension = importlib.import_module(f"{kiriko.__name__}.core.lab.farm.extension")
+    extension = loaded("core.lab.farm.extension")
     scene.frame_start, scene.frame_end, scene.frame_step = 3, 9, 2
     names = [name.removeprefix("./") for name in extension.manifest()["wheels"]]
     if not all((extension.ROOT / name).exists() for name in names):
@@ -269,9 +239,7 @@ def test_button_writes_the_same(kiriko: ModuleType, scene: bpy.types.Scene, save
     assert {one["name"]: one["value"] for one in values}["Frames"] == "3-9:2"
 
 
-def test_viewers_become_tasks_that_solve_for_one_alone(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_viewers_become_tasks_that_solve_for_one_alone(run, saved, zipped, capsys):
     """The image of a task is that of the file where this viewer is the only one."""
     scene = bpy.context.scene
     first = scene.kiriko.viewer or scene.camera
@@ -312,13 +280,7 @@ def verb(bundle: Path, step: dict, **values: str) -> list[str]:
 
 
 @pytest.mark.parametrize("text", ["-x", "--out", "-h", "--set", "-"])
-def test_values_may_begin_with_a_dash(
-    run: Callable[..., int],
-    saved: Path,
-    zipped: Path,
-    capsys: pytest.CaptureFixture,
-    text: str,
-) -> None:
+def test_values_may_begin_with_a_dash(run, saved, zipped, capsys, text):
     """Of a property that is text, in a job's task and by themselves."""
     path = "kiriko.export_path"
     vary = ("--vary", path, f"--values={text}")
@@ -340,9 +302,7 @@ def sentence_of_solve(run: Callable[..., int], out: Path, capsys: pytest.Capture
     return line.removeprefix("kiriko: ")
 
 
-def test_a_rig_that_no_task_could_solve_is_refused(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_rig_that_no_task_could_solve_is_refused(run, saved, zipped, capsys):
     """With Solve's own sentence, by the rig's name where there are several; one that is whole at
     another frame of the job, or with one of its values, is good enough. The scene stays as it is.
     """
@@ -374,9 +334,7 @@ def test_a_rig_that_no_task_could_solve_is_refused(
     assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
 
 
-def test_a_rig_that_stays_dark_is_refused(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_rig_that_stays_dark_is_refused(run, saved, zipped, capsys):
     """With Solve's own sentence, where no frame and no value has light, and by the viewer's name
     where it is solved for alone. One frame with light is enough.
     """
@@ -413,9 +371,7 @@ def test_a_rig_that_stays_dark_is_refused(
     assert run(*job, "--frames", "1-4") == 0
 
 
-def test_an_index_that_the_material_has_is_told_to_have_no_effect(
-    run: Callable[..., int], saved: Path, zipped: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_an_index_that_the_material_has_is_told_to_have_no_effect(run, saved, zipped, capsys):
     """Where Override IOR is off, unless that is set, too, whichever comes first."""
     glass = bpy.data.objects["Cube"]
     glass.kiriko.use_ior = False
@@ -438,9 +394,7 @@ def test_an_index_that_the_material_has_is_told_to_have_no_effect(
     assert "no effect" not in capsys.readouterr().out
 
 
-def test_values_beyond_a_property_s_range_are_refused(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_values_beyond_a_property_s_range_are_refused(run, saved, capsys):
     """Which Blender would cut without a word; the ends of the range are no error."""
     ours = bpy.context.scene.kiriko
     known = ours.bl_rna.properties
@@ -464,9 +418,7 @@ def test_values_beyond_a_property_s_range_are_refused(
     assert "is no list of frames" in capsys.readouterr().err
 
 
-def test_values_are_set_before_the_work(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_values_are_set_before_the_work(run, saved, capsys):
     """By their paths in the scene or the file; what cannot be set is refused with its name."""
     wanted = ("--set", 'objects["Cube"].kiriko.ior', "1.6", "--set", "kiriko.tolerance", "0.5")
     assert run("solve", *wanted, "--out", saved) == 0
@@ -484,9 +436,7 @@ def test_values_are_set_before_the_work(
         assert path in capsys.readouterr().err
 
 
-def test_join_checks_all_frames(
-    run: Callable[..., int], saved: Path, capsys: pytest.CaptureFixture
-) -> None:
+def test_join_checks_all_frames(run, saved, capsys):
     """Two tasks and their join are as one run; without one of the images it fails by its name."""
     one = saved.parent / "one"
     assert run("solve", "--frames=1-3", "--out", one) == 0

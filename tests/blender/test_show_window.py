@@ -1,32 +1,29 @@
 """The show window as far as a Blender without windows has it; `dev.py shown` shows a real one."""
 
-import importlib
-from pathlib import Path
 from types import ModuleType
 
 import bpy
 import numpy as np
 import pytest
 
+from extension import loaded
 from small_rigs import pixels, small_rig
 
 
 @pytest.fixture
-def show(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.operators.show_window")
+def show(scene) -> ModuleType:
+    return loaded("operators.show_window")
 
 
 @pytest.fixture
-def shown_pixels(kiriko: ModuleType, scene: bpy.types.Scene) -> ModuleType:
-    return importlib.import_module(f"{kiriko.__name__}.panels.shown_pixels")
+def shown_pixels(scene) -> ModuleType:
+    return loaded("panels.shown_pixels")
 
 
 @pytest.mark.parametrize("gamma", [None, 1.8])
-def test_numbers_are_those_of_the_exported_file(
-    shown_pixels: ModuleType, kiriko: ModuleType, tmp_path: Path, gamma: float | None
-) -> None:
+def test_numbers_are_those_of_the_exported_file(shown_pixels, kiriko, tmp_path, gamma):
     """Each pixel that is drawn has the three numbers of the 8-bit file, to the last bit."""
-    image_io = importlib.import_module(f"{kiriko.__name__}.core.files.image_io")
+    image_io = loaded("core.files.image_io")
     pixels = np.random.default_rng(2).normal(0.5, 0.5, (48, 64, 4)).astype(np.float32)
     path = image_io.write(tmp_path / "a.png", pixels[..., :3], "PNG8", gamma=gamma)
     written, _ = image_io.read(path)
@@ -36,7 +33,7 @@ def test_numbers_are_those_of_the_exported_file(
 
 
 @pytest.mark.parametrize("region", [(1920, 1080), (1921, 1081), (640, 480), (3840, 2160)])
-def test_pixels_lie_on_pixels(shown_pixels: ModuleType, region: tuple[int, int]) -> None:
+def test_pixels_lie_on_pixels(shown_pixels, region):
     """Whole numbers, in the middle to half a pixel, whether the window is larger or smaller."""
     x, y = shown_pixels.corner_of((1920, 1080), region)
     assert isinstance(x, int)
@@ -45,7 +42,7 @@ def test_pixels_lie_on_pixels(shown_pixels: ModuleType, region: tuple[int, int])
     assert abs(region[1] - 1080 - 2 * y) <= 1
 
 
-def test_result_is_that_of_the_rig_that_is_chosen(show: ModuleType, scene: bpy.types.Scene) -> None:
+def test_result_is_that_of_the_rig_that_is_chosen(show, scene):
     """Of two rigs the one that is named, whichever is active; the active one for any other name."""
     small_rig()
     bpy.ops.kiriko.solve()
@@ -68,7 +65,7 @@ def test_result_is_that_of_the_rig_that_is_chosen(show: ModuleType, scene: bpy.t
         ours.show_rig = ""
 
 
-def test_without_a_window_the_button_is_grey(show: ModuleType, scene: bpy.types.Scene) -> None:
+def test_without_a_window_the_button_is_grey(show, scene):
     """In the background it is refused with a sentence, and nothing is opened."""
     small_rig()
     bpy.ops.kiriko.solve()
@@ -77,9 +74,9 @@ def test_without_a_window_the_button_is_grey(show: ModuleType, scene: bpy.types.
     assert show.show_windows() == []
 
 
-def test_panel_tells_whether_the_window_fits(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
+def test_panel_tells_whether_the_window_fits(scene):
     """The same size is told as such; else both sizes and the keys are named."""
-    panel = importlib.import_module(f"{kiriko.__name__}.panels.export_panel")
+    panel = loaded("panels.export_panel")
     assert "1920 x 1080" in panel.words_on((1920, 1080), (1920, 1080), "F11")
     text = panel.words_on((1280, 720), (1920, 1080), "Alt F11")
     assert "1280 x 720" in text
@@ -87,9 +84,7 @@ def test_panel_tells_whether_the_window_fits(kiriko: ModuleType, scene: bpy.type
     assert text.endswith("press Alt F11.")
 
 
-def test_undo_and_redo_show_the_result_of_that_time(
-    show: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_undo_and_redo_show_the_result_of_that_time(show, scene, monkeypatch):
     """That of before the step, and of after it; windows are drawn anew each time."""
     small_rig()
     drawn = []

@@ -15,7 +15,7 @@ FROM_NETWORK = re.compile(r"<(?:script|img|link)\b[^>]*(?:src|href)=[\"']?(?:htt
 
 
 @pytest.fixture
-def opened(installed: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def opened(installed, monkeypatch) -> list[str]:
     """URLs that a browser was asked to open."""
     urls: list[str] = []
     monkeypatch.setattr(webbrowser, "open", lambda url, *_: urls.append(url) or True)
@@ -23,7 +23,7 @@ def opened(installed: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.fixture(params=LANGUAGES)
-def pages(request: pytest.FixtureRequest, installed: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+def pages(request, installed, monkeypatch) -> Path:
     """The folder of the pages in the language that the interface is said to have."""
     opening = sys.modules[f"{installed}.operators.open_manual"]
     monkeypatch.setattr(opening, "language", lambda: request.param)
@@ -54,9 +54,7 @@ def names(installed: str) -> list[str]:
     return found
 
 
-def test_f1_leads_to_the_place_of_each_button_and_setting(
-    installed: str, pages: Path, opened: list[str]
-) -> None:
+def test_f1_leads_to_the_place_of_each_button_and_setting(installed, pages, opened):
     """Blender's own lookup opens a page that is there, which leads to a place that is there."""
     every = names(installed)
     assert {"kiriko.solve", "KirikoRig.tolerance", "KirikoObject.image"} <= set(every)
@@ -73,24 +71,20 @@ def test_f1_leads_to_the_place_of_each_button_and_setting(
     assert len(opened) == len(every)
 
 
-def test_the_button_opens_the_first_page(pages: Path, opened: list[str]) -> None:
+def test_the_button_opens_the_first_page(pages, opened):
     """In the language of the interface."""
     assert bpy.ops.kiriko.open_manual() == {"FINISHED"}
     assert file_of(opened[-1]) == pages / "index.html"
 
 
-def test_without_a_browser_the_file_is_named(
-    installed: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_browser_the_file_is_named(installed, monkeypatch):
     """An artist without a browser reads where the manual is."""
     monkeypatch.setattr(webbrowser, "open", lambda url: False)
     with pytest.raises(RuntimeError, match=r"No browser was found: open the file '.*index\.html'"):
         bpy.ops.kiriko.open_manual()
 
 
-def test_a_language_without_pages_reads_english(
-    installed: str, opened: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_language_without_pages_reads_english(installed, opened, monkeypatch):
     """Also one whose name is that of another folder of the site."""
     opening = sys.modules[f"{installed}.operators.open_manual"]
     for name in ("fr", "at", ""):
@@ -99,7 +93,7 @@ def test_a_language_without_pages_reads_english(
         assert file_of(opened[-1]) == opening.FOLDER / "index.html"
 
 
-def test_links_of_the_site_are_files(installed: str) -> None:
+def test_links_of_the_site_are_files(installed):
     """No page loads anything from a network, and each link within the site is one to a file."""
     site = sys.modules[f"{installed}.operators.open_manual"].FOLDER
     for path in site.rglob("*.html"):

@@ -19,14 +19,14 @@ LINK = re.compile(r"\]\(([^)#]+)(?:#[^)]*)?\)")
 MOST_BYTES = 1_300_000  # of all pictures: each checkout has them
 
 
-def test_pages_are_there_in_both_languages() -> None:
+def test_pages_are_there_in_both_languages():
     """Each page in English has one in Japanese, and no other is there."""
     names = [{path.name for path in PAGES[language]} for language in LANGUAGES]
     assert names[0] | {"glossary.md"} == names[1]  # the English one is docs/glossary.md
 
 
 @pytest.mark.parametrize("path", BOTH, ids=lambda path: f"{path.parent.name}/{path.name}")
-def test_links_and_pictures_are_there(path: Path) -> None:
+def test_links_and_pictures_are_there(path):
     """What a page links to is a page, or a picture of its language that some play takes."""
     taken = {step.name for play in plays.MANUAL.values() for step in play if isinstance(step, Shot)}
     for target in LINK.findall(path.read_text(encoding="utf-8")):
@@ -38,7 +38,7 @@ def test_links_and_pictures_are_there(path: Path) -> None:
             assert target in names
 
 
-def test_every_picture_is_shown_in_both_languages() -> None:
+def test_every_picture_is_shown_in_both_languages():
     """A picture that a play takes is on a page, and a file among the pictures is taken, in each
     language: in place of one that is missing the site would show the English one, without a word.
     """
@@ -50,13 +50,13 @@ def test_every_picture_is_shown_in_both_languages() -> None:
         assert taken == set(re.findall(r"\(pictures/(\w+)\.webp\)", text))
 
 
-def test_pictures_are_small() -> None:
+def test_pictures_are_small():
     """All pictures of the manual together stay small enough for the zip."""
     assert sum(path.stat().st_size for path in MANUAL.rglob("*.webp")) < MOST_BYTES
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_places_are_headings(language: str) -> None:
+def test_places_are_headings(language):
     """Each place that F1 leads to is a heading with that anchor, whatever the language."""
     for place in PLACES:
         page, _, anchor = place.partition("#")
@@ -64,13 +64,13 @@ def test_places_are_headings(language: str) -> None:
         assert len(re.findall(rf"^#+ .* {{ #{anchor} }}$", text, re.MULTILINE)) == 1, place
 
 
-def test_no_button_has_two_places() -> None:
+def test_no_button_has_two_places():
     """What is told of in two places has no page of its own."""
     names = [name for own in PLACES.values() for name in own]
     assert len(names) == len(set(names))
 
 
-def test_a_page_leads_to_each_place(tmp_path: Path) -> None:
+def test_a_page_leads_to_each_place(tmp_path):
     """A button's page leads to its heading, another one's to the page that has all."""
     own = full_name("kiriko.solve"), full_name("KirikoRig.tolerance")
     assert own == ("bpy.ops.kiriko.solve", "bpy.types.kirikorig.tolerance")
@@ -83,7 +83,7 @@ def test_a_page_leads_to_each_place(tmp_path: Path) -> None:
     assert urls == ["../goblet.html#solve", f"../reference.html#{own[1]}"]
 
 
-def test_navigation_has_each_page_in_both_languages() -> None:
+def test_navigation_has_each_page_in_both_languages():
     """Each page stands in the navigation, with a title in Japanese."""
     config = (ROOT / "scripts" / "manual" / "mkdocs.yml").read_text(encoding="utf-8")
     nav = dict(re.findall(r"^  - ([^:\n]+): (\w+\.md)$", config, re.MULTILINE))
@@ -92,7 +92,7 @@ def test_navigation_has_each_page_in_both_languages() -> None:
         assert f"            {title}: " in config
 
 
-def test_plays_name_functions_that_are_there() -> None:
+def test_plays_name_functions_that_are_there():
     """What a play does or asks beside mouse and keys is a function of scenes.py."""
     tree = ast.parse((ROOT / "scripts" / "manual" / "scenes.py").read_text(encoding="utf-8"))
     functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
@@ -104,7 +104,7 @@ def test_plays_name_functions_that_are_there() -> None:
                 assert step.question in functions
 
 
-def test_the_japanese_glossary_has_the_words() -> None:
+def test_the_japanese_glossary_has_the_words():
     """Each word of the bench, of images and of settings has its Japanese line."""
     english = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
     japanese = (MANUAL / "ja" / "glossary.md").read_text(encoding="utf-8")
