@@ -227,7 +227,9 @@ class Rays:
 
         # the course that they keep to, or that is recorded
         self.live = np.arange(self.n_asked)
-        self.is_begun = np.arange(n) < self.n_asked  # is there such a copy?
+        self.is_begun = (
+            np.arange(n) < self.n_asked if n_copies else np.ones(n, bool)
+        )  # is there such a copy?
         self.born = np.empty(0, np.int64)  # copies that are not live yet
         self.course = course
         self.is_recorded = is_recorded

@@ -226,7 +226,7 @@ def _landings_of(rays: Rays) -> Landings:
     rays.xy[rays.is_astray] = np.nan
     has_place = np.isfinite(rays.xy[:, 0])
     landings = Landings(
-        sample=np.arange(len(rays.xy)) % max(rays.n_asked, 1),
+        sample=np.tile(np.arange(rays.n_asked), 1 + rays.n_copies),
         reason=rays.reason,
         branch=np.where(has_place, np.maximum(rays.branch, np.uint64(1)), np.uint64(0)),
         xy=rays.xy,
