@@ -195,7 +195,8 @@ class Asked:
     """
 
     def __init__(self, name: str) -> None:
-        self.real = getattr(part(f"operators.{name}"), f"KIRIKO_OT_{name}")
+        classes = part("operators").CLASSES
+        self.real = next(cls for cls in classes if cls.__name__ == f"KIRIKO_OT_{name}")
         self.bl_label, self.bl_options = self.real.bl_label, self.real.bl_options
         self.said = []
         for option, declared in self.real.__annotations__.items():
