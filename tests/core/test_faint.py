@@ -273,7 +273,7 @@ def test_no_pixel_takes_more_rays_than_it_may():
         plan = make_plan(facetted_rig(32), Settings(effort=effort))
         assert np.bincount(33 * row + column).max() <= most_rays(plan)
         samples_of = np.bincount(33 * row[found.samples] + column[found.samples])
-        assert samples_of.max() <= max(3.25 * effort, 4)  # quarters take one each
+        assert samples_of.max() <= max(3.25 * effort, 8)  # quarters take one or two each
 
 
 def stopped_in_the_second_sampling(plan):
