@@ -294,12 +294,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
         rays.last_part[rays.live[~is_beside]] = plan.parts.sheet[part[~is_beside]]
 
         before = rays.mask[rays.live]
-        for of_kind, law in LAWS.items():
-            some = np.flatnonzero(kind == of_kind)
-            if len(some):
-                others = [other.at(some) for other in by_layer] if law.crosses else []
-                law.meet(plan, rays, rays.live[some], hits.at(some), others)
-
+        _interact(plan, rays, hits, by_layer, kind)
         if plan.display.is_by_glass:
             end_beneath_glass(plan, rays, hits, by_layer, before)
         is_over = rays.n_events[rays.live] >= plan.settings.max_events
@@ -308,6 +303,15 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
         is_over = rays.n_events[born] >= plan.settings.max_events
         rays.live = np.concatenate([on, put_off, born[~(is_over | rays.has_ended[born])]])
         yield n_live - len(rays.live)
+
+
+def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: Ints) -> None:
+    """Hand live rays over to the interactions of the kinds of parts that they hit."""
+    for of_kind, law in LAWS.items():
+        some = np.flatnonzero(kind == of_kind)
+        if len(some):
+            others = [other.at(some) for other in by_layer] if law.crosses else []
+            law.meet(plan, rays, rays.live[some], hits.at(some), others)
 
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:

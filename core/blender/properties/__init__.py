@@ -87,6 +87,12 @@ def register() -> None:
         override=overridden.OVERRIDE,
     )
     view.add()
+    _attach()
+    overridden.register()
+
+
+def _attach() -> None:
+    """Give Blender's types their groups of settings."""
     bpy.types.Object.kiriko = PointerProperty(
         name="Kiriko",
         description="This object's part in the rig",
@@ -113,7 +119,6 @@ def register() -> None:
     bpy.types.WindowManager.kiriko = PointerProperty(
         name="Kiriko", description="What the interface shows of a rig", type=KirikoView
     )
-    overridden.register()
 
 
 def unregister() -> None:
