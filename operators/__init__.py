@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.blender.translation_context import in_own_words
+from ..core.blender.data.translation_context import in_own_words
 from . import (
     add_rig,
     before_after,
@@ -27,7 +27,7 @@ from . import (
     mend,
     open_example,
     open_manual,
-    parts,
+    part_verbs,
     preset,
     preview,
     proposal,
@@ -55,8 +55,8 @@ CLASSES = (
     preset.KIRIKO_OT_display_preset,
     preset.KIRIKO_OT_glass_preset,
     make_glass.KIRIKO_OT_make_glass,
-    parts.KIRIKO_OT_select_part,
-    parts.KIRIKO_OT_show_part,
+    part_verbs.KIRIKO_OT_select_part,
+    part_verbs.KIRIKO_OT_show_part,
     make_part.KIRIKO_OT_make_part,
     make_part.KIRIKO_OT_use_part,
     make_part.KIRIKO_OT_go_without_plate,

@@ -17,16 +17,16 @@ from ..core.bench.largest_square import ENOUGH
 from ..core.bench.picture_light import MOST, Spread, part_of_picture
 from ..core.bench.placement import Proposal, Wishes, propose, propose_behind, viewer_of
 from ..core.bench.placement import rig_of as proposed_rig
-from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.given_glass import has_place
-from ..core.blender.inspect_scene import has_own_faces
-from ..core.blender.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
-from ..core.blender.result import legibility_numbers
-from ..core.blender.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
-from ..core.blender.stored_records import Numbers, Sentences
-from ..core.blender.units import length_of_unit, length_text
-from ..core.blender.viewer import Frame, frame_of_render
-from ..core.blender.visibility import Shown
+from ..core.blender.checks.inspect_scene import has_own_faces
+from ..core.blender.data.camera_viewer import Frame, frame_of_render
+from ..core.blender.data.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
+from ..core.blender.data.stored_records import Numbers, Sentences
+from ..core.blender.data.units import length_of_unit, length_text
+from ..core.blender.data.visibility import Shown
+from ..core.blender.lifecycle.given_glass import has_place
+from ..core.blender.lifecycle.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
+from ..core.blender.read.elements import DEFAULT_IOR
+from ..core.blender.result.write_result import legibility_numbers
 from ..core.light.rays import BY_GAPS, REASON_WORDS, Reason
 from ..core.light.rig_parts import InsideGlassError
 from ..core.rig.rig import ROLES

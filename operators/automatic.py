@@ -5,7 +5,7 @@ length that is taken beside it, so that no field reads 0 m.
 import bpy
 
 from ..core.base.messages import as_message
-from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.data.units import length_of_unit, length_text
 from .telling import in_words
 
 LEAST = 0.01  # Blender units: a length that nothing is known of

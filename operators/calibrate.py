@@ -13,13 +13,13 @@ from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, joined, quoted
 from ..core.base.steps import within
 from ..core.bench.offset import parameters, with_amounts, with_offset
-from ..core.blender.calibration import keep_offset, put_into_scene
-from ..core.blender.image import encoded_image
-from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.blender.plane import plane_size
-from ..core.blender.result import write_solution
-from ..core.blender.stored_records import Numbers, Offset, Sentences
-from ..core.blender.viewer import seats_of, viewer_of
+from ..core.blender.data.camera_viewer import seats_of, viewer_of
+from ..core.blender.data.image import encoded_image
+from ..core.blender.data.paths import RELATIVE_PATH, absolute
+from ..core.blender.data.stored_records import Numbers, Offset, Sentences
+from ..core.blender.read.plane import plane_size
+from ..core.blender.result.applied_calibration import keep_offset, put_into_scene
+from ..core.blender.result.write_result import write_solution
 from ..core.files import disk
 from ..core.files.picture_file import read_photograph
 from ..core.image.flat_picture import view_of_picture

@@ -11,15 +11,15 @@ import bpy
 
 from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, as_message, joined
-from ..core.blender import plane
-from ..core.blender import plane as blender_plane
-from ..core.blender.image import or_none
-from ..core.blender.image_file import as_seen, check_whole, notes_on
-from ..core.blender.moving import Timing, at_frame, number_at, rate_of
-from ..core.blender.numbered_files import sequence_of
-from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
-from ..core.blender.picture import check_readable
-from ..core.blender.plane import fit, shown_as, squeezed_words
+from ..core.blender.data.image import or_none
+from ..core.blender.data.image_file import as_seen, check_whole, notes_on
+from ..core.blender.data.moving import Timing, at_frame, number_at, rate_of
+from ..core.blender.data.numbered_files import sequence_of
+from ..core.blender.data.paths import RELATIVE_PATH, absolute, is_chosen
+from ..core.blender.read import plane
+from ..core.blender.read import plane as blender_plane
+from ..core.blender.read.plane import fit, shown_as, squeezed_words
+from ..core.blender.read.scene_picture import check_readable
 from . import needed, telling
 from .choose_rig import EndsWithRig
 from .needed import the_picture

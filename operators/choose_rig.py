@@ -10,8 +10,8 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, as_message, quoted
-from ..core.blender.copies import is_doubled, meant_copies, part_copies
-from ..core.blender.rigs import active_rig, rig_of, rig_uid, rigs
+from ..core.blender.data.rigs import active_rig, rig_of, rig_uid, rigs
+from ..core.blender.lifecycle.copies import is_doubled, meant_copies, part_copies
 from . import live, look_over, look_through, needed, proposal, sketcher, telling, work
 from .viewer_reports import ALL
 from .windows import all_windows, redraw

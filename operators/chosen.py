@@ -6,9 +6,9 @@ from time import monotonic, thread_time
 
 import bpy
 
-from ..core.blender.elements import tone_of
-from ..core.blender.moving import stamp_of
-from ..core.blender.viewer import frame_of, seats_of
+from ..core.blender.data.camera_viewer import frame_of, seats_of
+from ..core.blender.data.moving import stamp_of
+from ..core.blender.read.elements import tone_of
 from . import needed, work
 
 POLLING = 50.0  # times as long as it took to look at all settings they are not looked at again

@@ -13,9 +13,9 @@ from bpy.app.handlers import persistent
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Matrix, Vector
 
-from ..core.blender import looking_through, turned_views
-from ..core.blender.units import length_of_unit
-from ..core.blender.viewer import viewer_of
+from ..core.blender.data.camera_viewer import viewer_of
+from ..core.blender.data.units import length_of_unit
+from ..core.blender.view import looking_through, turned_views
 from ..core.rig.rig import Rig, Viewer
 from ..core.rig.settings import Settings
 from ..core.solve.comparison import Comparer, Comparison

@@ -6,10 +6,10 @@ import bpy
 
 from ..core.base.errors import ImageError
 from ..core.base.messages import Message
-from ..core.blender.image import pixels_from_image
-from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.blender.reports import said_by
-from ..core.blender.stored_records import Numbers
+from ..core.blender.data.image import pixels_from_image
+from ..core.blender.data.paths import RELATIVE_PATH, absolute
+from ..core.blender.data.reports import said_by
+from ..core.blender.data.stored_records import Numbers
 from ..core.files import disk, image_io
 from . import needed, telling, watch
 from .choose_rig import EndsWithRig

@@ -19,10 +19,10 @@ from ..core.base.messages import CONTEXT, Message
 from ..core.base.numbers import number
 from ..core.base.steps import within
 from ..core.base.words import percent
-from ..core.blender.paths import absolute
-from ..core.blender.stored_records import Numbers
-from ..core.blender.units import length_of_unit
-from ..core.blender.viewer import seats_of
+from ..core.blender.data.camera_viewer import seats_of
+from ..core.blender.data.paths import absolute
+from ..core.blender.data.stored_records import Numbers
+from ..core.blender.data.units import length_of_unit
 from ..core.files import image_io
 from ..core.lab.atlas import atlas as atlas_plan
 from ..core.lab.atlas import atlas as atlases

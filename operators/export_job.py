@@ -12,12 +12,12 @@ import bpy
 
 from ..core.base.errors import ImageError, KirikoError, RigError
 from ..core.base.messages import Message
-from ..core.blender.files_read import files_read
-from ..core.blender.frames import frame_kept
-from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.blender.reports import said_by
-from ..core.blender.rigs import active_rig, rigs
-from ..core.blender.viewer import seats_of
+from ..core.blender.data.camera_viewer import seats_of
+from ..core.blender.data.files_read import files_read
+from ..core.blender.data.paths import RELATIVE_PATH, absolute
+from ..core.blender.data.reports import said_by
+from ..core.blender.data.rigs import active_rig, rigs
+from ..core.blender.data.scene_frames import frame_kept
 from ..core.files import disk
 from ..core.files.frame_list import frames_of
 from ..core.lab.farm import extension

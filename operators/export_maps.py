@@ -16,7 +16,7 @@ from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import within
-from ..core.blender.paths import absolute
+from ..core.blender.data.paths import absolute
 from ..core.files import disk, image_io
 from ..core.lab.farm import extension
 from ..core.lab.warp.map_files import (

@@ -12,16 +12,16 @@ from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.steps import Pauses, at, within
 from ..core.base.words import percent
-from ..core.blender.objects import made_surface, shown_quads, surface_object
-from ..core.blender.stored_records import Numbers
-from ..core.blender.units import length_of_unit, length_text
-from ..core.blender.viewer import seats_of
+from ..core.blender.data.camera_viewer import seats_of
+from ..core.blender.data.made_objects import made_surface, shown_quads, surface_object
+from ..core.blender.data.stored_records import Numbers
+from ..core.blender.data.units import length_of_unit, length_text
 from ..core.lab.calibrate.visible_range import SURVEY, visible_range
 from ..core.lab.measure.head_box import as_data, check_box, head_box
 from ..core.lab.measure.head_range import LEAST, LIMIT, EyeBox, Walk, surface_of
 from ..core.light.plan import Plan
 from . import framing, long_work, needed, work
-from .surfaces import EYE_BOX, MADE_FOR, RANGE
+from .outdated_surfaces import EYE_BOX, MADE_FOR, RANGE
 
 
 class Remove:

@@ -12,8 +12,8 @@ from ..core.base.steps import within
 from ..core.base.words import listed, percent
 from ..core.bench.part_sizes import Fitted, Wanted, fit_display, fit_picture, fit_plate
 from ..core.bench.picture_light import MOST
-from ..core.blender.resize import scale_by
-from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.data.units import length_of_unit, length_text
+from ..core.blender.read.resize import scale_by
 from ..core.rig.rig import ROLES, Rig
 from . import long_work, needed, work
 

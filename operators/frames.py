@@ -19,13 +19,13 @@ import bpy
 from ..core.base.errors import ImageError, KirikoError, RigError
 from ..core.base.messages import Message, joined
 from ..core.base.steps import within
-from ..core.blender import movie
-from ..core.blender.frames import folder_of, frame_files, frame_kept, frames_of_range
-from ..core.blender.image import size_of
-from ..core.blender.moving import OfMovie, Reel
-from ..core.blender.paths import absolute
-from ..core.blender.scene import Reading
-from ..core.blender.shapes import Kept
+from ..core.blender.data import movie
+from ..core.blender.data.image import size_of
+from ..core.blender.data.moving import OfMovie, Reel
+from ..core.blender.data.paths import absolute
+from ..core.blender.data.scene_frames import folder_of, frame_files, frame_kept, frames_of_range
+from ..core.blender.read.scene import Reading
+from ..core.blender.read.shapes import Kept
 from ..core.files import disk, image_io
 from ..core.files.frame_list import frames_of
 from ..core.image.test_card import card

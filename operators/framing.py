@@ -8,10 +8,10 @@ from bpy.app.handlers import persistent
 from mathutils import Matrix
 
 from ..core.base.arrays import Floats
-from ..core.blender.changes import Change, change, put_back
-from ..core.blender.framing import Framed, Window, framed, in_sight, turned
-from ..core.blender.rigs import elsewhere
-from ..core.blender.screens import place_of, spaces
+from ..core.blender.data.changes import Change, change, put_back
+from ..core.blender.data.rigs import elsewhere
+from ..core.blender.data.screens import place_of, spaces
+from ..core.blender.view.view_framing import Framed, Window, framed, in_sight, turned
 from . import work
 from .windows import view_of
 

@@ -9,9 +9,9 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message
-from ..core.blender.conflict import pack_conflict
-from ..core.blender.result import pack_source
-from ..core.blender.result_images import lacks_numbers
+from ..core.blender.result.conflict import pack_conflict
+from ..core.blender.result.result_images import lacks_numbers
+from ..core.blender.result.write_result import pack_source
 from . import live_follower, needed, telling, work
 from .windows import redraw
 

@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 from ..core.base.errors import KirikoError, one_line
 from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message
-from ..core.blender.conflict import write_conflict
-from ..core.blender.nested_glass import reasons
-from ..core.blender.on_display import MATERIAL_MARK, is_on_display
-from ..core.blender.result import (
+from ..core.blender.data.rigs import rig_uid
+from ..core.blender.read.nested_glass import reasons
+from ..core.blender.read.scene import Reading
+from ..core.blender.read.shapes import Kept
+from ..core.blender.result.conflict import write_conflict
+from ..core.blender.result.on_display import MATERIAL_MARK, is_on_display
+from ..core.blender.result.result_images import images_of
+from ..core.blender.result.write_result import (
     leave_coarse,
     update_coarse,
     update_final,
@@ -27,10 +31,6 @@ from ..core.blender.result import (
     write_helps,
     write_viewers,
 )
-from ..core.blender.result_images import images_of
-from ..core.blender.rigs import rig_uid
-from ..core.blender.scene import Reading
-from ..core.blender.shapes import Kept
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from ..core.solve.first_picture import coarser, enlarged, has_coarse

@@ -15,7 +15,7 @@ import bpy
 
 from ..core.base.messages import Message, as_message
 from ..core.base.steps import finish
-from ..core.blender.rigs import active_rig
+from ..core.blender.data.rigs import active_rig
 from . import live, needed, work
 from .telling import in_words, report, told
 

@@ -16,12 +16,18 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message
-from ..core.blender import checklist
-from ..core.blender.inspect_scene import CHECKED, InspectedMesh, inspect, inspect_mesh, is_checked
-from ..core.blender.rigs import rig_uid
-from ..core.blender.shapes import Kept, reshaped
-from ..core.blender.to_do import Entry, Inspection, is_first
-from ..core.blender.units import length_text
+from ..core.blender.checks import checklist
+from ..core.blender.checks.inspect_scene import (
+    CHECKED,
+    InspectedMesh,
+    inspect,
+    inspect_mesh,
+    is_checked,
+)
+from ..core.blender.checks.to_do import Entry, Inspection, is_first
+from ..core.blender.data.rigs import rig_uid
+from ..core.blender.data.units import length_text
+from ..core.blender.read.shapes import Kept, reshaped
 from . import needed, telling, watch, windows, work
 
 TICK = 0.2  # s between two turns

@@ -10,10 +10,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..core.base.messages import Message, joined, quoted
-from ..core.blender import looking_through, turned_views
-from ..core.blender.rigs import rig_uid
-from ..core.blender.screens import place_of, window_showing
-from ..core.blender.viewer import viewer_of
+from ..core.blender.data.camera_viewer import viewer_of
+from ..core.blender.data.rigs import rig_uid
+from ..core.blender.data.screens import place_of, window_showing
+from ..core.blender.view import looking_through, turned_views
 from . import compared, framing, live, make_glass, needed, telling, work
 from .windows import all_windows, redraw, view_of
 

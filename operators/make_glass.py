@@ -4,12 +4,12 @@ import bpy
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined, quoted
-from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.given_glass import give, has_place, set_by_modifier
-from ..core.blender.inspect_scene import has_own_faces, refracts_as_shown
-from ..core.blender.viewport_look import be_seen_as_glass
+from ..core.blender.checks.inspect_scene import has_own_faces, refracts_as_shown
+from ..core.blender.lifecycle.given_glass import give, has_place, set_by_modifier
+from ..core.blender.read.elements import DEFAULT_IOR
+from ..core.blender.view.viewport_look import be_seen_as_glass
 from . import needed, telling
-from .parts import NamesPart
+from .part_verbs import NamesPart
 
 NAME = "Kiriko Glass"
 NOTHING = Message("Select glass whose material does not refract")

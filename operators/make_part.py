@@ -10,19 +10,19 @@ from ..core.base.messages import Message
 from ..core.base.steps import within
 from ..core.bench.part_sizes import fit_display, fit_picture
 from ..core.bench.placement import Stand, rectangle, stand_of
-from ..core.blender.objects import Workbench
-from ..core.blender.overridden import overridden
-from ..core.blender.places import KeptPlaces, read_places
-from ..core.blender.rig_objects import (
+from ..core.blender.data.camera_viewer import is_deleted
+from ..core.blender.data.made_objects import Workbench
+from ..core.blender.data.overridden import overridden
+from ..core.blender.data.rigs import active_rig, mark_made
+from ..core.blender.data.units import length_of_unit, length_text
+from ..core.blender.lifecycle.rig_objects import (
     in_units,
     make_display,
     make_picture,
     make_plate,
     make_viewer,
 )
-from ..core.blender.rigs import active_rig, mark_made
-from ..core.blender.units import length_of_unit, length_text
-from ..core.blender.viewer import is_deleted
+from ..core.blender.read.places import KeptPlaces, read_places
 from ..core.rig.rig import ROLES, Display, PicturePlace, Rig
 from . import long_work, needed, telling, work
 from .mend import MendsPart

@@ -11,18 +11,18 @@ import numpy as np
 from ..core.base.errors import MeshError, RigError
 from ..core.base.messages import Message, joined
 from ..core.bench.placement import REFERENCE_BENCH
-from ..core.blender.eyes import keep_eyes_apart
-from ..core.blender.faults import counts_of
-from ..core.blender.inspect_scene import sides_of
-from ..core.blender.read_mesh import column
-from ..core.blender.resize import move_by, scale_by
-from ..core.blender.rigs import RIG_MARK, active_rig
-from ..core.blender.units import length_of_unit, length_text
-from ..core.blender.viewer import viewer_of
+from ..core.blender.checks.faults import counts_of
+from ..core.blender.checks.inspect_scene import sides_of
+from ..core.blender.data.camera_viewer import viewer_of
+from ..core.blender.data.rigs import RIG_MARK, active_rig
+from ..core.blender.data.units import length_of_unit, length_text
+from ..core.blender.lifecycle.eyes import keep_eyes_apart
+from ..core.blender.read.read_mesh import column
+from ..core.blender.read.resize import move_by, scale_by
 from ..core.glass.smoothed import FACTOR
 from . import needed, telling, work
 from .framing import corners
-from .parts import NamesPart
+from .part_verbs import NamesPart
 
 JOINED = 1e-5  # of a mesh's size: vertices nearer than this are merged
 THICKNESS = 0.1  # of its width: a thickness that a flat glass gets

@@ -5,15 +5,15 @@ from time import monotonic
 import bpy
 
 from ..core.base.messages import Message, as_sentence
-from ..core.blender.bodies import NO_PART, bodiless, no_part
-from ..core.blender.checklist import SINGLE, too_many
-from ..core.blender.inspect_scene import CHECKED, why_no_own_image, why_no_picture
-from ..core.blender.parts import LeftOut, hidden_words
-from ..core.blender.result_images import lacks_numbers
-from ..core.blender.rig_objects import PLATE_NAME
-from ..core.blender.rigs import active_rig, elsewhere, mark_of
-from ..core.blender.viewer import instanced_viewers, is_deleted, own_images, viewer_of
-from ..core.blender.visibility import Shown, instance_hidden_by, is_visible
+from ..core.blender.checks.checklist import SINGLE, too_many
+from ..core.blender.checks.inspect_scene import CHECKED, why_no_own_image, why_no_picture
+from ..core.blender.data.bodies import NO_PART, bodiless, no_part
+from ..core.blender.data.camera_viewer import instanced_viewers, is_deleted, own_images, viewer_of
+from ..core.blender.data.rigs import active_rig, elsewhere, mark_of
+from ..core.blender.data.visibility import Shown, instance_hidden_by, is_visible
+from ..core.blender.lifecycle.rig_objects import PLATE_NAME
+from ..core.blender.read.scene_parts import LeftOut, hidden_words
+from ..core.blender.result.result_images import lacks_numbers
 from ..core.rig.rig import ROLES
 from ..languages import in_all
 from .telling import in_words

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..core.base.errors import MeshError, RigError
 from ..core.base.messages import Message, joined
-from ..core.blender.chosen_product import Given, give_display, give_glass, give_plate
-from ..core.blender.elements import mirrors
-from ..core.blender.plate import be_mirror_array
-from ..core.blender.scene import length_of_unit
+from ..core.blender.checks.chosen_product import Given, give_display, give_glass, give_plate
+from ..core.blender.materials.plate_material import be_mirror_array
+from ..core.blender.read.elements import mirrors
+from ..core.blender.read.scene import length_of_unit
 from ..core.light.interaction_plate import PLATE_FLATNESS
 from ..core.rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct
 from ..core.rig.rig import ROLES

@@ -6,10 +6,10 @@ import bpy
 
 from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, joined
-from ..core.blender.paths import RELATIVE_PATH
-from ..core.blender.preview import Preview
-from ..core.blender.result import replace_image
-from ..core.blender.rigs import name_of_view
+from ..core.blender.data.paths import RELATIVE_PATH
+from ..core.blender.data.rigs import name_of_view
+from ..core.blender.preview.cycles_preview import Preview
+from ..core.blender.result.write_result import replace_image
 from ..core.files import disk, image_io
 from . import long_work, needed, telling, watch, work
 from .choose_rig import EndsWithRig

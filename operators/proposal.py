@@ -16,8 +16,8 @@ from ..core.base.words import percent
 from ..core.bench.best_place import BestPlace, Limits, best_place, turn_back, turn_of
 from ..core.bench.measured_remedies import shifts_by, way_to_glass
 from ..core.bench.part_sizes import plane_of
-from ..core.blender.resize import give_matrix
-from ..core.blender.units import length_of_unit, length_text
+from ..core.blender.data.units import length_of_unit, length_text
+from ..core.blender.read.resize import give_matrix
 from ..core.glass.motion import Motion
 from ..core.rig.rig import Rig
 from ..core.solve.solved_for import SolvedFor

@@ -5,7 +5,7 @@ from collections.abc import Generator
 from ..core.base.fingerprint import fingerprint
 from ..core.base.steps import within
 from ..core.bench.measured_remedies import Help, Helps, legible_by, what_helps
-from ..core.blender.checklist import REMEDIES, WORTH
+from ..core.blender.checks.checklist import REMEDIES, WORTH
 from ..core.light.mesh_cache import Kept
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings

@@ -3,8 +3,8 @@
 import bpy
 
 from ..core.base.messages import Message, joined
-from ..core.blender.remove_rig import refuse_shared, remove_rig
-from ..core.blender.rigs import active_rig, rig_of
+from ..core.blender.data.rigs import active_rig, rig_of
+from ..core.blender.lifecycle.rig_removal import refuse_shared, remove_rig
 from . import compared, live, look_through, needed, telling, work
 from .choose_rig import is_new
 

@@ -20,8 +20,8 @@ from ..core.base.errors import ImageError, KirikoError
 from ..core.base.messages import Message, joined
 from ..core.base.steps import at, finish, within
 from ..core.bench.part_sizes import plane_of
-from ..core.blender.paths import RELATIVE_PATH, absolute
-from ..core.blender.result_numbers import write_ladder
+from ..core.blender.data.paths import RELATIVE_PATH, absolute
+from ..core.blender.result.result_numbers import write_ladder
 from ..core.files import disk, image_io
 from ..core.image.simulation import plate_view
 from ..core.lab.atlas.heads import check_viewer

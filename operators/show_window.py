@@ -13,8 +13,8 @@ from bpy.app.handlers import persistent
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.blender.result_images import images_of
-from ..core.blender.rigs import rigs
+from ..core.blender.data.rigs import rigs
+from ..core.blender.result.result_images import images_of
 from . import needed, telling, windows, work
 from .windows import all_windows
 

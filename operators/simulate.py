@@ -11,10 +11,10 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent
-from ..core.blender.image import pixels_from_image
-from ..core.blender.result import replace_image
-from ..core.blender.rigs import name_of_view
-from ..core.blender.stored_records import Sentences
+from ..core.blender.data.image import pixels_from_image
+from ..core.blender.data.rigs import name_of_view
+from ..core.blender.data.stored_records import Sentences
+from ..core.blender.result.write_result import replace_image
 from ..core.image.simulation import Simulation, simulate
 from ..core.light.plate import STRAY_PATHS, PlatePath
 from . import long_work, needed, watch, work

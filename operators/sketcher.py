@@ -19,8 +19,8 @@ from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message
 from ..core.base.steps import Pauses
 from ..core.bench.sketch import Sketch, sketching
-from ..core.blender.places import KeptPlaces, read_places
-from ..core.blender.units import length_of_unit
+from ..core.blender.data.units import length_of_unit
+from ..core.blender.read.places import KeptPlaces, read_places
 from ..core.light.compile_plan import planning
 from ..core.light.mesh_cache import Kept
 from ..core.light.plan import Plan

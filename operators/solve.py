@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ..core.base.messages import Message
 from ..core.base.steps import within
-from ..core.blender.conflict import write_conflict
-from ..core.blender.result import (
+from ..core.blender.result.conflict import write_conflict
+from ..core.blender.result.write_result import (
     write_coarse,
     write_helps,
     write_legibility,

@@ -8,7 +8,7 @@ import bpy
 
 from ..core.base.errors import KirikoError, one_line
 from ..core.base.messages import CONTEXT, Message, as_message
-from ..core.blender.stored_records import take_reports
+from ..core.blender.data.stored_records import take_reports
 
 translations = bpy.app.translations
 Translate = Callable[[str], str]  # from a template to one of another language

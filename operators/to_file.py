@@ -6,7 +6,7 @@ import bpy
 
 from ..core.base.errors import ImageError
 from ..core.base.messages import as_message
-from ..core.blender.paths import RELATIVE_PATH, absolute
+from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from . import long_work, needed, telling
 from .choose_rig import EndsWithRig
 

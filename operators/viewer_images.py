@@ -7,12 +7,12 @@ import bpy
 
 from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message
-from ..core.blender.image_file import as_seen
-from ..core.blender.paths import RELATIVE_PATH, absolute, is_chosen
-from ..core.blender.picture import check_readable
-from ..core.blender.scene import read_viewers
-from ..core.blender.viewer import camera_at, frame_of, seats_of, viewer_of
-from ..core.blender.viewer_render import eye_of, remove_unused, render_for
+from ..core.blender.data.camera_viewer import camera_at, frame_of, seats_of, viewer_of
+from ..core.blender.data.image_file import as_seen
+from ..core.blender.data.paths import RELATIVE_PATH, absolute, is_chosen
+from ..core.blender.preview.viewer_render import eye_of, remove_unused, render_for
+from ..core.blender.read.scene import read_viewers
+from ..core.blender.read.scene_picture import check_readable
 from ..core.rig.viewer import check_together
 from . import needed, telling
 from .choose_rig import EndsWithRig

@@ -8,12 +8,12 @@ import numpy as np
 from ..core.base.arrays import Floats
 from ..core.base.errors import RigError
 from ..core.base.messages import Message
-from ..core.blender.eyes import Place, heads, make_viewers, two_eyes
-from ..core.blender.places import KeptPlaces, read_places
-from ..core.blender.scene import read_seat
-from ..core.blender.units import length_of_unit
-from ..core.blender.viewer import Seat, camera_at, number_shown
-from ..core.blender.viewer_list import add, changing
+from ..core.blender.data.camera_viewer import Seat, camera_at, number_shown
+from ..core.blender.data.units import length_of_unit
+from ..core.blender.lifecycle.eyes import Place, heads, make_viewers, two_eyes
+from ..core.blender.lifecycle.listed_viewers import add, changing
+from ..core.blender.read.places import KeptPlaces, read_places
+from ..core.blender.read.scene import read_seat
 from ..core.lab.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
 from ..core.rig.rig import Viewer
 from . import compared, look_through, needed, telling

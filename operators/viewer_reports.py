@@ -15,9 +15,9 @@ from ..core.base.messages import Message, as_message, joined, quoted
 from ..core.base.numbers import number
 from ..core.base.steps import at
 from ..core.base.words import percent
-from ..core.blender.conflict import Conflict
-from ..core.blender.units import length_text
-from ..core.blender.viewer import camera_at, seats_of
+from ..core.blender.data.camera_viewer import camera_at, seats_of
+from ..core.blender.data.units import length_text
+from ..core.blender.result.conflict import Conflict
 from ..core.lab.measure.two_eyes import TIRES_FROM, pair_of, sights_of
 from ..core.lab.measure.viewer_errors import N_POINTS, conflict_in_light, viewer_reports
 from ..core.rig.settings import Settings

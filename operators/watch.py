@@ -3,8 +3,8 @@ the result was solved for, and when it is again. So it does of surfaces that wer
 
 Handlers only note that something may have changed. A timer of the application waits until nothing
 has changed for a while and no work is under way, and then reads the scene as
-`core/blender/solved_for.py` does, which puts no mesh into the world. Nothing is read where there is
-no result and no such surface. Only numbers and session uids are remembered.
+`core/blender/result/scene_fingerprint.py` does, which puts no mesh into the world. Nothing is read
+if there is no result and no such surface. Only numbers and session uids are remembered.
 """
 
 from collections.abc import Callable
@@ -16,12 +16,13 @@ from bpy.app.handlers import persistent
 
 from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
-from ..core.blender.image import is_out_of_date
-from ..core.blender.result_images import images_of, read_images_anew
-from ..core.blender.rigs import rigs
-from ..core.blender.shapes import Kept
+from ..core.blender.data.image import is_out_of_date
+from ..core.blender.data.rigs import rigs
+from ..core.blender.read.shapes import Kept
+from ..core.blender.result.result_images import images_of, read_images_anew
 from ..core.solve.solved_for import SolvedFor, from_text
-from . import chosen, live, surfaces, telling, windows, work
+from . import chosen, live, telling, windows, work
+from . import outdated_surfaces as surfaces
 
 CHANGED = Message("The scene has changed since: solve again.")
 QUIET = 0.4  # s without a change before the scene is read

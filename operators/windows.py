@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.blender.result_images import images_of
+from ..core.blender.result.result_images import images_of
 
 
 def all_windows() -> list[bpy.types.Window]:

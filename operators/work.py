@@ -5,10 +5,10 @@ from typing import Any
 
 import bpy
 
-from ..core.blender import scene as blender_scene
-from ..core.blender import solved_for as blender_solved_for
-from ..core.blender.result_images import lacks_numbers
-from ..core.blender.shapes import Kept
+from ..core.blender.read import scene as blender_scene
+from ..core.blender.read.shapes import Kept
+from ..core.blender.result import scene_fingerprint as blender_solved_for
+from ..core.blender.result.result_images import lacks_numbers
 from ..core.native import loading
 from ..core.rig.settings import Settings
 from ..core.solve.session import Session

@@ -4,7 +4,7 @@ the viewport, and the Add menu.
 
 import bpy
 
-from ..core.blender.translation_context import in_own_words
+from ..core.blender.data.translation_context import in_own_words
 from . import (
     add_menu,
     calibration_panel,

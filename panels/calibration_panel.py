@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.messages import Message, as_message, joined
-from ..core.blender.stored_records import Numbers, Offset, Sentences
+from ..core.blender.data.stored_records import Numbers, Offset, Sentences
 from ..operators.calibrate import TELLS, TEXTS
 from ..operators.wrapping import sentence
 from .panel_text import OfRig

@@ -6,7 +6,7 @@ Above it the advice would move the button away as it is pressed.
 import bpy
 
 from ..core.base.messages import Message, as_message
-from ..core.blender.to_do import Entry, is_first
+from ..core.blender.checks.to_do import Entry, is_first
 from ..operators import look_over, needed, watch
 from ..operators.add_rig import KINDS
 from ..operators.telling import in_words

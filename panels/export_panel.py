@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.base.messages import Message
-from ..core.blender.rigs import rigs
+from ..core.blender.data.rigs import rigs
 from ..operators import choose_picture, show_window, watch
 from ..operators.export import unwritable
 from ..operators.wrapping import sentence

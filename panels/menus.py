@@ -4,7 +4,7 @@ find them.
 
 import bpy
 
-from ..core.blender.rigs import rigs
+from ..core.blender.data.rigs import rigs
 from ..operators import live, needed
 from . import add_menu
 from .result_panel import VIEW3D_MT_kiriko_result_images

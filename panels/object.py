@@ -3,19 +3,19 @@
 import bpy
 
 from ..core.base.messages import Message, as_message
-from ..core.blender.bodies import bodiless
-from ..core.blender.chosen_product import (
+from ..core.blender.checks.chosen_product import (
     display_product,
     glass_product,
     index_in_use,
     plate_product,
 )
-from ..core.blender.elements import DEFAULT_IOR
-from ..core.blender.inspect_scene import has_own_faces, is_flat, sides_of
-from ..core.blender.picture import UNREADABLE
-from ..core.blender.plane import image_of
-from ..core.blender.result_images import images_of
-from ..core.blender.viewer import frame_of
+from ..core.blender.checks.inspect_scene import has_own_faces, is_flat, sides_of
+from ..core.blender.data.bodies import bodiless
+from ..core.blender.data.camera_viewer import frame_of
+from ..core.blender.read.elements import DEFAULT_IOR
+from ..core.blender.read.plane import image_of
+from ..core.blender.read.scene_picture import UNREADABLE
+from ..core.blender.result.result_images import images_of
 from ..core.rig.catalogue import DisplayProduct, GlassProduct, PlateProduct
 from ..operators.make_glass import can_be_given
 from ..operators.telling import in_words

@@ -9,8 +9,8 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ..core.base.arrays import Floats
-from ..core.blender.shown_images import ShownImage, shown_images
-from ..core.blender.viewer import viewer_of
+from ..core.blender.data.camera_viewer import viewer_of
+from ..core.blender.view.shown_images import ShownImage, shown_images
 from ..operators.windows import camera_of
 from .overlay.view_handlers import TINTED_SHADER, ViewHandlers
 

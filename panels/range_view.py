@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from ..core.base.arrays import Floats
 from ..core.base.messages import Message
 from ..core.base.words import arcmin, percent
-from ..core.blender.objects import values_of
-from ..core.blender.viridis import viridis
-from ..operators import surfaces, watch
+from ..core.blender.data.made_objects import values_of
+from ..core.blender.result.viridis import viridis
+from ..operators import outdated_surfaces as surfaces
+from ..operators import watch
 from ..operators.eye_box import DISPLACEMENT
-from ..operators.surfaces import EYE_BOX, RANGE
+from ..operators.outdated_surfaces import EYE_BOX, RANGE
 from ..operators.telling import in_words
 from .overlay.view_handlers import ViewHandlers
 

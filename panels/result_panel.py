@@ -7,8 +7,8 @@ import bpy
 from ..core.base.messages import Message, as_message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent, pixels, shares_in_words
-from ..core.blender.result_images import images_of, lacks_numbers
-from ..core.blender.stored_records import Numbers, Sentences
+from ..core.blender.data.stored_records import Numbers, Sentences
+from ..core.blender.result.result_images import images_of, lacks_numbers
 from ..core.solve.legibility import READABLE
 from ..operators import live, needed, proposal, watch, work
 from ..operators.telling import in_words

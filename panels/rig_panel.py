@@ -4,13 +4,13 @@ import bpy
 
 from ..core.base.messages import Message, quoted
 from ..core.base.numbers import number
-from ..core.blender.properties.objects import ROLE_ITEMS
-from ..core.blender.rigs import active_rig, rigs
-from ..core.blender.viewer import frame_of, frame_of_render, viewer_of
+from ..core.blender.data.camera_viewer import frame_of, frame_of_render, viewer_of
+from ..core.blender.data.rigs import active_rig, rigs
+from ..core.blender.properties.object_settings import ROLE_ITEMS
 from ..operators import needed, watch
 from ..operators.eye_box import box_of, of_blended, served_in_words, ways_in_words
-from ..operators.parts import name_part
-from ..operators.surfaces import EYE_BOX, LABELS, RANGE, looked_up
+from ..operators.outdated_surfaces import EYE_BOX, LABELS, RANGE, looked_up
+from ..operators.part_verbs import name_part
 from ..operators.wrapping import sentence
 from .object import draw_resolution, draw_tone, labelled
 from .panel_text import OfRig

@@ -13,7 +13,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
-from ..core.blender.image import pixels_from_image
+from ..core.blender.data.image import pixels_from_image
 from ..core.files.encoding import quantised
 from ..operators import show_window
 from ..operators.export import gamma_of

@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 
 from ..core.base.messages import Message
-from ..core.blender.stored_records import Numbers, Sentences
-from ..core.blender.viewer import camera_at, number_shown, own_images, seats_of
+from ..core.blender.data.camera_viewer import camera_at, number_shown, own_images, seats_of
+from ..core.blender.data.stored_records import Numbers, Sentences
 from ..operators import viewer_reports
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence

@@ -22,7 +22,7 @@ from paper.lattice import shift_in_cycles
 registered()
 
 from kiriko.core.base.steps import finish  # noqa: E402
-from kiriko.core.blender.stored_records import Numbers  # noqa: E402
+from kiriko.core.blender.data.stored_records import Numbers  # noqa: E402
 from kiriko.core.files import disk, image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
 from kiriko.core.rig.settings import Settings  # noqa: E402

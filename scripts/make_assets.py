@@ -17,10 +17,10 @@ import bpy
 import numpy as np
 
 from kiriko.core.bench.placement import place
-from kiriko.core.blender import shaders
-from kiriko.core.blender.image import image_from_pixels, pixels_from_image
-from kiriko.core.blender.objects import Workbench
-from kiriko.core.blender.plate import be_mirror_array
+from kiriko.core.blender.data.image import image_from_pixels, pixels_from_image
+from kiriko.core.blender.data.made_objects import Workbench
+from kiriko.core.blender.materials import shaders
+from kiriko.core.blender.materials.plate_material import be_mirror_array
 from kiriko.core.rig.rig import MirrorArray
 
 ROOT = Path(__file__).resolve().parent.parent

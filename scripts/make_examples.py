@@ -18,7 +18,7 @@ from mathutils import Matrix
 
 from bench.brought_glass import BOTTLE, wine_glass
 from fuzz.shapes import add, linked, mesh_of, turned
-from kiriko.core.blender import shaders
+from kiriko.core.blender.materials import shaders
 from known.registered import registered
 
 FOLDER = Path(__file__).resolve().parent.parent / "assets"

@@ -15,7 +15,7 @@ import kiriko
 from bench.brought_glass import made
 from demo import RIGS
 from kiriko.core.base.steps import finish
-from kiriko.core.blender.preview import render_preview
+from kiriko.core.blender.preview.cycles_preview import render_preview
 from kiriko.core.files import image_io
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.session import Session

@@ -1,4 +1,4 @@
-/* Passes over all pixels of an image: what core/image/pyramid.py, core/image/source_image.py and core/blender/picture.py
+/* Passes over all pixels of an image: what core/image/pyramid.py, core/image/source_image.py and core/blender/read/scene_picture.py
    do by numpy, to the same bits. */
 
 #include <stdatomic.h>
@@ -48,7 +48,7 @@ static void decode_rows(void *context, int64_t first, int64_t last) {
     }
 }
 
-/* Decode the pixels of a picture in place, as core/blender/picture.py; 0 where some are not finite. */
+/* Decode the pixels of a picture in place, as core/blender/read/scene_picture.py; 0 where some are not finite. */
 KIRIKO_API int64_t kiriko_decode(const Level *picture, const float *table, int64_t has_coverage, int64_t is_straight,
                                  int64_t n_threads) {
     Decoding decoding = {picture, table, has_coverage, is_straight, 0};

@@ -15,8 +15,8 @@ import bpy
 
 from ...core.base.errors import RigError
 from ...core.base.messages import Message
-from ...core.blender.rigs import active_rig, rigs
-from ...core.blender.stored_records import Numbers, take_reports
+from ...core.blender.data.rigs import active_rig, rigs
+from ...core.blender.data.stored_records import Numbers, take_reports
 from ...core.files import disk, image_io
 from ...core.lab.measure.work_precision import BUDGET
 from ...core.lab.warp.map_files import FORMATS, SIDECAR, TIMES, MapOptions

@@ -9,7 +9,7 @@ import bpy
 
 from ...core.base.messages import Message
 from ...core.base.steps import finish
-from ...core.blender.frames import frame_files, frames_of_range
+from ...core.blender.data.scene_frames import frame_files, frames_of_range
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
 from ...core.lab.farm import job as joining

@@ -12,12 +12,12 @@ import numpy as np
 
 from ...core.base.errors import RigError
 from ...core.base.messages import Message
-from ...core.blender import movie
-from ...core.blender.chosen_product import Given, give_display, give_glass, give_plate
-from ...core.blender.frames import frame_files, frames_of_range, without_number
-from ...core.blender.preview import Preview
-from ...core.blender.result import write_solution, write_viewers
-from ...core.blender.stored_records import Numbers
+from ...core.blender.checks.chosen_product import Given, give_display, give_glass, give_plate
+from ...core.blender.data import movie
+from ...core.blender.data.scene_frames import frame_files, frames_of_range, without_number
+from ...core.blender.data.stored_records import Numbers
+from ...core.blender.preview.cycles_preview import Preview
+from ...core.blender.result.write_result import write_solution, write_viewers
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
 from ...core.image.simulation import simulate

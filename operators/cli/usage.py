@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ...core.base.errors import KirikoError
-from ...core.blender.paths import absolute
+from ...core.blender.data.paths import absolute
 
 VALUES = "--values"
 AS_IS = "\0"  # before a word that is no option, whatever it begins with: no command line has it

@@ -10,8 +10,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ...core.base.arrays import Floats
-from ...core.blender.rigs import active_rig
-from ...core.blender.units import length_of_unit, length_text
+from ...core.blender.data.rigs import active_rig
+from ...core.blender.data.units import length_of_unit, length_text
 from ...operators.sketcher import Drawing
 from ...operators.telling import in_words
 from . import colours

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.blender.colour import from_rec709
+from ...core.blender.data.colour import from_rec709
 
 # since 5.0 the shader puts linear colours into those of the screen; before that Blender did, with
 # all that is drawn within a viewport, and there was no other shader

@@ -27,7 +27,7 @@ from fuzz.shapes import (
     smooth,
     turned,
 )
-from kiriko.core.blender.read_mesh import in_world, read_local
+from kiriko.core.blender.read.read_mesh import in_world, read_local
 from kiriko.core.rig.parts import ConstantIndex
 from kiriko.core.rig.rig import Glass, Mesh
 

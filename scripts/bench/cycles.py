@@ -20,7 +20,7 @@ import numpy as np
 from mathutils import Matrix
 
 from fuzz.run import compared, how_far
-from kiriko.core.blender.scene import read
+from kiriko.core.blender.read.scene import read
 from known.judged_meshes import CHOICES
 from known.registered import registered
 

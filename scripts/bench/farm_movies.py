@@ -29,7 +29,7 @@ MEAN_MARK = 1.5  # of 255, but for FFV1, which is lossless: a wrong range or gam
 
 def rows(readers: Path, folder: Path) -> Iterator[Row]:
     """A row for each encoder of this Blender; `readers` is the Python that has ffmpeg."""
-    from kiriko.core.blender import movie  # Kiriko is registered by now
+    from kiriko.core.blender.data import movie  # Kiriko is registered by now
 
     farm_jobs.rig(folder, viewer=SIZE[0], display=SIZE)
     scene = bpy.context.scene

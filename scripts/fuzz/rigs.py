@@ -18,7 +18,7 @@ from mathutils import Euler, Matrix
 
 from kiriko.core.base.arrays import Floats
 from kiriko.core.bench.placement import Placement, Wishes, place, propose_behind
-from kiriko.core.blender.shaders import show_picture
+from kiriko.core.blender.materials.shaders import show_picture
 from known import reference_rigs
 
 from .shapes import BROUGHT, fitting, mesh_of, prism

@@ -33,10 +33,12 @@ import numpy as np
 
 from environments import as_module
 from kiriko.core.base.steps import finish
-from kiriko.core.blender import preview as blender_preview
-from kiriko.core.blender import scene as blender_scene
-from kiriko.core.blender.image import pixels_from_image
-from kiriko.core.blender.nested_glass import interfaces
+from kiriko.core.blender.data.image import pixels_from_image
+from kiriko.core.blender.preview import (
+    cycles_preview as blender_preview,
+)
+from kiriko.core.blender.read import scene as blender_scene
+from kiriko.core.blender.read.nested_glass import interfaces
 from kiriko.core.light import kernel_tracer
 from kiriko.core.light.compile_plan import make_plan
 from kiriko.core.light.rays import Reason

@@ -226,7 +226,7 @@ def pictures() -> Path:
 
 def has_eye_box() -> bool:
     """Is there an eye box, and nothing at work?"""
-    surfaces = kiriko("operators.surfaces")
+    surfaces = kiriko("operators.outdated_surfaces")
     return is_quiet() and surfaces.looked_up(bpy.context.scene, surfaces.EYE_BOX) is not None
 
 

@@ -13,8 +13,8 @@ from demo import RIGS
 from environments import quiet
 from kiriko.core.base.arrays import Floats
 from kiriko.core.base.steps import finish
-from kiriko.core.blender.preview import render_preview
-from kiriko.core.blender.scene import Reading
+from kiriko.core.blender.preview.cycles_preview import render_preview
+from kiriko.core.blender.read.scene import Reading
 from kiriko.core.files import image_io
 from kiriko.core.image.seen_image import LatticeShift, dot_centroids, lattice_shift
 from kiriko.core.rig.rig import Rig

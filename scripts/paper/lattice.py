@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from kiriko.core.blender.preview import render_preview
-from kiriko.core.blender.scene import Reading
+from kiriko.core.blender.preview.cycles_preview import render_preview
+from kiriko.core.blender.read.scene import Reading
 from kiriko.core.image.seen_image import LatticeShift, dot_centroids, ideal_image
 from kiriko.core.rig.rig import Viewer
 

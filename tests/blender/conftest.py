@@ -74,7 +74,7 @@ def kiriko(blender) -> ModuleType:
 @pytest.fixture
 def read(scene) -> Callable[[], Any]:
     """Reads the scene as Solve does."""
-    module = loaded("core.blender.scene")
+    module = loaded("core.blender.read.scene")
     return lambda: module.read(bpy.context, bpy.context.scene)
 
 

@@ -32,18 +32,18 @@ SAMPLES = 5  # of the steps at which long work is stopped, the first and the las
 MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 # Where work can be stopped by a fault: functions that all work of a kind goes through.
 POINTS = {
-    "read": ("core.blender.parts.read_parts", "core.blender.scene.read_viewers"),
+    "read": ("core.blender.read.scene_parts.read_parts", "core.blender.read.scene.read_viewers"),
     "plan": ("core.light.compile_plan.planning",),
     "trace": ("core.light.trace.tracing",),
     "paint": (
         "core.solve.painting.paint",
-        "core.blender.preview_settings.set_cycles",
-        "core.blender.viewer_render.render_for",
+        "core.blender.preview.preview_settings.set_cycles",
+        "core.blender.preview.viewer_render.render_for",
     ),
     "write": (
-        "core.blender.image.set_pixels",
-        "core.blender.image.packed_image",
-        "core.blender.objects.surface_object",
+        "core.blender.data.image.set_pixels",
+        "core.blender.data.image.packed_image",
+        "core.blender.data.made_objects.surface_object",
         "core.files.disk.together",
         "operators.viewer_images.give",
     ),

@@ -95,7 +95,7 @@ def short_reports(kiriko: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def record_text(fields: dict[str, object]) -> str:
     """Text of a record as Kiriko writes it; `fields` may be parsed from such a text."""
-    kept = loaded("core.blender.stored_records")
+    kept = loaded("core.blender.data.stored_records")
     own = ("version", "checksum")
     return kept.text_of({name: value for name, value in fields.items() if name not in own})
 

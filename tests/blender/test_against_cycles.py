@@ -27,7 +27,7 @@ def lattice(scene):
 def solved(kiriko, scene, **options):
     """Solve the rig of add_rig; returns reading, solution and the plain source image."""
     from kiriko.core.base.steps import finish
-    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.rig.settings import Settings
     from kiriko.core.solve.session import Session
     from kiriko.core.solve.solution import without_glass
@@ -84,7 +84,7 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     """The ball of Add Rig, read back from Blender: landings
     within 0.05 display px rms of the analytic ball.
     """
-    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.rig.settings import Settings
@@ -158,7 +158,7 @@ def test_rigs_without_a_plate(kiriko, scene, lattice, monkeypatch, name):
     `dev.py demo telephone tablet aquarium` has them at the full width.
     """
     from kiriko.core.base.steps import finish
-    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.solve.session import Session
     from known import straight_rigs
 

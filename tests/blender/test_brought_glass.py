@@ -29,7 +29,7 @@ def brought(scene):
 
 
 def read(scene):
-    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.read import scene as blender_scene
 
     bpy.context.view_layer.update()
     return blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)

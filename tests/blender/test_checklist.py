@@ -113,7 +113,7 @@ def test_the_width_that_was_meant(core: ModuleType, width: float, meant: list[fl
     """The largest power of ten that makes it no wider than 100 mm; ten times as large, too, where
     that is at most 500 mm, so that no size is told that asks again.
     """
-    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
+    checklist = importlib.import_module(f"{core.__name__}.blender.checks.checklist")
     factors = checklist.meant_factors(width)
     assert [width * factor for factor in factors] == pytest.approx(meant)
 
@@ -431,8 +431,8 @@ def test_a_rig_in_the_making_may_be_added(look: Callable[[], list]) -> None:
 
 def test_a_loss_has_its_remedy_s_place(core: ModuleType) -> None:
     """Operators that mend a loss add their buttons to the table; small losses are let be."""
-    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
-    to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
+    checklist = importlib.import_module(f"{core.__name__}.blender.checks.checklist")
+    to_do = importlib.import_module(f"{core.__name__}.blender.checks.to_do")
     reason = "missed the plate"
     words, buttons = checklist.REMEDIES[reason]
     assert set(checklist.REMEDIES) >= {"missed the display", "missed the glass"}
@@ -487,8 +487,8 @@ def test_a_loss_is_told_with_the_amounts_that_mend_it(
 
 def test_a_loss_that_nothing_near_by_mends_asks_to_turn_the_glass(core: ModuleType) -> None:
     """Remedies were sought, and only those that mend this loss are offered for it."""
-    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
-    to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
+    checklist = importlib.import_module(f"{core.__name__}.blender.checks.checklist")
+    to_do = importlib.import_module(f"{core.__name__}.blender.checks.to_do")
     help = to_do.Help("kiriko.fit_plate", 0.02, 0.99)
     misses = {"missed the plate": 0.3, "missed the glass": 0.1}
     look = to_do.Inspection(misses=misses, helps=(help,))
@@ -506,8 +506,8 @@ def test_an_old_result_is_solved_again(core: ModuleType, state: str) -> None:
     """Its losses are not those of the scene as it is, and are not told; while Live follows, the
     final image comes by itself.
     """
-    checklist = importlib.import_module(f"{core.__name__}.blender.checklist")
-    to_do = importlib.import_module(f"{core.__name__}.blender.to_do")
+    checklist = importlib.import_module(f"{core.__name__}.blender.checks.checklist")
+    to_do = importlib.import_module(f"{core.__name__}.blender.checks.to_do")
     look = to_do.Inspection(misses={"missed the plate": 0.3}, **{state: True})
     (entry,) = checklist.entries(look, str)
     assert [button.operator for button in entry.buttons] == ["kiriko.solve"]
@@ -859,7 +859,7 @@ def test_a_loss_of_any_viewer_is_told_and_mended_for_all(
 
 def test_a_button_that_mends_two_losses_stands_once(kiriko: ModuleType) -> None:
     """Fit Picture makes the picture small enough for plate and display in one press."""
-    checklist = importlib.import_module(f"{kiriko.__name__}.core.blender.checklist")
+    checklist = importlib.import_module(f"{kiriko.__name__}.core.blender.checks.checklist")
     misses = {"missed the plate": 0.2, "missed the display": 0.1}
     for helps in (None, ()):
         look = checklist.Inspection(misses=misses, is_solved=True, helps=helps)

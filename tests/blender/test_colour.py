@@ -90,7 +90,7 @@ def working(scene, request) -> str:
 
 @pytest.fixture
 def read(kiriko, working) -> Callable[[bpy.types.Image], np.ndarray]:
-    module = loaded("core.blender.picture")
+    module = loaded("core.blender.read.scene_picture")
     return lambda image: module.read_pixels(image, "the picture")[..., :3]
 
 
@@ -138,7 +138,7 @@ def test_every_way_writes_the_pictures_own_colours(working, run, kiriko, tmp_pat
     # half a step of 16 bits
     assert np.abs(light - linear(exported("16.tif"))).max() < 2e-5
 
-    result = loaded("core.blender.result")
+    result = loaded("core.blender.result.write_result")
     image = scene.kiriko.result.source
     result.update_source(scene, light.reshape(image.size[1], image.size[0], 3))
     assert has_quads(exported("updated.png"), off=1)

@@ -93,7 +93,7 @@ def test_unreadable_marks_are_reported_once(
 )
 def test_a_file_cannot_run_format_strings(kiriko: ModuleType, template: str, value: str) -> None:
     """A stored sentence with anything but plain fields is shown as the plain text it stands for."""
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.data.stored_records")
     stored = {"by_text": {"As shown.": {"template": template, "values": {"a": value}}}}
     started = time.process_time()
     message = kept.Sentences.read(record_text(stored)).message("As shown.")
@@ -103,7 +103,7 @@ def test_a_file_cannot_run_format_strings(kiriko: ModuleType, template: str, val
 
 def test_sentences_that_double_are_cut(kiriko: ModuleType) -> None:
     """Forty nested messages, each of which stands twice in the next, do not fill the memory."""
-    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.stored_records")
+    kept = importlib.import_module(f"{kiriko.__name__}.core.blender.data.stored_records")
     data: object = "a" * 100
     for _ in range(40):
         data = {"template": "{a}{a}", "values": {"a": data}}

@@ -193,7 +193,7 @@ def cut_block() -> bpy.types.Mesh:
 )
 def test_facets_are_those_that_look_flat_on_a_curve(scene, made, is_smooth, is_curve):
     """All faces count, or none: coplanar triangles are one facet, wherever they are flipped."""
-    faults = loaded("core.blender.faults")
+    faults = loaded("core.blender.checks.faults")
     mesh = made()
     mesh.shade_smooth() if is_smooth else mesh.shade_flat()
     assert faults.counts_of(mesh).n_facets == (len(mesh.polygons) if is_curve else 0)

@@ -115,7 +115,7 @@ def test_each_frame_is_that_of_a_solve_by_itself(kind, scene, run, work, tmp_pat
 
 def test_files_are_named_as_blender_names_renders(scene, tmp_path):
     """By what Blender itself makes of the same path, with our suffix."""
-    module = loaded("core.blender.frames")
+    module = loaded("core.blender.data.scene_frames")
     for name in ("####", "a_##_b", "plain", "##.png", "a.b_###", "x#y##"):
         found = module.frame_files(scene, tmp_path, name, "PNG8", (1, 117, 12345, -3))
         scene.render.filepath = str(tmp_path / name.removesuffix(".png"))
@@ -197,7 +197,7 @@ def test_words_in_braces_are_read_by_the_scene(run, kiriko, parts, tmp_path, cap
     """By hand from the scene's settings, and as Blender itself names its render; the scene has its
     own path back, after an error too, and there is no undo step.
     """
-    module = loaded("core.blender.frames")
+    module = loaded("core.blender.data.scene_frames")
     scene = bpy.context.scene
     scene.name = "Show A"
     is_new = bpy.app.version >= (5, 0, 0)  # 4.5 knows no name of the scene, and no folder
@@ -324,7 +324,7 @@ def test_a_frame_of_a_killed_process_is_made_again(run, parts, tmp_path, capsys,
 
 def test_two_runs_with_placeholders_share_the_frames(frames, kiriko, parts, tmp_path):
     """Each frame is made once, by one of them; none is half a file."""
-    module = loaded("core.blender.frames")
+    module = loaded("core.blender.data.scene_frames")
     files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", range(1, 5))
     run = frames.Run(files, "PNG8", placeholders=True)
     one = frames.solved(bpy.context, run)
@@ -354,7 +354,7 @@ def test_two_runs_that_write_the_same_frames_leave_whole_ones(frames, kiriko, pa
     """Step by step by turns, without placeholders, into one folder: each frame is that of a run by
     itself, and nothing else is left there.
     """
-    module = loaded("core.blender.frames")
+    module = loaded("core.blender.data.scene_frames")
     alone, shared = tmp_path / "alone", tmp_path / "shared"
     for place in (alone, shared):
         place.mkdir()
@@ -381,7 +381,7 @@ def test_a_run_that_is_stopped_takes_its_placeholder_back(frames, kiriko, parts,
         name: list(getattr(bpy.app.handlers, name))
         for name in ("frame_change_post", "depsgraph_update_post")
     }
-    module = loaded("core.blender.frames")
+    module = loaded("core.blender.data.scene_frames")
     files = module.frame_files(bpy.context.scene, tmp_path, "f#", "PNG8", (1, 2))
     steps = frames.solved(bpy.context, frames.Run(files, "PNG8", placeholders=True))
     for _ in range(3):

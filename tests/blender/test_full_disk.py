@@ -68,7 +68,7 @@ def test_a_preview_that_the_disk_cuts_off_changes_nothing(rig, tmp_path, monkeyp
 
     A map is refused, too.
     """
-    module = part("core.blender.preview")
+    module = part("core.blender.preview.cycles_preview")
     sizes = []
     reading = part("operators.work").read(bpy.context)
     close = module.Preview.close

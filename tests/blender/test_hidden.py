@@ -155,7 +155,7 @@ def test_an_object_is_not_taken_for_one_of_its_name(
     """A linked object in a collection that is not rendered is hidden, though a local one of the
     same name is rendered.
     """
-    visibility = importlib.import_module(f"{kiriko.__name__}.core.blender.visibility")
+    visibility = importlib.import_module(f"{kiriko.__name__}.core.blender.data.visibility")
     local = new_object(primitive("cube", size=1e-3))
     theirs = linked(local)
     assert theirs.name == local.name

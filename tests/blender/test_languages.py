@@ -105,7 +105,7 @@ def test_a_rig_with_names_in_japanese(scene, in_japanese, monkeypatch):
     """New parts have names as Blender gives them to new data; no name is looked up, so that such a
     rig solves, and goes as a whole.
     """
-    own_words = loaded("core.blender.translation_context")
+    own_words = loaded("core.blender.data.translation_context")
     stand_in = SimpleNamespace(pgettext_data=lambda text, context: in_japanese(text))
     monkeypatch.setattr(own_words, "translations", stand_in)
     parts = small_rig()

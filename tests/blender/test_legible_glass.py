@@ -50,7 +50,7 @@ def test_blenders_smooth_modifier_makes_the_mesh_that_was_measured(kiriko, scene
     """Places to float32, and normals of the smooth-shaded mesh to a hundredth of a degree."""
     core = f"{kiriko.__name__}.core"
     smoothing = importlib.import_module(f"{core}.glass.smoothed")
-    reading = importlib.import_module(f"{core}.blender.read_mesh")
+    reading = importlib.import_module(f"{core}.blender.read.read_mesh")
     glass = bumpy(scene, 0.01)
     local = reading.read_local(glass.data, has_normals=True)
     mesh, _ = reading.in_world(local, np.eye(4))
@@ -84,7 +84,7 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(scene, look, drawn, 
     assert glass.modifiers[0].type == "SMOOTH"
     assert not [text for text in told(look()) if "recognise" in text]
     bpy.ops.kiriko.solve()
-    kept = loaded("core.blender.stored_records")
+    kept = loaded("core.blender.data.stored_records")
     legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
     assert legibility == pytest.approx(foretold, abs=0.02)
     shown = drawn("result_panel", "VIEW3D_PT_kiriko_result").texts
@@ -95,10 +95,10 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(scene, l
     """Waves strew light over a display that is far behind them. The checklist's button moves it to
     their back, the picture before it, and the legibility becomes what the checklist foretold.
     """
-    kept = loaded("core.blender.stored_records")
+    kept = loaded("core.blender.data.stored_records")
     legible = loaded("operators.remedies").legible
     work = loaded("operators.work")
-    result = loaded("core.blender.result")
+    result = loaded("core.blender.result.write_result")
     steps = loaded("core.base.steps")
     wavy(scene)
     bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", distance=0.2, picture_size=0.04, **SMALL)
@@ -140,6 +140,6 @@ def test_clear_glass_needs_no_remedy(scene, look, monkeypatch):
     monkeypatch.setattr(remedies, "legible_by", None)
     bumpy(scene, 0.0)
     bpy.ops.kiriko.add_rig(**SMALL)
-    kept = loaded("core.blender.stored_records")
+    kept = loaded("core.blender.data.stored_records")
     assert kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"] > 0.99
     assert not [text for text in told(look()) if "recognise" in text]

@@ -101,7 +101,7 @@ def changed(kind: str, name: str) -> bpy.types.Material:
 @pytest.mark.parametrize("kind", SHADERS)
 def test_every_input_that_changes_light_in_cycles_is_read_or_told(kiriko, bench, kind):
     """And no other is told: whatever version of Blender it is, whatever inputs its shaders have."""
-    module = loaded("core.blender.material")
+    module = loaded("core.blender.materials.material")
     material, _, shader = clear(kind)
     plain = bench(material)
     names = [socket.name for socket in shader.inputs if socket.enabled]
@@ -130,7 +130,7 @@ def test_an_input_that_changes_nothing_is_not_told(kiriko, bench, name):
     """As the strength of black light: Cycles has the same pixels. One of which a node decides
     it is told.
     """
-    module = loaded("core.blender.material")
+    module = loaded("core.blender.materials.material")
     plain, material = bench(clear("Principled")[0]), changed("Principled", name)
     assert np.abs(bench(material) - plain).max() > ROUNDING
     assert len(module.read_refraction(material).ignored) == 1
@@ -180,7 +180,7 @@ def test_what_a_node_or_gltf_says_is_told(scene):
     """An input that is linked is told to come from nodes, unless a constant feeds it its neutral
     value; dispersion is in the group of Blender's glTF importer, beside the shader.
     """
-    module = loaded("core.blender.material")
+    module = loaded("core.blender.materials.material")
     material, tree, shader = clear("Principled")
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Coat Weight"])
     white = tree.nodes.new("ShaderNodeRGB")

@@ -21,7 +21,7 @@ ROUNDING = {"H264": 5, "H265": 5, "AV1": 6, "PRORES": 3, "FFV1": 0}
 @pytest.fixture
 def movie(scene) -> ModuleType:
     loaded("operators.export").use_bundled_modules()
-    return loaded("core.blender.movie")
+    return loaded("core.blender.data.movie")
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_each_frame_comes_back_in_its_own_numbers(movie, core, scene, tmp_path, 
     path = tmp_path / f"clip{movie.CODECS[name].suffix}"
     movie.encode(path, files, name, SIZE, scene)
     assert movie.n_frames(path) == 5
-    for k, frame in enumerate(decoded(path, core("blender.moving"), 5), 1):
+    for k, frame in enumerate(decoded(path, core("blender.data.moving"), 5), 1):
         off = np.abs(frame - numbers(k))
         assert off[8:24].max() <= max(ROUNDING[name], 0.01), k
         assert off[40:].max() <= max(ROUNDING[name], 0.01), k
@@ -101,7 +101,7 @@ def test_each_pixel_keeps_its_colour(movie, core, scene, tmp_path, name, roundin
     frame = core("files.image_io").write(tmp_path / "frame", light, "PNG8")
     path = tmp_path / f"clip{movie.CODECS[name].suffix}"
     movie.encode(path, [frame], name, SIZE, scene)
-    off = np.abs(decoded(path, core("blender.moving"), 1)[0] - np.where(light > 0, 188, 0))
+    off = np.abs(decoded(path, core("blender.data.moving"), 1)[0] - np.where(light > 0, 188, 0))
     assert off.max() <= max(rounding, 0.01)
 
 
@@ -111,7 +111,7 @@ def test_two_seconds_at_the_rate_of_the_scene_are_two_seconds(movie, core, scene
     files = written(tmp_path, 60, core("files.image_io"))
     path = tmp_path / "clip.mkv"
     movie.encode(path, files, "FFV1", SIZE, scene)
-    for k, frame in enumerate(decoded(path, core("blender.moving"), 60), 1):
+    for k, frame in enumerate(decoded(path, core("blender.data.moving"), 60), 1):
         assert np.abs(frame - numbers(k)).max() < 0.01
     clip = bpy.data.movieclips.load(str(path))
     assert (clip.fps, clip.frame_duration) == (pytest.approx(30 / 1.001, abs=1e-3), 60)
@@ -140,7 +140,7 @@ def test_a_film_can_give_the_scene_its_rate_and_range(
     assert (scene.frame_start, scene.frame_end) == (1, 5)
     bpy.ops.kiriko.open_picture(filepath=str(path))
     assert "times as fast" not in capfd.readouterr().out
-    plane = core("blender.plane")
+    plane = core("blender.read.plane")
     picture = next(thing for thing in scene.objects if thing.kiriko.role == "PICTURE")
     image, timing = plane.film_of(picture)
     plane.set_shown_timing(picture, image, replace(timing, frame_start=11))
@@ -175,7 +175,7 @@ def test_every_codec_has_the_card_and_then_the_frames(movie, core, scene, tmp_pa
     path = tmp_path / f"clip{movie.CODECS[name].suffix}"
     movie.encode(path, files, name, SIZE, scene, movie.Card(file, 3, ("Display", "256 x 192")))
     assert movie.n_frames(path) == 5
-    frames = decoded(path, core("blender.moving"), 5)
+    frames = decoded(path, core("blender.data.moving"), 5)
     wanted = 255 * core("files.image_io").read(file)[0]
     for frame in frames[:3]:
         off = np.abs(frame - wanted)
@@ -216,7 +216,7 @@ def test_the_command_line_makes_a_movie_of_what_is_there_and_of_what_is_not(
     assert run(*asked, "--test-card", "0.125") == 0
     assert (out / "f_02.png").read_bytes() == made
     files = [out / f"f_{k:02}.png" for k in range(1, 5)]
-    frames = decoded(out / "f.mkv", core("blender.moving"), 7)
+    frames = decoded(out / "f.mkv", core("blender.data.moving"), 7)
     for file, frame in zip(files, frames[3:], strict=True):
         pixels, _ = core("files.image_io").read(file)
         assert np.abs(frame - 255 * pixels).max() < 0.01
@@ -289,7 +289,7 @@ def test_solve_animation_writes_what_the_panel_says(scene, tmp_path):
     (place / "a_003.png").unlink()
     ours.movie_path, ours.movie_codec = "//film", "FFV1"
     assert bpy.ops.kiriko.export_movie() == {"FINISHED"}
-    movie = loaded("core.blender.movie")
+    movie = loaded("core.blender.data.movie")
     assert movie.n_frames(tmp_path / "film.mkv") == 2
     assert (place / "a_003.png").exists()
     ours.animation_anew = True  # which is of frames alone

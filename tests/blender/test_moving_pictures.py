@@ -20,7 +20,7 @@ FRAMES = 4  # of the sequences here
 
 @pytest.fixture
 def moving(kiriko) -> ModuleType:
-    return loaded("core.blender.moving")
+    return loaded("core.blender.data.moving")
 
 
 def grey(frame: int) -> int:
@@ -46,7 +46,7 @@ def sequence(place: Path, first: int = 1) -> bpy.types.Image:
 
 def movie(place: Path) -> Path:
     """A lossless movie of the frames of a sequence."""
-    module = loaded("core.blender.movie")
+    module = loaded("core.blender.data.movie")
     bpy.data.images.remove(sequence(place))
     files = [place / f"clip_{k:03}.png" for k in range(1, FRAMES + 1)]
     path = place / "clip.mkv"
@@ -223,7 +223,8 @@ def test_a_movie_whose_file_is_another_by_now_shows_the_new_one(scene, tmp_path)
     Blender's image still has the number of frames of the old one.
     """
     work, module, encoder = (
-        loaded(name) for name in ("operators.work", "core.blender.shapes", "core.blender.movie")
+        loaded(name)
+        for name in ("operators.work", "core.blender.read.shapes", "core.blender.data.movie")
     )
     chosen = loaded("operators.chosen")
     path = movie(tmp_path)

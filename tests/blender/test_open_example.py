@@ -71,7 +71,7 @@ def test_the_plate_of_an_example_is_missed(scene, needed, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_what_an_example_tells_can_be_translated(scene, name):
     """The sentence on its display is kept with its values, as by this version's Add Rig."""
-    kept = loaded("core.blender.stored_records")
+    kept = loaded("core.blender.data.stored_records")
     bpy.ops.kiriko.open_example(example=name)
     result = bpy.context.scene.kiriko.result
     message = kept.Sentences.read(result.sentences).message(result.summary)

@@ -130,7 +130,7 @@ def test_display_ends_where_the_light_of_the_corners_lands(
     """
     bpy.ops.kiriko.add_rig()
     rig = (
-        importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+        importlib.import_module(f"{kiriko.__name__}.core.blender.read.scene")
         .read(bpy.context, scene)
         .rig
     )

@@ -8,7 +8,7 @@ import pytest
 from mathutils import Matrix
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.blender.resize import give_matrix
+from kiriko.core.blender.read.resize import give_matrix
 from small_rigs import cube, small_rig
 
 

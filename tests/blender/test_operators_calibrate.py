@@ -376,7 +376,7 @@ def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
     bpy.ops.kiriko.calibrate(filepath=str(bench.csv(tmp_path / "points.csv")))
     preview, seen_image, ideal_image = (
         importlib.import_module(f"{bench.kiriko.__name__}.core.{name}")
-        for name in ("blender.preview", "image.seen_image", "image.seen_image")
+        for name in ("blender.preview.cycles_preview", "image.seen_image", "image.seen_image")
     )
     ideal = ideal_image.seen_image(bench.drawn.picture, bench.drawn.viewer)
     reading = bench.work.read(bpy.context)

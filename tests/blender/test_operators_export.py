@@ -132,7 +132,7 @@ def test_png_is_written_without_openimageio(solved, io, tmp_path, form, monkeypa
     # every number of 8 bit, and the halves between two, where ways of rounding differ
     numbers[:4].reshape(-1)[:511] = ((np.arange(511) / 510 + 0.055) / 1.055) ** 2.4
     core = io.__package__.removesuffix(".files")
-    importlib.import_module(f"{core}.blender.image").set_pixels(
+    importlib.import_module(f"{core}.blender.data.image").set_pixels(
         solved.kiriko.result.source, numbers
     )
     solved.kiriko.export_format = form

@@ -126,7 +126,7 @@ def test_remedies_follow_the_final_image(live, monkeypatch):
     monkeypatch.setattr(loaded("operators.remedies"), "SECONDS", inf)
     rig = follow(live)
     result = bpy.context.scene.kiriko.result
-    kept = loaded("core.blender.stored_records")
+    kept = loaded("core.blender.data.stored_records")
     assert "helps" not in kept.Numbers.read(result.details).by_name
     rig["PLATE"].scale *= 0.03 / max(rig["PLATE"].dimensions)
     bpy.context.view_layer.update()
@@ -769,7 +769,7 @@ def test_kept_shapes_are_what_reading_anew_gives(live):
 
     Moved, mirrored or edited it is, to the bit, that of a new reading.
     """
-    shapes = loaded("core.blender.shapes")
+    shapes = loaded("core.blender.read.shapes")
     glass = small_rig()["GLASS"]
     for face in glass.data.polygons:
         face.use_smooth = face.index % 2 == 0

@@ -47,8 +47,8 @@ def test_assets_open_with_pictures(scene):
 
 
 def test_assets_are_what_the_code_makes(scene):
-    """The groups in the file have the nodes and inputs that core/blender/plate.py builds."""
-    from kiriko.core.blender.plate import plate_group
+    """The groups in the file have the nodes and inputs that `plate_material.py` builds."""
+    from kiriko.core.blender.materials.plate_material import plate_group
 
     with bpy.data.libraries.load(str(BLEND)) as (_, wanted):
         wanted.materials = list(NAMES.values())

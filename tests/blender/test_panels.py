@@ -392,7 +392,7 @@ def test_each_verb_is_in_a_menu(drawn, kiriko, version):
         "choose_rig",
         "show_image",
     }  # elsewhere in menus
-    parts = loaded("operators.parts")
+    parts = loaded("operators.part_verbs")
     named = {c.bl_idname for c in classes if issubclass(c, parts.NamesPart)}
     verbs = {c.bl_idname for c in classes} - named - {f"kiriko.{name}" for name in own}
     found = set(menu_verbs(drawn))

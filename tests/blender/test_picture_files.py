@@ -57,7 +57,7 @@ def picture(scene) -> bpy.types.Object:
 
 @pytest.fixture
 def linear(kiriko) -> Callable[[bpy.types.Image], np.ndarray]:
-    module = loaded("core.blender.picture")
+    module = loaded("core.blender.read.scene_picture")
     return lambda image: module.read_pixels(image, "the picture")[..., :3]
 
 

@@ -90,7 +90,7 @@ def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -
     own axes.
     """
     bpy.context.view_layer.update()
-    reading = core.blender.scene.read(bpy.context)
+    reading = core.blender.read.scene.read(bpy.context)
     side, centre = (
         np.array(v, float)
         for v in (plate.matrix_world.col[axis].xyz, plate.matrix_world.translation)
@@ -113,7 +113,7 @@ def read(core: ModuleType, plate: bpy.types.Object, array: Any, axis: int = 0) -
 def preview(core: ModuleType, reading: Any, **options: Any) -> Any:
     """A preview that shows the display's coordinates, one sample a pixel."""
     options = {"samples": 1, "filter_width": 0.01, **options}
-    return core.blender.preview.Preview(bpy.context.scene, reading, None, **options)
+    return core.blender.preview.cycles_preview.Preview(bpy.context.scene, reading, None, **options)
 
 
 def plate_group(scene: bpy.types.Scene) -> Any:
@@ -252,7 +252,7 @@ def test_map_of_a_mirror_array_has_its_coordinates_undimmed(core):
     where light arrives, and u, v are within 0..1.
     """
     plate = bench("front")
-    found = core.blender.preview.render_map(
+    found = core.blender.preview.cycles_preview.render_map(
         bpy.context.scene, read(core, plate, core.rig.rig.MirrorArray())
     )
     assert np.abs(found[..., 2] - 1).max() < 1e-6

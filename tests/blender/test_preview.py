@@ -40,8 +40,8 @@ def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     Cycles, and by Kiriko; NaN where it does not.
     """
     scene = bpy.context.scene
-    reading = core.blender.scene.read(bpy.context)
-    by_cycles = core.blender.preview.render_map(scene, reading)
+    reading = core.blender.read.scene.read(bpy.context)
+    by_cycles = core.blender.preview.cycles_preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
     plan = core.light.compile_plan.make_plan(
         reading.rig, core.rig.settings.Settings(only_through_glass=False)
@@ -78,9 +78,11 @@ def test_plain_picture_appears_in_mid_air(core, scene):
     """
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
-    reading = core.blender.scene.read(bpy.context)
+    reading = core.blender.read.scene.read(bpy.context)
     source = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
-    seen = core.blender.preview.render_preview(scene, reading, source, samples=4)[..., :3]
+    seen = core.blender.preview.cycles_preview.render_preview(scene, reading, source, samples=4)[
+        ..., :3
+    ]
     # viewer and display pixels coincide, so only samples on
     # their edges may take the neighbour's colour
     assert np.abs(seen - source).mean() < 1e-3
@@ -92,7 +94,9 @@ def test_map_without_glass_is_the_mirror_image(core, scene):
     """
     rig = small_rig(picture_size=0.04, display_size=0.04, field=0.04)
     bpy.data.objects.remove(rig["GLASS"])
-    found = core.blender.preview.render_map(scene, core.blender.scene.read(bpy.context))
+    found = core.blender.preview.cycles_preview.render_map(
+        scene, core.blender.read.scene.read(bpy.context)
+    )
     middle = (np.arange(64) + 0.5) / 64
     assert np.abs(found[..., 0] - middle).max() < SINGLE
     assert np.abs(found[..., 1] - (1 - middle)[:, None]).max() < SINGLE
@@ -114,15 +118,19 @@ def test_the_preview_has_the_viewers_own_pixels(core, scene):
     scene.render.resolution_percentage, scene.render.pixel_aspect_x = 50, 2.0
     scene.kiriko.viewer.kiriko.resolution = (48, 32)
     assert_agree(core, share=0.4)
-    reading = core.blender.scene.read(bpy.context)
+    reading = core.blender.read.scene.read(bpy.context)
     source = np.ones((64, 64, 3), np.float32)
 
     assert maps(core)[0].shape[:2] == (32, 48)
-    half = core.blender.preview.render_preview(scene, reading, source, percentage=50, samples=1)
+    half = core.blender.preview.cycles_preview.render_preview(
+        scene, reading, source, percentage=50, samples=1
+    )
     assert half.shape[:2] == (16, 24)
     scene.kiriko.viewer.kiriko.use_resolution = False
-    reading = core.blender.scene.read(bpy.context)
-    half = core.blender.preview.render_preview(scene, reading, source, percentage=10, samples=1)
+    reading = core.blender.read.scene.read(bpy.context)
+    half = core.blender.preview.cycles_preview.render_preview(
+        scene, reading, source, percentage=10, samples=1
+    )
 
     assert half.shape[:2] == (54, 96)  # of the half of 1920 x 1080
 
@@ -146,15 +154,16 @@ def test_cycles_shows_the_ball_that_a_coarse_one_stands_for(core, scene):
         viewer_resolution=64, display_size=0.3, field=0.05, display_resolution=(512, 512)
     )
     viewer, display = (
-        getattr(core.blender.scene.read(bpy.context).rig, part) for part in ("viewer", "display")
+        getattr(core.blender.read.scene.read(bpy.context).rig, part)
+        for part in ("viewer", "display")
     )
     x, y = np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5)
     o, d = viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
 
     missed = {}
     for ball.kiriko.surface in ("SMOOTH", "FACETS"):
-        reading = core.blender.scene.read(bpy.context)
-        found = core.blender.preview.render_map(scene, reading).reshape(-1, 3)
+        reading = core.blender.read.scene.read(bpy.context)
+        found = core.blender.preview.cycles_preview.render_map(scene, reading).reshape(-1, 3)
         cycles = np.stack([found[:, 0], 1 - found[:, 1]], axis=1) * [display.width, display.height]
         exact = closed_forms.landing(reading.rig, *closed_forms.through_ball(o, d, 0.025, 1.49))
         both = (found[:, 2] > 0.5) & np.isfinite(exact).all(axis=1)
@@ -207,8 +216,8 @@ def test_cycles_agrees_on_a_solid_within_another(core):
     inner.kiriko.ior = 1.8
     inner.rotation_euler = (0.2, 0.1, 0.4)
     bpy.context.view_layer.update()
-    found, notes = core.blender.nested_glass.interfaces(
-        core.blender.scene.read(bpy.context).rig.glasses
+    found, notes = core.blender.read.nested_glass.interfaces(
+        core.blender.read.scene.read(bpy.context).rig.glasses
     )
 
     assert sorted(interface.index for interface in found) == pytest.approx(
@@ -227,8 +236,8 @@ def test_solid_hidden_by_priority_is_left_out(core):
     inner = solid("cube", size=0.02)
     inner.kiriko.ior, inner.kiriko.priority = 1.8, -1
     bpy.context.view_layer.update()
-    found, _ = core.blender.nested_glass.interfaces(
-        core.blender.scene.read(bpy.context).rig.glasses
+    found, _ = core.blender.read.nested_glass.interfaces(
+        core.blender.read.scene.read(bpy.context).rig.glasses
     )
     assert sorted(interface.index or 0 for interface in found) == pytest.approx([0, 1.49], rel=1e-6)
     assert_agree(core)
@@ -255,8 +264,8 @@ def test_touching_solids_are_said_to_be_not_comparable(core, gap, is_noted):
     small_rig()
     solid("cube", "Block", at=(0.05 + gap, 0, 0), size=0.05)
     bpy.context.view_layer.update()
-    _, notes = core.blender.nested_glass.interfaces(
-        core.blender.scene.read(bpy.context).rig.glasses
+    _, notes = core.blender.read.nested_glass.interfaces(
+        core.blender.read.scene.read(bpy.context).rig.glasses
     )
     assert bool(notes) == is_noted
     assert all("not comparable" in note and "'Block' and 'Cube'" in note for note in notes)
@@ -268,7 +277,7 @@ def test_preview_shows_the_picture(scene, core):
     """
     small_rig(display_resolution=(256, 256), viewer_resolution=128)
     bpy.ops.kiriko.solve()
-    reading = core.blender.scene.read(bpy.context)
+    reading = core.blender.read.scene.read(bpy.context)
     lattice = linear_lattice()
 
     # of the picture on the viewer's image, px; each is the mean of 8 x 8 points
@@ -282,7 +291,7 @@ def test_preview_shows_the_picture(scene, core):
 
     errors = []
     for source in (scene.kiriko.result.source, lattice[2::4, 2::4]):
-        seen = core.blender.preview.render_preview(
+        seen = core.blender.preview.cycles_preview.render_preview(
             scene, reading, source, samples=16, fresnel=False
         )
         errors.append(np.abs(seen[..., :3] - ideal).mean())
@@ -380,10 +389,10 @@ def test_preview_cut_short_is_cleaned_up_by_the_next(scene, core):
     """The leavings of a preview that never came to its end go with the next one."""
     small_rig()
     before = inventory()
-    reading = core.blender.scene.read(bpy.context)
-    core.blender.preview.Preview(scene, reading, None)
+    reading = core.blender.read.scene.read(bpy.context)
+    core.blender.preview.cycles_preview.Preview(scene, reading, None)
     assert inventory() != before
-    core.blender.preview.render_map(scene, reading)
+    core.blender.preview.cycles_preview.render_map(scene, reading)
     assert inventory() == before
 
 
@@ -396,13 +405,13 @@ def test_surroundings_are_there_only_when_asked_for(scene, core):
     wall.location.y = -0.5
     bpy.data.objects.remove(bpy.data.objects["Cube.001"])
     scene.collection.objects.link(wall)
-    reading = core.blender.scene.read(bpy.context)
+    reading = core.blender.read.scene.read(bpy.context)
     white = np.ones((4, 4, 3))
     options = {"samples": 1, "fresnel": False}
     shown = [
-        core.blender.preview.render_preview(scene, reading, white, surroundings=s, **options)[
-            ..., :3
-        ].mean()
+        core.blender.preview.cycles_preview.render_preview(
+            scene, reading, white, surroundings=s, **options
+        )[..., :3].mean()
         for s in (False, True)
     ]
 
@@ -448,8 +457,8 @@ def test_a_plate_under_a_parent_of_uneven_scale_is_as_bright_in_cycles(core, sce
     bpy.ops.kiriko.solve()
     bpy.ops.kiriko.simulate(samples=16)
     seen = pixels(scene.kiriko.result.seen)[..., :3]
-    reading = core.blender.scene.read(bpy.context)
-    shown = core.blender.preview.render_preview(
+    reading = core.blender.read.scene.read(bpy.context)
+    shown = core.blender.preview.cycles_preview.render_preview(
         scene, reading, scene.kiriko.result.source, samples=32
     )[..., :3]
     one, other = (image.mean(axis=(0, 1)) @ [0.2126, 0.7152, 0.0722] for image in (seen, shown))
@@ -470,7 +479,7 @@ def test_light_is_refracted_or_totally_reflected_as_snell_says(
     wall = new_object(primitive("grid", x_segments=1, y_segments=1, size=50.0))
     wall.rotation_euler.x = np.pi if is_behind else 0.0
     material = bpy.data.materials.new("Glass")
-    core.blender.shaders.be_glass(material, ior, False)
+    core.blender.materials.shaders.be_glass(material, ior, False)
     wall.data.materials.append(material)
 
     world = scene.world = bpy.data.worlds.new("Sky beyond")

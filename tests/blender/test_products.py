@@ -163,7 +163,7 @@ def test_glass_that_shows_other_objects_is_the_product_that_these_are(
     scene.collection.objects.link(glass)
     glass.kiriko.role = "GLASS"
     activate(glass)
-    chosen = loaded("core.blender.chosen_product")
+    chosen = loaded("core.blender.checks.chosen_product")
     found = chosen.glass_product(glass)
     assert (found and found.name) == name
     assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.3333, abs=1e-6)

@@ -431,7 +431,7 @@ def test_a_list_of_before_the_rig_is_back(
     before = viewers(scene)
     bpy.context.view_layer.objects.active = scene.objects["Cube"]
     if then == "gone wrong":
-        module = importlib.import_module(f"{kiriko.__name__}.core.blender.new_rig")
+        module = importlib.import_module(f"{kiriko.__name__}.core.blender.lifecycle.new_rig")
         monkeypatch.setattr(module, "mark_made", None)
         with pytest.raises(RuntimeError):
             bpy.ops.kiriko.add_rig(**SMALL)

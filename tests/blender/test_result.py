@@ -12,7 +12,7 @@ from small_rigs import new_object, pixels, primitive, small_rig
 
 @pytest.fixture
 def result(scene) -> ModuleType:
-    return loaded("core.blender.result")
+    return loaded("core.blender.result.write_result")
 
 
 def test_image_keeps_every_number(result):

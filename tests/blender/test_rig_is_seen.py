@@ -78,7 +78,7 @@ def test_glass_without_a_material_is_solid_once_it_is_made_glass(scene):
 
 def shown(*parts: bpy.types.Object) -> list:
     """The images that are drawn over a view on these parts."""
-    drawn = loaded("core.blender.shown_images")
+    drawn = loaded("core.blender.view.shown_images")
     bpy.context.view_layer.update()
     return list(drawn.shown_images(bpy.context.scene, bpy.context.view_layer, list(parts)))
 
@@ -131,7 +131,7 @@ def test_a_frame_holds_all_points_and_no_more(kiriko, is_perspective, size):
     """Random points, seen by Blender's projection, are within the
     part of the view that is free, and reach its sides; none is cut off.
     """
-    framing = loaded("core.blender.framing")
+    framing = loaded("core.blender.view.view_framing")
     random = np.random.default_rng(3)
     points = size * random.normal(size=(40, 3)) + 5 * size
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
@@ -167,7 +167,7 @@ def test_nothing_covers_the_image_of_a_camera_view(kiriko, size, image):
     """Where Blender draws the frame of a camera with that zoom and offset, it is in the middle of
     what is free, and fills nine tenths of it.
     """
-    framing = loaded("core.blender.framing")
+    framing = loaded("core.blender.view.view_framing")
     left, right, bottom, top = 58, 220, 8, 54
     window = framing.Window(*size, left, right, bottom, top, 50.0, is_perspective=True)
     zoom, offset = framing.image_framed(image, window)
@@ -187,7 +187,7 @@ def test_what_is_made_far_from_the_bench_comes_into_sight(scene):
     view keeps its direction, and its place where the object is in sight, or a camera is its eye.
     """
     framing = loaded("operators.framing")
-    core = loaded("core.blender.framing")
+    core = loaded("core.blender.view.view_framing")
     rig = small_rig()
     framing.frame_rig(bpy.context)
     area = framing.view_of(bpy.context)
@@ -222,7 +222,7 @@ def test_a_view_turns_only_where_it_hardly_sees_the_picture(kiriko):
     """Seen from the front it stays; from the side or from behind it
     turns to where the picture is well seen, upright.
     """
-    framing = loaded("core.blender.framing")
+    framing = loaded("core.blender.view.view_framing")
     front = np.array([0.0, -1.0, 0.0])
     straight = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     assert np.array_equal(framing.turned(straight, front), straight)

@@ -325,7 +325,7 @@ def test_a_copied_scene_has_rigs_of_its_own(scene: bpy.types.Scene) -> None:
 
 def test_parts_in_no_rig_are_in_all(kiriko: ModuleType, scene: bpy.types.Scene) -> None:
     """A mirror that stands there; one that is moved into a rig's collection is in that alone."""
-    read = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read
+    read = importlib.import_module(f"{kiriko.__name__}.core.blender.read.scene").read
     first, second = two()
     mirror = new_object(primitive("grid", size=0.02), "MIRROR")
     mirror.name = "Mirror"
@@ -372,7 +372,7 @@ def test_a_copy_of_a_rigs_glass_gets_a_rig_of_its_own(
     fails: bool,
 ) -> None:
     """The first rig, whose marks the copy had, is as it was: with it, and after it is removed."""
-    read = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read
+    read = importlib.import_module(f"{kiriko.__name__}.core.blender.read.scene").read
     has_changed = importlib.import_module(f"{kiriko.__name__}.operators.watch").has_changed
     first = add(cube())
     bpy.ops.kiriko.solve()
@@ -380,7 +380,7 @@ def test_a_copy_of_a_rigs_glass_gets_a_rig_of_its_own(
     scene.collection.objects.link(copy)
     copy.location.x, copy.kiriko.role = 0.2, role
     if fails:
-        module = importlib.import_module(f"{kiriko.__name__}.core.blender.new_rig")
+        module = importlib.import_module(f"{kiriko.__name__}.core.blender.lifecycle.new_rig")
         monkeypatch.setattr(module, "_make_viewer", None)
         scene.objects["Cube"].select_set(False)
         before = snapshot()
@@ -426,7 +426,7 @@ def test_thousands_of_objects_beside_two_rigs_do_not_hold_up_panels(
 ) -> None:
     """Whose parts they are is asked of those alone that have a role."""
     needed = importlib.import_module(f"{kiriko.__name__}.operators.needed")
-    rigs = importlib.import_module(f"{kiriko.__name__}.core.blender.rigs")
+    rigs = importlib.import_module(f"{kiriko.__name__}.core.blender.data.rigs")
     two()
     for n in range(2000):
         scene.collection.objects.link(bpy.data.objects.new(f"thing {n}", None))
@@ -444,7 +444,7 @@ def test_a_failed_rig_leaves_the_other_active(
     bpy.ops.kiriko.solve()
     thing = gem()
     before = snapshot()
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.new_rig")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.lifecycle.new_rig")
 
     def fail(*_: object) -> None:
         raise MemoryError
@@ -552,7 +552,7 @@ def test_each_display_is_drawn_with_its_own_image(
     kiriko: ModuleType, scene: bpy.types.Scene
 ) -> None:
     """Over the view, in which both rigs are seen, whichever is active."""
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.shown_images")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.view.shown_images")
     first, second = two()
     sources = {}
     for rig in (first, second):

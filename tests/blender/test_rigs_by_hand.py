@@ -17,7 +17,9 @@ pytestmark = pytest.mark.usefixtures("no_remedies")
 
 def roles(kiriko: ModuleType) -> dict[str, list[str]]:
     """Names of the active rig's parts, by their roles."""
-    rig = importlib.import_module(f"{kiriko.__name__}.core.blender.scene").read(bpy.context).rig
+    rig = (
+        importlib.import_module(f"{kiriko.__name__}.core.blender.read.scene").read(bpy.context).rig
+    )
     fields = ("glasses", "plates", "displays", "pictures", "viewers")
     return {name: sorted(part.name for part in getattr(rig, name)) for name in fields}
 
@@ -631,8 +633,8 @@ def test_undo_reads_only_images_that_it_changed(
     kiriko: ModuleType, scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Solved anew, and taken back: that rig's image is read anew, the other's is not."""
-    image = importlib.import_module(f"{kiriko.__name__}.core.blender.image")
-    made = importlib.import_module(f"{kiriko.__name__}.core.blender.result_images")
+    image = importlib.import_module(f"{kiriko.__name__}.core.blender.data.image")
+    made = importlib.import_module(f"{kiriko.__name__}.core.blender.result.result_images")
     first, second = two()
     for rig in (first, second):
         choose(rig)

@@ -203,7 +203,7 @@ def test_the_planes_own_material_shows_the_light_that_is_solved(
     path = tmp_path / f"art{ending}"
     write(random_pixels(), path)
     material = new_material()[0]
-    kiriko.core.blender.shaders.show_picture(material, load(path, space, alpha))
+    kiriko.core.blender.materials.shaders.show_picture(material, load(path, space, alpha))
     next(n for n in material.node_tree.nodes if n.type == "TEX_IMAGE").interpolation = "Closest"
     add_plane(material)
     found = read().rig.picture.image
@@ -269,7 +269,7 @@ def test_premultiplied_bytes(read, tmp_path):
 @pytest.mark.parametrize("is_float", [False, True])
 def test_the_kernel_decodes_as_numpy_does(kiriko, errors, is_float, alpha, space):
     """Bit for bit; a number that is none is refused by both."""
-    picture = loaded("core.blender.picture")
+    picture = loaded("core.blender.read.scene_picture")
     loading = loaded("core.native.loading")
     image = bpy.data.images.new("p", *SIZE, alpha=True, float_buffer=is_float)
     image.colorspace_settings.name = space

@@ -9,7 +9,7 @@ from small_rigs import new_object, primitive, small_rig
 
 @pytest.fixture
 def read(scene):
-    module = loaded("core.blender.scene")
+    module = loaded("core.blender.read.scene")
     return lambda: module.read(bpy.context, scene).rig.plates
 
 

@@ -27,7 +27,7 @@ CAMERAS = {
 
 @pytest.fixture
 def read(scene) -> Callable[[], Any]:
-    module = loaded("core.blender.scene")
+    module = loaded("core.blender.read.scene")
     return lambda: module.read(bpy.context, scene).rig.viewer
 
 
@@ -306,7 +306,7 @@ def test_viewer_hidden_by_its_eye(read, scene):
 
 def test_depth_of_field_is_noted(scene):
     """A camera with depth of field is solved as a pinhole, and a note says so."""
-    module = loaded("core.blender.scene")
+    module = loaded("core.blender.read.scene")
     add_camera(scene).data.dof.use_dof = True
     assert (
         "The viewer 'eye' has depth of field: solved as a pinhole."

@@ -391,7 +391,7 @@ def test_the_chosen_viewer_is_shown_and_the_image_stays(
     solved again it is the same but for the order of sums.
     """
     compared = importlib.import_module(f"{kiriko.__name__}.operators.compared")
-    viewer = importlib.import_module(f"{kiriko.__name__}.core.blender.viewer")
+    viewer = importlib.import_module(f"{kiriko.__name__}.core.blender.data.camera_viewer")
     bpy.ops.kiriko.two_eyes()
     shown = []
     for number, name in ((1, LEFT), (2, RIGHT)):
@@ -916,7 +916,7 @@ def test_eyes_made_again_leave_none_behind(
         assert {ours().viewer, *(one.camera for one in eyes)} == cameras
         assert (first.camera, first.is_on) == (None, False)
         if scene.kiriko_scene.looking:
-            look = importlib.import_module(f"{kiriko.__name__}.core.blender.looking_through")
+            look = importlib.import_module(f"{kiriko.__name__}.core.blender.view.looking_through")
             assert [camera for _, camera in look.views(scene)] == [eyes[0].camera]
     assert sum(lens.users > 0 for lens in bpy.data.cameras) == 3 * len(bpy.data.scenes)
 

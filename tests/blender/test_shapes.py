@@ -94,8 +94,8 @@ def test_solves_and_cycles_follows_the_same_light(scene, make):
     the error is a quarter. Light that was totally reflected too, up to twenty times, agrees for
     half: the error of single precision grows with each bent facet.
     """
-    from kiriko.core.blender import scene as blender_scene
-    from kiriko.core.blender.preview import render_map
+    from kiriko.core.blender.preview.cycles_preview import render_map
+    from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.rig.settings import Settings
@@ -161,7 +161,7 @@ def test_the_map_of_suzanne_keeps_the_tolerance(scene):
     a cut pixel tells: the covered masks agree to 0.99, not to 0.999.
     """
     from kiriko.core.base.steps import finish
-    from kiriko.core.blender import scene as blender_scene
+    from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.light.compile_plan import make_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.map.sampling import sample

@@ -102,7 +102,7 @@ def test_solve_is_undone_and_redone(scene):
 def test_pictures_in_several_colour_spaces_are_read(scene, tmp_path):
     """White is white in each of them; Blender converts one after the other, and goes on."""
     io = loaded("core.files.image_io")
-    picture = loaded("core.blender.picture")
+    picture = loaded("core.blender.read.scene_picture")
     path = tmp_path / "white.png"
     io.write(path, np.ones((8, 8, 3)), "PNG8")
     for space in ("Linear Rec.2020", "ACEScg", "Non-Color", "sRGB", "Linear Rec.709"):

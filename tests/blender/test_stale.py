@@ -26,7 +26,7 @@ def watch(scene, kiriko, monkeypatch) -> Iterator[ModuleType]:
     monkeypatch.setattr(module, "QUIET", 0.0)
     monkeypatch.setattr(module, "SHARE", 0.0)
     monkeypatch.setattr(module.chosen, "POLLING", 0.0)
-    surfaces = loaded("operators.surfaces")
+    surfaces = loaded("operators.outdated_surfaces")
     monkeypatch.setattr(surfaces, "PAUSE", 0.0)
     surfaces.forget()
     yield module

@@ -22,7 +22,7 @@ HAS_FLOAT_NORMALS = bpy.app.version >= (4, 5)
 
 @pytest.fixture
 def read(scene: bpy.types.Scene, kiriko: ModuleType) -> Callable[[], Any]:
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.scene")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.read.scene")
     return lambda: module.read(bpy.context, scene)
 
 
@@ -455,8 +455,8 @@ def test_triangles_go_back_to_blender(read: Callable[[], Any], kiriko: ModuleTyp
     """A mesh made of triangles in the world is read as the
     same triangles, normals and shading, in any unit.
     """
-    module = importlib.import_module(f"{kiriko.__name__}.core.blender.read_mesh")
-    making = importlib.import_module(f"{kiriko.__name__}.core.blender.preview_parts")
+    module = importlib.import_module(f"{kiriko.__name__}.core.blender.read.read_mesh")
+    making = importlib.import_module(f"{kiriko.__name__}.core.blender.preview.preview_parts")
     thing = ball()
     thing.location = (100.0, 20.0, 3.0)
     thing.scale = (1.0, -2.0, 0.5)

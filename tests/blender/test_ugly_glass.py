@@ -468,7 +468,7 @@ def test_a_material_of_nodes_is_the_product_that_is_shown(
     kiriko: ModuleType, scene: bpy.types.Scene
 ) -> None:
     """Not that of a slot, which is on no face; and one that is chosen goes into that material."""
-    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.chosen_product")
+    chosen = importlib.import_module(f"{kiriko.__name__}.core.blender.checks.chosen_product")
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
     glass.data.materials.append(glass_material("slot", 1.6))

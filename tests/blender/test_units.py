@@ -8,7 +8,7 @@ from extension import loaded
 @pytest.fixture
 def text(scene) -> Callable[..., str]:
     """A length, m, in words, in a scene of a unit system, unit and unit scale."""
-    told = loaded("core.blender.units").length_text
+    told = loaded("core.blender.data.units").length_text
 
     def tell(metres: float, system: str, unit: str = "ADAPTIVE", scale: float = 1.0) -> str:
         units = scene.unit_settings

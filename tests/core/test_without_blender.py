@@ -34,8 +34,20 @@ ROOMS = (
     "lab.calibrate",
     "lab.drawing",
     "lab.measure",
-    "blender",
-    "blender.properties",
+    *(
+        f"blender.{room}"
+        for room in (
+            "data",
+            "materials",
+            "read",
+            "properties",
+            "result",
+            "preview",
+            "view",
+            "lifecycle",
+            "checks",
+        )
+    ),
 )
 
 

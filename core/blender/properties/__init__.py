@@ -8,15 +8,15 @@ import bpy
 from bpy.props import PointerProperty
 
 from ...base.messages import CONTEXT
-from .. import overridden
-from ..rigs import active_settings
-from ..translation_context import in_own_words
+from ..data import overridden
+from ..data.rigs import active_settings
+from ..data.translation_context import in_own_words
 from . import view
-from .calibration import KirikoCalibration
+from .calibration_settings import KirikoCalibration
 from .light import KirikoDisplay, KirikoPicture
-from .objects import KirikoMaterial, KirikoObject, KirikoPlate, KirikoSlot, show_image
-from .result import KirikoResult
-from .rig import KirikoRig, KirikoScene, KirikoSight, is_camera
+from .object_settings import KirikoMaterial, KirikoObject, KirikoPlate, KirikoSlot, show_image
+from .result_record import KirikoResult
+from .rig_settings import KirikoRig, KirikoScene, KirikoSight, is_camera
 from .view import KirikoView
 from .viewers import KirikoViewer, turn_on
 

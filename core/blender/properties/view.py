@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...base.messages import CONTEXT
-from ..rigs import rigs
+from ..data.rigs import rigs
 
 IMAGES = (
     ("BEFORE", "Uncompensated", "Seen through the glass while the display shows the plain picture"),

@@ -53,7 +53,9 @@ def core(name: str) -> ModuleType:
 
 def place(thing: bpy.types.Object, centre: Floats, turn: Floats, metres: float) -> None:
     """Put an object where it belongs, m."""
-    thing.matrix_world = Matrix(core("blender.scene").object_matrix(turn, centre, metres).tolist())
+    thing.matrix_world = Matrix(
+        core("blender.read.scene").object_matrix(turn, centre, metres).tolist()
+    )
 
 
 def draw(mesh: Mesh, role: str, metres: float, centre: Floats, turn: Floats) -> bpy.types.Object:
@@ -123,7 +125,7 @@ def read(
     scene.render.resolution_x, scene.render.resolution_y = viewer.width, viewer.height
     bpy.context.view_layer.update()
 
-    return core("blender.scene").read(bpy.context, scene).rig
+    return core("blender.read.scene").read(bpy.context, scene).rig
 
 
 def through_slab(o: Floats, d: Floats) -> tuple[Floats, Floats]:

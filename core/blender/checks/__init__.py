@@ -1,0 +1,1 @@
+"""The checklist: inspects the scene, and names what is left to do."""

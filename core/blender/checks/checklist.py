@@ -1,0 +1,362 @@
+"""The checklist: the things that are left to do for a rig, each with the button that does it.
+
+An inspection of the scene goes in, a list of entries comes out: this file neither reads the scene
+nor draws. An entry is a record, so that any operator may be a remedy.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from math import floor, log10
+
+from ...base.messages import Message, as_message, as_sentence, joined
+from ...base.numbers import millimetres
+from ...base.words import percent
+from ...bench.measured_remedies import MOVE_TO_GLASS, SMOOTH_GLASS
+from ...bench.picture_light import MOST
+from ...light.rays import REASON_WORDS, Reason
+from ...rig.rig import ROLES
+from ...solve.legibility import READABLE, illegible
+from .findings import APPEARANCE, SHAPE, findings_of, naming
+from .to_do import ADVICE, PROBLEM, SOLVE, Button, Entry, Inspection, Named, Thing
+
+SINGLE = {role.name: role.label for role in ROLES if role.is_single and role.number is not None}
+MADE = {
+    "DISPLAY": Message("Make a Display"),
+    "PICTURE": Message("Make a Picture"),
+    "VIEWER": Message("Make a Viewer"),
+    "PLATE": Message("Make a Plate"),
+}
+MOST_OFFERED = 2  # objects that may be the glass
+LARGEST = 0.5  # m: glass that is wider was hardly meant to be
+MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
+WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
+
+# Remedies for a share of the picture that is lost, by its reason: the words after the share,
+# and the buttons. Operators that make a part as large as needed add themselves here.
+# Where remedies were found they stand in their place, with their amounts.
+FIT_PICTURE = Button("kiriko.fit_picture_size", Message("Fit Picture"))
+FIT_PLATE = Button("kiriko.fit_plate", Message("Fit Plate"))
+FIT_DISPLAY = Button("kiriko.fit_display", Message("Fit Display"))
+BEST_PLACE = Button("kiriko.best_place", Message("Best Place"))
+TURN_BACK = Button("kiriko.turn_back", Message("Turn It Back"))
+REMEDIES: dict[str, tuple[Message, tuple[Button, ...]]] = {
+    REASON_WORDS[Reason.MISSED_PLATE]: (
+        Message("make the plate larger, or the picture smaller"),
+        (FIT_PLATE, FIT_PICTURE),
+    ),
+    REASON_WORDS[Reason.MISSED_DISPLAY]: (
+        Message("make the display larger, or the picture smaller"),
+        (FIT_DISPLAY, FIT_PICTURE),
+    ),
+    REASON_WORDS[Reason.MISSED_GLASS]: (
+        Message("move the picture into the glass, or make it smaller"),
+        (BEST_PLACE, FIT_PICTURE),
+    ),
+    REASON_WORDS[Reason.LOST_INSIDE]: (
+        Message("turn the glass, or make the picture smaller"),
+        (TURN_BACK, FIT_PICTURE),
+    ),
+}
+BY_OPERATOR = {b.operator: b for b in (FIT_PLATE, FIT_DISPLAY, FIT_PICTURE, BEST_PLACE)}
+# remedies for a picture that is hard to recognise: words and icons of the buttons
+TO_READ = {
+    SMOOTH_GLASS: (Message("Smooth Glass"), "MOD_SMOOTH"),
+    MOVE_TO_GLASS: (Message("Move to Glass"), "SNAP_FACE"),
+}
+# remedies for any loss; those for plate and display mend losses there
+FOR_ALL = (FIT_PICTURE.operator, BEST_PLACE.operator)
+
+
+def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry]:
+    """All that is left to do, the gravest first.
+
+    length_text : a length, m, in words
+    """
+    found = [
+        *_on_lost(seen),
+        *_on_missing(seen),
+        *_on_too_many(seen),
+        *_on_hidden(seen),
+        *_on_in_glass(seen),
+        *(entry for thing in _shown(seen) for entry in findings_of(thing, APPEARANCE + SHAPE)),
+        *_on_display(seen, length_text),
+        *_on_result(seen, length_text),
+        *_on_size(seen, length_text),
+    ]
+    return sorted(found, key=lambda entry: entry.icon == ADVICE)
+
+
+def findings(seen: Inspection) -> Iterator[Entry]:
+    """Of them those on the shape of the glass, and on glass left out, which a result has as notes
+    where nobody sees the checklist.
+    """
+    yield from _on_in_glass(seen)
+    for thing in _shown(seen):
+        yield from findings_of(thing, SHAPE)
+
+
+def _shown(seen: Inspection) -> list[Thing]:
+    """The parts that are shown."""
+    return [thing for thing in seen.things if not thing.hidden_by]
+
+
+def _on_missing(seen: Inspection) -> Iterator[Entry]:
+    """What is not there is made, all by Add Rig as long as there is no rig; a hidden part is
+    shown.
+    """
+    if seen.has_rig and seen.missing and not seen.things:
+        button = Button("kiriko.remove_rig", Message("Remove Rig"), (), "TRASH")
+        yield Entry(Message("All parts of the rig are gone."), PROBLEM, (button,))
+        return
+
+    roles = {thing.role for thing in seen.things}
+    is_new = not (seen.has_rig or roles & set(SINGLE))  # too little is there to make one part
+    is_offered = False
+    for role, phrase in seen.missing:
+        hidden = next((t for t in seen.things if t.role == role and t.hidden_by), None)
+        buttons: tuple[Button, ...] = ()
+        if hidden is not None:
+            buttons = (_show(hidden),)
+        elif role == "VIEWER" and seen.cameras:
+            # any other camera may look elsewhere, as that of Blender's own scene does
+            made = (_make(role),) if "GLASS" in roles and not seen.has_own_camera else ()
+            buttons = (*made, _use_camera(seen.cameras[0]))
+        elif is_new and not is_offered:
+            buttons = (Button("kiriko.add_rig", Message("Add Rig"), (), "ADD"),)
+            is_offered = True  # once is enough
+        elif role == "GLASS":
+            buttons = tuple(_use_as_glass(named) for named in seen.solids[:MOST_OFFERED])
+        elif role == "PLATE" and not is_new:
+            without = Button("kiriko.go_without_plate", Message("Go Without"), (), "CHECKMARK")
+            buttons = (_make(role), without)
+        elif role in MADE and "GLASS" in roles and not is_new:
+            buttons = (_make(role),)
+        yield Entry(as_sentence(phrase), PROBLEM, buttons)
+
+
+def _make(role: str) -> Button:
+    return Button("kiriko.make_part", MADE[role], (("role", role),), "ADD")
+
+
+def _use_as_glass(named: Named) -> Button:
+    label = Message("Use '{name}'", name=named.name)
+    return Button("kiriko.use_part", label, naming(named), "MATSPHERE")
+
+
+def _use_camera(name: str) -> Button:
+    label = Message("Use '{camera}'", camera=name)
+    values = (("data_path", "scene.kiriko.viewer"), ("value", name))
+    return Button("wm.context_set_id", label, values, "OUTLINER_OB_CAMERA")
+
+
+def _show(thing: Thing) -> Button:
+    return Button("kiriko.show_part", Message("Show"), naming(thing.named), "HIDE_OFF")
+
+
+def _on_too_many(seen: Inspection) -> Iterator[Entry]:
+    """Parts of which a rig has one; all of its parts may have been duplicated. Objects that can be
+    no part.
+    """
+    if seen.is_doubled:
+        text = Message("The rig's parts were duplicated, and lie in the same rig.")
+        label = Message("Make the Copies a Rig")
+        yield Entry(text, PROBLEM, (Button("kiriko.part_copies", label, (), "DUPLICATE"),))
+    for role in SINGLE:
+        things = [thing for thing in _shown(seen) if thing.role == role]
+        if len(things) < 2:
+            continue
+        buttons = tuple(_leave_out(thing.named) for thing in things)
+        yield Entry(too_many(role, len(things)), PROBLEM, buttons)
+    for why, named in seen.no_parts:
+        yield Entry(why, PROBLEM, (_leave_out(named),))
+
+
+def too_many(role: str, n: int) -> Message:
+    """A sentence on parts of which a rig has one."""
+    return Message(
+        "There are {n} objects with the role {role}, of which a rig has one: leave out others.",
+        n=n,
+        role=SINGLE[role],
+    )
+
+
+def _leave_out(named: Named) -> Button:
+    label = Message("Leave Out '{name}'", name=named.name)
+    return Button("kiriko.leave_out", label, naming(named), "X")
+
+
+def _on_hidden(seen: Inspection) -> Iterator[Entry]:
+    """Hidden parts that the rig can do without; those it needs are missing."""
+    missing = {role for role, _ in seen.missing}
+    for thing in seen.things:
+        if thing.hidden_by and thing.role not in missing:
+            text = Message(
+                "'{name}' is hidden{by}, and left out.", name=thing.named.name, by=thing.hidden_by
+            )
+            yield Entry(text, ADVICE, (_show(thing),))
+
+
+def _on_in_glass(seen: Inspection) -> Iterator[Entry]:
+    """Objects within the glass that bend the light, too, as wine does, and are no part of the rig:
+    the source image would be that of the glass without them. Advice, for some are left out on
+    purpose, and only boxes are looked at.
+    """
+    for named in seen.in_glass[:MOST_OFFERED]:
+        name = named.name
+        text = Message("'{name}' refracts within the glass, and is no part of the rig.", name=name)
+        yield Entry(text, ADVICE, (_use_as_glass(named),))
+
+
+def _on_lost(seen: Inspection) -> Iterator[Entry]:
+    """Data that is missing from its library."""
+    for text, library in seen.lost:
+        values = (("library", library),)
+        yield Entry(
+            text, PROBLEM, (Button("wm.lib_relocate", Message("Relocate"), values, "FILE_FOLDER"),)
+        )
+
+
+def _on_result(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """Is there one, of the scene as it is, of all of the picture?"""
+    if seen.missing:
+        return
+    if seen.is_coarse or seen.is_stale or seen.lacks_numbers:
+        if not seen.is_followed:
+            yield _solve(seen)
+        return
+
+    if seen.legibility is not None and seen.legibility < READABLE:
+        yield replace(_illegible(seen), can_wait=True)
+    yield from _once(_losses(seen, length_text))
+
+
+def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """A display that Add Rig has made as large as the outermost light asks for."""
+    for thing in _shown(seen):
+        if thing.role == "DISPLAY" and thing.width > seen.for_most > 0:
+            text = Message(
+                "'{name}' measures {length}: {share} of its light needs less.",
+                name=thing.named.name,
+                length=length_text(thing.width),
+                share=percent(MOST),
+            )
+            label = Message("Take {width}", width=length_text(seen.for_most))
+            button = replace(FIT_DISPLAY, label=label, properties=(("share", MOST),))
+            yield Entry(text, ADVICE, (button,), can_wait=True)
+
+
+def _illegible(seen: Inspection) -> Entry:
+    """A picture that nobody recognises, with the remedies that were measured."""
+    texts, buttons = [illegible(seen.legibility)], []
+    for help in seen.legible_by:
+        label, icon = TO_READ[help.operator]
+        share = percent(help.after)
+        texts.append(Message("{button} raises it to {share}.", button=label, share=share))
+        each = [(("take", True),)]
+        if help.part:
+            names = (thing.named for thing in seen.things if thing.named.name == help.part)
+            each = [naming(named, iterations=round(help.amount)) for named in names]
+        buttons += [Button(help.operator, label, given, icon) for given in each]
+    return Entry(joined(texts), ADVICE, tuple(buttons))
+
+
+def _once(found: Iterable[Entry]) -> Iterator[Entry]:
+    """Advice on a result, with each button at the first entry alone that has it: one press mends
+    for all of them.
+    """
+    pressed: set[Button] = set()
+    for entry in found:
+        left = tuple(button for button in entry.buttons if button not in pressed)
+        yield replace(entry, buttons=left, can_wait=True)
+        pressed.update(entry.buttons)
+
+
+def _losses(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """Parts of the picture that are lost, the largest first, with what helps."""
+    told = set()
+    for reason, share in sorted(seen.misses.items(), key=lambda miss: -miss[1]):
+        if reason in REMEDIES and share >= WORTH:
+            remedy, buttons = _remedy(seen, reason, length_text)
+            yield Entry(_loss(share, reason, remedy), ADVICE, buttons)
+            told.add(reason)
+    for reason in [reason for reason in REMEDIES if reason not in told]:
+        # the viewer that loses most of it: what helps was sought for the one that is shown
+        losses = [(of.get(reason, 0.0), name) for name, of in seen.misses_of_others.items()]
+        share, name = max(losses, default=(0.0, ""))
+        if share >= WORTH:
+            remedy, buttons = REMEDIES[reason]
+            loss = _loss(share, reason, remedy)
+            yield Entry(
+                Message("'{viewer}': {summary}", viewer=name, summary=loss), ADVICE, buttons
+            )
+
+
+def _solve(seen: Inspection) -> Entry:
+    """A result that is not whole, or not of the scene as it is."""
+    solve = (Button(SOLVE, Message("Solve"), (), "LIGHT_SUN"),)
+    if seen.is_coarse:
+        return Entry(Message("The source image is a first, coarse one."), PROBLEM, solve)
+    if seen.is_stale:
+        return Entry(Message("The scene has changed since it was solved."), PROBLEM, solve)
+    return Entry(Message("The source image has no numbers yet."), ADVICE, solve)
+
+
+def _loss(share: float, reason: str, remedy: Message) -> Message:
+    return Message(
+        "{share} of the picture {reason}: {remedy}.",
+        share=percent(share),
+        reason=as_message(reason),
+        remedy=remedy,
+    )
+
+
+def _remedy(
+    seen: Inspection, reason: str, length_text: Callable[[float], str]
+) -> tuple[Message, tuple[Button, ...]]:
+    """The words and buttons for a loss: with amounts where remedies were sought."""
+    remedy, buttons = REMEDIES[reason]
+    if seen.helps is None:
+        return remedy, buttons
+
+    fits = {button.operator for button in buttons} | set(FOR_ALL)
+    found = [help for help in seen.helps if help.operator in fits]
+    clauses = [help.told(length_text) for help in found]
+    mends = [BY_OPERATOR[help.operator] for help in found]
+    if not found or TURN_BACK in buttons:
+        clauses.append(Message("turn the glass"))
+        mends.append(TURN_BACK)
+    return joined(clauses, " / "), tuple(mends)
+
+
+def meant_factors(width: float) -> list[float]:
+    """Powers of ten that make a width, m, one of things that are held in a hand: at most MEANT
+    and, where the scene gets smaller by that, too, at most LARGEST.
+    """
+    factor = 10.0 ** -(floor(log10(width / MEANT) - 1e-9) + 1)
+    return [factor, 10 * factor] if factor < 0.05 and 10 * factor * width <= LARGEST else [factor]
+
+
+def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
+    """Glass that was drawn in Blender's units, with no size in mind."""
+    glass = [thing for thing in _shown(seen) if thing.role == "GLASS"]
+    widest = max(glass, key=lambda thing: thing.width, default=None)
+    if widest is None or widest.width <= LARGEST:
+        return
+
+    factors = meant_factors(widest.width)
+    text = Message(
+        "'{name}' measures {length}: meant as {meant}?",
+        name=widest.named.name,
+        length=length_text(widest.width),
+        meant=joined([millimetres(factor * widest.width) for factor in factors], " / "),
+    )
+    buttons = [
+        Button(
+            "kiriko.rescale_scene",
+            Message("Scene in {times} of Its Size", times=f"1/{round(1 / factor)}"),
+            (("factor", factor),),
+            "EMPTY_ARROWS",
+        )
+        for factor in factors
+    ]
+    yield Entry(text, ADVICE, tuple(buttons))

@@ -1,0 +1,267 @@
+"""A product of the catalogue on an object: how it is given to it, and which one its values are.
+
+No object keeps the name of a product, so that none can be shown that is not there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import bpy
+import numpy as np
+
+from ...base.errors import RigError
+from ...base.messages import Message, as_message
+from ...rig.catalogue import DISPLAYS, GLASSES, PLATES, DisplayProduct, GlassProduct, PlateProduct
+from ..data.bodies import shows_instances_alone
+from ..data.units import length_of_unit, length_text
+from ..materials.material import is_refractive, material_output, read_refraction, shaders
+from ..read.elements import DEFAULT_IOR, mirrors
+from ..read.layout import give_size, size_of
+from ..read.resize import RESIZED_WITHIN, give_side, has_side
+from .inspect_scene import each_material, evaluated, materials_as_shown
+
+SAME_NUMBER = 1e-5  # of it: two numbers in single precision are nearer
+SAME_INDEX = 5e-5  # half the last digit that is shown
+
+
+@dataclass(frozen=True)
+class Given:
+    """A sentence on an object that was given a product.
+
+    is_whole : does it have all of the product, its size, too?
+    """
+
+    text: Message
+    is_whole: bool = True
+
+
+def give_plate(context: bpy.types.Context, plate: bpy.types.Object, product: PlateProduct) -> Given:
+    """Give a plate the mirrors of a product, and its size, about its middle."""
+    length = length_text(context.scene, product.side)
+    names = {"plate": plate.name, "preset": product.name, "length": length}
+
+    try:
+        give_side(context, plate, product.side / length_of_unit(context.scene))
+    except RigError as why:
+        text = Message(
+            "'{plate}' has the mirrors of {preset} now, but not its size of {length}: {why}.",
+            **names,
+            why=why,
+        )
+        given = Given(text, is_whole=False)
+    else:
+        given = Given(
+            Message(
+                "'{plate}' has the mirrors of {preset} now, and its size: {length} a side.",
+                **names,
+            )
+        )
+
+    array = product.array
+    ours = plate.kiriko.plate
+    ours.model = array.layout.upper()
+    ours.pitch = 1e3 * array.pitch
+    ours.height = array.height / array.pitch
+    ours.ior = array.ior
+    ours.reflectance = array.reflectance
+    ours.crossing_error = array.crossing_error
+    ours.fresnel = array.has_fresnel
+    ours.phase = array.phase
+
+    return given
+
+
+def plate_product(context: bpy.types.Context, plate: bpy.types.Object) -> PlateProduct | None:
+    """The product that a plate is by its mirrors and its size; None where it is no known one.
+
+    A piece of it may be crossed and cut as it is: crossing error and phase do not count.
+    """
+    if plate.kiriko.plate.model == "IDEAL":
+        return None
+
+    array = mirrors(plate.kiriko.plate)
+    metres = length_of_unit(context.scene)
+    for product in PLATES.values():
+        other = product.array
+        numbers = (array.pitch, array.height, array.ior, array.reflectance)
+        wanted = (other.pitch, other.height, other.ior, other.reflectance)
+        is_same = np.allclose(numbers, wanted, rtol=SAME_NUMBER, atol=0)
+        is_made_alike = (array.layout, array.has_fresnel) == (other.layout, other.has_fresnel)
+        if is_same and is_made_alike and has_side(context, plate, product.side / metres):
+            return product
+    return None
+
+
+def give_display(
+    context: bpy.types.Context,
+    display: bpy.types.Object,
+    product: DisplayProduct,
+    is_upright: bool = False,
+) -> Given:
+    """Give a display the pixels of a product, and its size, about its middle; its white, too,
+    where its maker tells it.
+
+    is_upright : its longer side goes up, along the UV map's v
+    """
+    turn = -1 if is_upright else 1
+    size, pixels = product.size[::turn], product.pixels[::turn]
+    metres = length_of_unit(context.scene)
+    names = {
+        "display": display.name,
+        "preset": product.name,
+        "width": length_text(context.scene, size[0]),
+        "height": length_text(context.scene, size[1]),
+        "columns": pixels[0],
+        "rows": pixels[1],
+    }
+
+    try:
+        give_size(context, display, (size[0] / metres, size[1] / metres))
+    except RigError as why:
+        text = Message(
+            "'{display}' has the pixels of {preset} now, {columns} x {rows}, but not its size of"
+            " {width} x {height}: {why}.",
+            **names,
+            why=why,
+        )
+        given = Given(text, is_whole=False)
+    else:
+        given = Given(
+            Message(
+                "'{display}' is {preset} now: {width} x {height}, {columns} x {rows} pixels.",
+                **names,
+            )
+        )
+
+    display.kiriko.resolution = pixels
+    if product.luminance is not None:
+        display.kiriko.display.white = product.luminance
+    return given
+
+
+def display_product(context: bpy.types.Context, display: bpy.types.Object) -> DisplayProduct | None:
+    """The product that a display is by its pixels and its size; None where it is no known one."""
+    pixels = tuple(display.kiriko.resolution)
+    alike = [p for p in DISPLAYS.values() if pixels in (p.pixels, p.pixels[::-1])]
+    if not alike:
+        return None
+
+    try:
+        size = np.array(size_of(context, display)) * length_of_unit(context.scene)
+    except RigError:
+        return None
+
+    for product in alike:
+        wanted = np.array(product.size[:: 1 if pixels == product.pixels else -1])
+        if np.abs(size / wanted - 1).max() <= RESIZED_WITHIN:
+            return product
+    return None
+
+
+def give_glass(glasses: Sequence[bpy.types.Object], product: GlassProduct) -> list[Given]:
+    """Give glasses the index of a product: in their materials, where these are theirs alone
+    and have a plain index, else as their override.
+    """
+    reasons = {thing: _why_override(thing, glasses) for thing in glasses}
+    given = []
+
+    for thing, why in reasons.items():
+        names = {"glass": thing.name, "preset": as_message(product.name), "ior": f"{product.ior:g}"}
+        if why:
+            thing.kiriko.use_ior, thing.kiriko.ior = True, product.ior
+            text = Message(
+                "'{glass}' is {preset} now: its Override IOR is {ior}, for {why}.", **names, why=why
+            )
+        else:
+            shown = materials_as_shown(bpy.context.scene, thing)
+            materials = [m for m in shown if _index_of(m) is not None]
+            for material in materials:
+                _index_of(material).default_value = product.ior
+                material.node_tree.update_tag()
+            text = Message(
+                "'{glass}' is {preset} now: the IOR of its material '{material}' is {ior}.",
+                **names,
+                material="', '".join(m.name for m in materials),
+            )
+        given.append(Given(text))
+
+    return given
+
+
+def index_in_use(glass: bpy.types.Object) -> tuple[float, str] | None:
+    """The index that light is bent with, and the name of the material that it is of, '' where it is
+    the override or the default; None for instances, which each have their own.
+    """
+    ours, scene = glass.kiriko, bpy.context.scene
+    if ours.use_ior:
+        return ours.ior, ""
+    shown = each_material(scene, glass)  # of many objects the first that refracts is enough
+    first = next(shown, None)
+    if first is None and shows_instances_alone(evaluated(scene, glass)):
+        return None
+    for material in () if first is None else chain([first], shown):
+        found = read_refraction(material)
+        if found is not None:
+            return found.ior, material.name
+    return DEFAULT_IOR, ""
+
+
+def glass_product(glass: bpy.types.Object) -> GlassProduct | None:
+    """The product that a glass is by that index; None if no known one."""
+    found = index_in_use(glass)
+    near = (p for p in GLASSES.values() if found and abs(p.ior - found[0]) < SAME_INDEX)
+    return next(near, None)
+
+
+def _why_override(glass: bpy.types.Object, chosen: Sequence[bpy.types.Object]) -> str:
+    """Why a glass cannot get its index by its materials, a clause; '' where it can."""
+    if glass.kiriko.use_ior:
+        return Message("it is on")
+
+    shown = materials_as_shown(bpy.context.scene, glass)
+    materials = [m for m in shown if read_refraction(m) is not None]
+    if not shown and shows_instances_alone(evaluated(bpy.context.scene, glass)):
+        return Message("it shows other objects")
+    if not materials:
+        return Message("its material does not refract")
+
+    parts = [part for thing in chosen for part in (thing.data, *_nodes_of(thing)) if part]
+    own = {*chosen, *(part for part in parts if part.users == 1)}
+    for material in materials:
+        socket = _index_of(material)
+        if socket is None or material.node_tree.animation_data is not None:
+            return Message("nodes decide the index of its material '{name}'", name=material.name)
+        if not material.is_editable:
+            return Message("its material '{name}' is linked from another file", name=material.name)
+        if bpy.data.user_map(subset=[material])[material] - own:
+            return Message("others have its material '{name}', too", name=material.name)
+
+    return ""
+
+
+def _nodes_of(thing: bpy.types.Object) -> list[bpy.types.NodeTree | None]:
+    """The geometry nodes of an object's modifiers, which may set its material."""
+    return [modifier.node_group for modifier in thing.modifiers if modifier.type == "NODES"]
+
+
+def _index_of(material: bpy.types.Material) -> bpy.types.NodeSocket | None:
+    """The index of refraction in a material's own nodes; None where it has none, or nodes set it.
+
+    Of several refractive shaders none can stand for all.
+    """
+    output = material_output(material)
+    if output is None:
+        return None
+
+    found = [
+        (node, groups)
+        for node, groups in shaders(output.inputs["Surface"], ())
+        if is_refractive(node, groups)
+    ]
+    if len(found) != 1:
+        return None
+
+    node, groups = found[0]
+    socket = node.inputs["IOR"]
+    return None if groups or socket.is_linked else socket

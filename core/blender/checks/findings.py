@@ -1,0 +1,210 @@
+"""Findings on a part: questions, each with its sentence and the buttons that help.
+
+A part has one finding of each row at most: the first whose question is answered yes. What Blender
+does in one step has no button: the sentence names Blender's own verb.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from ...base.messages import Message
+from .to_do import ADVICE, PROBLEM, Button, Entry, Named, Thing
+
+
+def naming(named: Named, **more: object) -> tuple[tuple[str, object], ...]:
+    """Values of the properties of a button that names a part."""
+    return (("part", named.name), ("library", named.library), *more.items())
+
+
+def select_part(thing: Thing) -> Button:
+    """The button that selects an object."""
+    label = Message("Select Part")
+    return Button("kiriko.select_part", label, naming(thing.named), "RESTRICT_SELECT_OFF")
+
+
+def choose_image(thing: Thing) -> Button:
+    """The button that opens an image as the picture."""
+    return Button("kiriko.open_picture", Message("Choose Image"), (), "FILE_FOLDER")
+
+
+def make_glass(thing: Thing) -> Button:
+    """The button that gives an object a material that refracts."""
+    return Button("kiriko.make_glass", Message("Make It Glass"), naming(thing.named), "MATSPHERE")
+
+
+def thicken(thing: Thing) -> Button:
+    """The button that gives an object a thickness."""
+    return Button("kiriko.thicken", Message("Thicken"), naming(thing.named), "MOD_SOLIDIFY")
+
+
+def fill_holes(thing: Thing) -> Button:
+    """The button that closes holes; edges that a modifier opens are not in the mesh."""
+    if not thing.own_faults.n_open:
+        return select_part(thing)
+    return Button("kiriko.fill_holes", Message("Fill Holes"), naming(thing.named), "SNAP_FACE")
+
+
+def turn_out(thing: Thing) -> Button:
+    """The button that has all faces look out of the glass."""
+    if not (thing.own_faults.n_turned or thing.own_faults.is_inside_out):
+        return select_part(thing)
+    label = Message("Recalculate Outside")
+    return Button("kiriko.turn_out", label, naming(thing.named), "NORMALS_FACE")
+
+
+def shade_smooth(thing: Thing) -> Button:
+    """The button that shades a mesh smooth, and merges first what a file lists face by face."""
+    if not thing.own_faults.n_faces:
+        return select_part(thing)
+    label = Message("Shade Smooth")
+    if is_brought(thing):
+        label = Message("Merge, Recalculate Normals and Shade Smooth")
+    return Button("kiriko.shade_smooth", label, naming(thing.named), "SPHERECURVE")
+
+
+def is_brought(thing: Thing) -> bool:
+    """Does a mesh come as loose or flipped triangles, as from files? Then nobody wants it flat."""
+    return thing.own_faults.n_turned > 0 or thing.own_faults.n_loose > 0
+
+
+def is_turned(thing: Thing) -> bool:
+    """Has glass faces that look the other way than those beside them?"""
+    return thing.role == "GLASS" and thing.faults.n_turned > 0
+
+
+def is_facetted(thing: Thing) -> bool:
+    """Does a part look flat where a curve seems meant?"""
+    return thing.faults.n_facets > 0 and not thing.has_facets
+
+
+class Finding(NamedTuple):
+    """A finding.
+
+    question : is it so of a part?
+    text : the sentence on the part
+    buttons : those that help, made for the part
+    is_problem : or is it mere advice?
+    """
+
+    question: Callable[[Thing], object]
+    text: Callable[[Thing], str]
+    buttons: tuple[Callable[[Thing], Button], ...]
+    is_problem: Callable[[Thing], bool] = lambda thing: True
+
+
+def _counted(n: int, thing: Thing) -> dict[str, object]:
+    return {"name": thing.named.name, "n": n, "s": "s" if n > 1 else ""}
+
+
+APPEARANCE = (
+    (
+        Finding(
+            lambda thing: thing.is_opaque and not thing.has_place,
+            lambda thing: Message(
+                "'{name}' is no glass: give it a material that refracts, in the file that it is"
+                " linked from.",
+                name=thing.named.name,
+            ),
+            (select_part,),
+        ),
+        Finding(
+            lambda thing: thing.is_opaque,
+            lambda thing: Message(
+                "'{name}' is no glass: its material does not refract.", name=thing.named.name
+            ),
+            (make_glass,),
+        ),
+        Finding(
+            lambda thing: thing.no_picture,
+            lambda thing: thing.no_picture,
+            (choose_image,),
+        ),
+    ),
+)
+SHAPE = (
+    (
+        Finding(
+            lambda thing: thing.has_no_scale,
+            lambda thing: Message(
+                "'{name}' is scaled to nothing: Object > Clear > Scale.", name=thing.named.name
+            ),
+            (select_part,),
+        ),
+        Finding(
+            lambda thing: thing.is_flat and thing.role == "GLASS",
+            lambda thing: Message(
+                "'{name}' is flat, and glass has to have a thickness.", name=thing.named.name
+            ),
+            (thicken,),
+        ),
+        Finding(
+            lambda thing: thing.faults.n_open and thing.role == "GLASS" and not thing.is_mesh,
+            lambda thing: Message(
+                "'{name}' is not closed: turn on Fill Caps, or choose another Fill Mode.",
+                name=thing.named.name,
+            ),
+            (select_part, thicken),
+        ),
+        Finding(
+            lambda thing: thing.faults.n_open and thing.role == "GLASS",
+            lambda thing: Message(
+                "'{name}' is not closed: {n} edge{s} (Select > All by Trait > Non Manifold).",
+                **_counted(thing.own_faults.n_open or thing.faults.n_open, thing),
+            ),
+            (fill_holes, thicken),
+        ),
+    ),
+    (
+        Finding(
+            is_facetted,
+            lambda thing: Message(
+                "'{name}' looks curved, but its {n} faces are flat.",
+                name=thing.named.name,
+                n=thing.faults.n_facets,
+            ),
+            (shade_smooth,),
+            is_brought,
+        ),
+        Finding(
+            is_turned,
+            lambda thing: Message(
+                "'{name}' has {n} flipped face{s}: Cycles bends light wrongly there, and Kiriko if"
+                " they are smooth.",
+                **_counted(thing.own_faults.n_turned or thing.faults.n_turned, thing),
+            ),
+            (turn_out,),
+            lambda thing: thing.faults.is_turned_smooth,
+        ),
+        Finding(
+            lambda thing: thing.faults.is_inside_out and thing.role == "GLASS",
+            lambda thing: Message(
+                "The faces of '{name}' look into the glass.", name=thing.named.name
+            ),
+            (turn_out,),
+            lambda thing: thing.faults.n_open > 0,
+        ),
+    ),
+    (
+        Finding(
+            lambda thing: thing.faults.n_inner and thing.role == "GLASS",
+            lambda thing: Message(
+                "'{name}' has {n} face{s} inside, which Kiriko leaves out and Cycles does not:"
+                " Select > All by Trait > Interior Faces, and delete them.",
+                **_counted(thing.own_faults.n_inner or thing.faults.n_inner, thing),
+            ),
+            (select_part,),
+            lambda thing: False,
+        ),
+    ),
+)
+
+
+def findings_of(thing: Thing, rows: tuple[tuple[Finding, ...], ...]) -> Iterator[Entry]:
+    """The findings of some rows on a part, as entries."""
+    for row in rows:
+        found = next((one for one in row if one.question(thing)), None)
+        if found is not None:
+            is_problem = found.is_problem(thing)
+            buttons = tuple(make(thing) for make in found.buttons)
+            icon = PROBLEM if is_problem else ADVICE
+            yield Entry(found.text(thing), icon, buttons, can_wait=not is_problem)

@@ -1,0 +1,363 @@
+"""Inspects a scene for its checklist: cheap, but for the meshes, which are cached.
+
+Objects are taken as their modifiers make them, by the last evaluation.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import bpy
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.errors import ImageError
+from ...base.messages import Message
+from ...bench.measured_remedies import Help
+from ..data.bodies import (
+    NO_PART,
+    bodiless,
+    has_no_place,
+    members_of,
+    no_part,
+    shows_instances_alone,
+    tools_of,
+)
+from ..data.camera_viewer import seats_of
+from ..data.lost_data import find_lost, on_lost, placeholders_of
+from ..data.made_objects import OBJECT_MARK
+from ..data.moving import number_at
+from ..data.rigs import RIG_MARK, active_rig, elsewhere
+from ..data.stored_records import Numbers
+from ..data.units import length_of_unit
+from ..data.visibility import Shown, is_visible
+from ..lifecycle.copies import is_doubled
+from ..lifecycle.given_glass import has_place
+from ..materials.material import Bends, bends_light, refracts
+from ..read.plane import check_shown, image_of, own_materials
+from ..read.read_mesh import column, mesh_of, used_slots
+from ..read.scene_picture import check_at
+from ..read.shapes import used_materials
+from ..result.result_images import lacks_numbers
+from .faults import counts_of
+from .to_do import Counts, Inspection, Named, Thing
+
+BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
+CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
+Found = Mapping[str, Mapping[bpy.types.Object, str]]
+
+
+class InspectedMesh(NamedTuple):
+    """A mesh that was looked at: its faults as it is read and before modifiers, and the sides (3,)
+    of its box in the object's own space.
+    """
+
+    as_read: Counts
+    own: Counts
+    sides: tuple[float, ...] = ()
+
+
+def inspect(
+    scene: bpy.types.Scene,
+    found: Found,
+    missing: Mapping[str, str],
+    meshes: Mapping[int, InspectedMesh],
+    is_stale: bool = False,
+) -> Inspection:
+    """A scene as its checklist needs it.
+
+    Parameters
+    ----------
+    found : objects by role, each with what hides it; by NO_PART those that have one all the same
+    missing : phrases on roles that are not there
+    meshes : those of objects that were looked at, by session uid of the object
+    is_stale : is the result that of another scene?
+    """
+    result = scene.kiriko.result
+    is_solved = result.source is not None
+    numbers = Numbers.read(result.details).by_name  # Add Rig knows the legibility alone
+    details = numbers if is_solved else {}
+    helps = details.get("helps")
+    bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
+    things = [
+        _thing(scene, thing, role, by, meshes.get(thing.session_uid), bends)
+        for role, members in found.items()
+        for thing, by in members.items()
+        if role != NO_PART
+    ]
+    return Inspection(
+        things=tuple(things),
+        missing=tuple(missing.items()),
+        **_around(scene, missing),
+        no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
+        lost=tuple(lost_parts(scene, found)),
+        in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
+        misses=details.get("misses", {}),
+        misses_of_others=details.get("misses_of_others", {}),
+        helps=None if helps is None else tuple(Help(**help) for help in helps),
+        legibility=numbers.get("legibility"),
+        legible_by=tuple(Help(**help) for help in numbers.get("legible_by", ())),
+        is_doubled=len(found.get("DISPLAY", ())) > 1 and is_doubled(scene),
+        is_coarse=result.is_coarse,
+        lacks_numbers=lacks_numbers(result),
+        is_stale=is_stale,
+        is_solved=is_solved,
+        for_most=0.0 if is_solved or not result.summary else result.for_most,
+    )
+
+
+def _around(scene: bpy.types.Scene, missing: Mapping[str, str]) -> dict[str, Any]:
+    """What is there of the rig and beside it, where something is missing."""
+    rig = active_rig(scene)
+    cameras = [thing for thing in scene.objects if thing.type == "CAMERA"]
+    is_elsewhere = elsewhere(scene)
+    made = [one for one in cameras if rig and RIG_MARK in one and not is_elsewhere(one)]
+    cameras = [*made, *(thing for thing in cameras if thing not in made)]
+    return {
+        "has_rig": rig is not None,
+        "has_own_camera": bool(made),
+        "cameras": tuple(camera.name for camera in cameras),
+        "solids": tuple(_solids(scene)) if "GLASS" in missing else (),
+    }
+
+
+def _solids(scene: bpy.types.Scene) -> Iterator[Named]:
+    """Objects without a role that may be glass, the active one first."""
+    active = bpy.context.view_layer.objects.active
+    for thing in sorted(scene.objects, key=lambda thing: thing != active):
+        is_free = thing.kiriko.role == "NONE" and OBJECT_MARK not in thing
+        if is_free and not bodiless(thing) and is_visible(thing) and min(thing.dimensions) > 0:
+            yield named(thing)
+
+
+def _thing(
+    scene: bpy.types.Scene,
+    thing: bpy.types.Object,
+    role: str,
+    by: str,
+    looked: InspectedMesh | None,
+    bends: Bends,
+) -> Thing:
+    sides = () if has_no_place(thing.matrix_world) else sides_of(scene, thing, looked)
+    has_mesh = has_own_faces(scene, thing)
+    is_glass = has_mesh and role == "GLASS" and not thing.kiriko.use_ior
+    has_thickness = looked is not None and not (has_mesh and is_flat(sides))
+    return Thing(
+        named=named(thing),
+        role=role,
+        hidden_by=by,
+        width=max(sides, default=0.0) * length_of_unit(scene),
+        is_mesh=thing.type == "MESH",
+        is_opaque=is_glass and not refracts_as_shown(scene, thing, bends),
+        has_place=has_place(thing),
+        has_no_scale=min(map(abs, thing.scale)) == 0,
+        is_flat=has_mesh and is_flat(sides),
+        no_picture=why_no_picture(scene, thing) if role == "PICTURE" else "",
+        faults=_worth_telling(scene, looked.as_read) if has_thickness else Counts(),
+        own_faults=looked.own if has_thickness else Counts(),
+        has_facets=thing.kiriko.surface == "FACETS",
+    )
+
+
+def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
+    """Faults. Closed glass may look inward, unless Cycles shows it, which does not know inside."""
+    is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
+    return faults._replace(is_inside_out=faults.is_inside_out and is_told)
+
+
+def has_own_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Has an object a surface of its own, and not alone that of objects that it shows?"""
+    if thing.data is None or thing.type == "EMPTY":
+        return False
+    shown = evaluated(scene, thing)
+    if thing.type == "META":  # the surface of a family is that of one of them
+        return max(shown.dimensions) > 0
+    return not shows_instances_alone(shown)
+
+
+def sides_of(
+    scene: bpy.types.Scene, thing: bpy.types.Object, looked: InspectedMesh | None = None
+) -> tuple[float, ...]:
+    """The sides of an object's box, Blender units; () where they are not known yet."""
+    if thing.type not in BOXLESS:
+        return tuple(evaluated(scene, thing).dimensions)
+    if looked is None or not looked.sides:
+        return ()
+    return tuple(np.multiply(looked.sides, np.abs(thing.matrix_world.to_scale())).tolist())
+
+
+def _in_glass(
+    scene: bpy.types.Scene, glasses: Mapping[bpy.types.Object, str], bends: Bends
+) -> Iterator[Named]:
+    """Objects without a role that refract, and whose box reaches into that of a glass. Not so tools
+    that cut it, or complete it.
+    """
+    boxes = [box_of(scene, glass) for glass, by in glasses.items() if not by]
+    if not boxes:
+        return
+    shown = Shown(scene, bpy.context.view_layer)
+    found = []
+    for thing in scene.objects:
+        if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
+            continue
+        if not refracts(thing, bends):
+            continue
+        low, high = box_of(scene, thing)
+        is_in = any((low < top).all() and (bottom < high).all() for bottom, top in boxes)
+        if is_in and not shown.hidden_by(thing):
+            found.append(thing)
+    tools = tools_of([*glasses, *found]) if found else ()
+    yield from (named(thing) for thing in found if thing not in tools)
+
+
+def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
+    """Is an object one whose mesh is worth a look, and evaluated as it stands?"""
+    return (
+        thing.kiriko.role in CHECKED
+        and thing.type not in {"EMPTY", "META"}
+        and not bodiless(thing)
+        and thing.mode == "OBJECT"
+        and thing.name in layer.objects
+        and is_visible(thing, layer)
+    )
+
+
+def inspect_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> InspectedMesh:
+    """An object's mesh as it is read, and the faults of the one before modifiers."""
+    with mesh_of(thing.evaluated_get(depsgraph)) as mesh:
+        as_read = counts_of(mesh)
+        points = column(mesh.vertices, "co", 3, np.float32)
+        sides = tuple(np.ptp(points, axis=0).tolist()) if len(points) else ()
+    own = Counts()
+    if thing.type == "MESH":
+        is_made = thing.data.shape_keys or any(m.show_viewport for m in thing.modifiers)
+        own = counts_of(thing.data) if is_made else as_read
+    return InspectedMesh(as_read, own, sides)
+
+
+def named(thing: bpy.types.Object) -> Named:
+    """An object's name and its file."""
+    return Named(thing.name, "" if thing.library is None else thing.library.filepath)
+
+
+def evaluated(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.Object:
+    """An object as its modifiers make it, by the last evaluation: after undo the object itself has
+    the box of its mesh without them.
+    """
+    graph = _graph(scene)
+    return thing if graph is None else thing.evaluated_get(graph)
+
+
+def refracts_as_shown(
+    scene: bpy.types.Scene, thing: bpy.types.Object, bends: Bends = bends_light
+) -> bool:
+    """Does any material of an object bend light, or, where modifiers give its faces materials, as
+    geometry nodes do, any of these?
+    """
+    if not _has_made_faces(scene, thing):
+        return refracts(thing, bends)
+    return any(map(bends, materials_as_shown(scene, thing)))
+
+
+def materials_as_shown(scene: bpy.types.Scene, thing: bpy.types.Object) -> list[bpy.types.Material]:
+    """The materials on an object's faces as its modifiers make them, those on most faces first; of
+    an instance of a collection those of its objects.
+    """
+    return list(each_material(scene, thing))
+
+
+def each_material(scene: bpy.types.Scene, thing: bpy.types.Object) -> Iterator[bpy.types.Material]:
+    """Those of `materials_as_shown`, one after the other."""
+    if thing.instance_type == "COLLECTION" and thing.instance_collection is not None:
+        yield from _materials_of(scene, members_of(thing))
+    elif not _has_made_faces(scene, thing):
+        yield from own_materials(thing)
+    else:
+        shown = evaluated(scene, thing)
+        found = used_materials(shown, used_slots(shown.data))
+        yield from (one.original for one in found if one is not None)
+
+
+def _materials_of(
+    scene: bpy.types.Scene, members: Iterable[bpy.types.Object]
+) -> Iterator[bpy.types.Material]:
+    """Those of what an instance shows, each once. Meshes are asked for as modifiers make them only
+    where nodes may set materials: of many a Subdivision alone would take seconds.
+    """
+    found: set[bpy.types.Material | None] = {None}
+    for member in members:
+        if any(one.type == "NODES" and one.show_viewport for one in member.modifiers):
+            materials = materials_as_shown(scene, member)
+        else:
+            is_known = all(slot.material in found for slot in member.material_slots)
+            materials = [] if is_known else own_materials(member)
+        yield from (one for one in materials if one not in found)
+        found.update(materials)
+
+
+def _has_made_faces(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Has an object faces that are made by modifiers, as evaluated last?"""
+    is_made = thing.type == "MESH" and any(one.show_viewport for one in thing.modifiers)
+    return is_made and len(evaluated(scene, thing).data.polygons) > 0
+
+
+def _graph(scene: bpy.types.Scene) -> bpy.types.Depsgraph | None:
+    """The last evaluation of a scene, in the view layer that is worked on; None where none was."""
+    is_here = bpy.context.scene == scene
+    layer = bpy.context.view_layer if is_here else scene.view_layers[0]
+    return layer.depsgraph
+
+
+def box_of(scene: bpy.types.Scene, thing: bpy.types.Object) -> tuple[Floats, Floats]:
+    """The lowest and the highest corner (3,) of an object's box in the world."""
+    shown = thing if thing.type in BOXLESS else evaluated(scene, thing)
+    matrix = np.array(shown.matrix_world)
+    corners = np.array(shown.bound_box) @ matrix[:3, :3].T + matrix[:3, 3]
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def is_flat(sides: tuple[float, ...]) -> bool:
+    """Is a box with these sides one without a thickness, and no mere point, as that of no face?"""
+    return min(sides, default=1.0) == 0 < max(sides, default=0.0)
+
+
+def why_no_picture(scene: bpy.types.Scene, picture: bpy.types.Object) -> str:
+    """Why a plane shows no picture; '' where it does."""
+    if scene.kiriko.picture_source == "IMAGE":
+        return ""
+    image = image_of(picture)
+    if image is None:
+        return Message("'{picture}' shows no image.", picture=picture.name)
+    try:
+        check_shown(picture, image, scene)
+    except ImageError as error:
+        return error.message
+    return ""
+
+
+def why_no_own_image(scene: bpy.types.Scene) -> str:
+    """Why an image in the viewers' own pixels cannot be read; '' where all can."""
+    own = [
+        (seat.image, Message("the viewer '{viewer}'", viewer=seat.camera.name))
+        for seat in seats_of(scene)
+        if seat.image is not None and seat.camera is not None
+    ]
+    for image, owner in own or [(scene.kiriko.picture_image, Message("the scene's picture"))]:
+        try:
+            check_at(image, number_at(image, None, scene.frame_current), owner)
+        except ImageError as error:
+            return error.message
+    return ""
+
+
+def lost_parts(
+    scene: bpy.types.Scene, found: Mapping[str, Mapping[bpy.types.Object, str]]
+) -> Iterator[tuple[str, str]]:
+    """Sentences on data that a library lacks, and parts, viewers or the scene need; its name."""
+    lost = find_lost()
+    if not lost:
+        return
+    parts = [thing for members in found.values() for thing, by in members.items() if not by]
+    shown = [x for seat in seats_of(scene) for x in (seat.camera, seat.image)]
+    things = [*parts, scene.kiriko.picture_image, *shown, *placeholders_of(scene)]
+    yield from on_lost(lost, things)

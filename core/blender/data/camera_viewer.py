@@ -1,0 +1,257 @@
+"""Reads a camera into a Viewer: the same pixel grid as a render from it, in float64."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.errors import RigError
+from ...rig.rig import Rig, Viewer
+from .rigs import RIG_MARK
+
+MOST_SHEAR = 1e-4  # axes further from perpendicular than this are no float32 noise
+SAME_SHAPE = 1e-3  # of width to height: nobody sees less
+PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic"}
+
+
+class Frame(NamedTuple):
+    """Pixels of a viewer's image, as a render has them: the
+    whole, the percentage of it that is seen, their aspect.
+    """
+
+    width: int
+    height: int
+    percentage: int = 100
+    aspect_x: float = 1.0
+    aspect_y: float = 1.0
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels; Blender cuts the percentage down to whole ones."""
+        return max(self.width * self.percentage // 100, 1), max(
+            self.height * self.percentage // 100, 1
+        )
+
+    def has_shape_of(self, other: "Frame") -> bool:
+        """Is the image as wide for its height as another?"""
+        own, its = (f.width * f.aspect_x / (f.height * f.aspect_y) for f in (self, other))
+        return abs(own - its) < SAME_SHAPE * its
+
+
+def no_camera() -> RigError:
+    """The error of an entry of the list of viewers that has none."""
+    return RigError(
+        "The list of viewers has an entry without a camera: choose one, or remove the entry."
+    )
+
+
+def frame_of(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Frame:
+    """The pixels a camera has of its own, which are square, or those of the scene's render."""
+    ours = camera.original.kiriko
+    if ours.use_resolution:
+        return Frame(*ours.resolution)
+    return frame_of_render(render)
+
+
+def frame_of_render(render: bpy.types.RenderSettings) -> Frame:
+    """The pixels of a scene's render."""
+    return Frame(
+        width=render.resolution_x,
+        height=render.resolution_y,
+        percentage=render.resolution_percentage,
+        aspect_x=render.pixel_aspect_x,
+        aspect_y=render.pixel_aspect_y,
+    )
+
+
+def image_window(
+    lens: bpy.types.Camera, frame: Frame, metres: float
+) -> tuple[float, float, float, float]:
+    """Left, right, bottom, top of the image as `Viewer.window` wants them.
+
+    Source: BKE_camera_params_compute_viewplane in Blender's camera.cc, in float64. `metres` is the
+    length of a Blender unit. An AUTO fit lays the sensor's *width* along the longer side of the
+    image, only VERTICAL uses its height.
+    """
+    width, height = frame.size
+    across = width * frame.aspect_x
+    along = height * frame.aspect_y
+    is_horizontal = lens.sensor_fit == "HORIZONTAL" or (
+        lens.sensor_fit == "AUTO" and across >= along
+    )
+
+    if lens.type == "ORTHO":
+        size = lens.ortho_scale * metres
+    else:
+        size = (
+            lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
+        ) / lens.lens
+
+    # sizes on the plane at unit distance, or on the camera's own
+    pixel = size / (across if is_horizontal else along)
+    half_x = 0.5 * across * pixel
+    half_y = 0.5 * along * pixel
+    x = lens.shift_x * size
+    y = lens.shift_y * size
+
+    return x - half_x, x + half_x, y - half_y, y + half_y
+
+
+def orthonormal_axes(matrix: Floats, name: str) -> Floats:
+    """Rows right, up, forward of a camera with this world
+    matrix (4, 4); its scale is ignored, as Blender does.
+
+    The nearest orthonormal frame (polar decomposition), so that float32 noise is shared out evenly.
+    """
+    columns = matrix[:3, :3] / np.maximum(
+        np.linalg.norm(matrix[:3, :3], axis=0), np.finfo(float).tiny
+    )
+    if not np.abs(columns.T @ columns - np.eye(3)).max() < MOST_SHEAR:
+        raise RigError(
+            "The viewer '{name}' is sheared or has no size: undo the uneven scale of it or"
+            " of its parents.",
+            name=name,
+        )
+
+    left, _, right = np.linalg.svd(columns)
+    return (left @ right).T * np.array([[1.0], [1.0], [-1.0]])
+
+
+class Seat(NamedTuple):
+    """A viewer as the scene has it: its camera, None where that is gone, its weight, and the image
+    in its pixels that is no other's, None where it has none.
+    """
+
+    camera: bpy.types.Object | None
+    weight: float = 1.0
+    image: bpy.types.Image | None = None
+
+
+def camera_at(scene: bpy.types.Scene, number: int) -> bpy.types.Object | None:
+    """The camera of an entry of the scene's viewers.
+
+    The first entry is the viewer that was chosen, else that of a rig whose collection an object
+    instances, as by Link, else the scene's own camera.
+    """
+    ours = scene.kiriko
+    own = ours.viewers[number].camera if number < len(ours.viewers) else None
+    if own or number > 0:
+        return own
+    return ours.viewer or next((camera for camera, _ in instanced_viewers(scene)), scene.camera)
+
+
+def instanced_viewers(
+    scene: bpy.types.Scene,
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Object]]:
+    """Cameras that Add Rig made for rigs whose collections objects of a scene instance, each with
+    that object.
+    """
+    for rig in bpy.data.collections:
+        if not rig.kiriko.is_rig:
+            continue
+        cameras = [one for one in rig.all_objects if one.type == "CAMERA" and RIG_MARK in one]
+        for thing in rig.users_dupli_group if cameras else ():
+            if scene in thing.users_scene:
+                yield from ((camera, thing) for camera in cameras)
+
+
+def is_deleted(camera: bpy.types.Object) -> bool:
+    """Is a camera in no collection any more, and only kept by what has chosen it?
+
+    A camera whose collection an empty stands for is in no scene, and is not deleted.
+    """
+    return not camera.users_collection and camera.library is None
+
+
+def seats_of(scene: bpy.types.Scene) -> list[Seat]:
+    """The scene's viewers that are on, in their order."""
+    listed = scene.kiriko.viewers
+    if not len(listed):
+        camera = camera_at(scene, 0)
+        return [] if camera is None else [Seat(camera)]
+    return [
+        Seat(camera_at(scene, n), one.weight, one.image)
+        for n, one in enumerate(listed)
+        if one.is_on
+    ]
+
+
+def own_images(scene: bpy.types.Scene) -> list[bpy.types.Image]:
+    """The images that viewers who are on have for themselves, in their order."""
+    return [seat.image for seat in seats_of(scene) if seat.image is not None]
+
+
+def number_shown(scene: bpy.types.Scene) -> int:
+    """The chosen entry of the list of viewers, which a script may have set beyond its end."""
+    return min(scene.kiriko.viewer_shown, max(len(scene.kiriko.viewers) - 1, 0))
+
+
+def viewer_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The camera of the scene's viewer that is shown: the chosen one of the list, or the first
+    that is on where it is off.
+    """
+    number = number_shown(scene)
+    is_on = [n for n, one in enumerate(scene.kiriko.viewers) if one.is_on]
+    return camera_at(scene, number if number in is_on else (is_on or [number])[0])
+
+
+def shown_first(rig: Rig, scene: bpy.types.Scene) -> Rig:
+    """The rig with the viewer that is shown before the others: core tells of the first one."""
+    camera = viewer_of(scene)
+    if camera is None or len(rig.viewers) < 2:
+        return rig
+    return replace(rig, viewers=tuple(sorted(rig.viewers, key=lambda v: v.name != camera.name)))
+
+
+def read_viewer(
+    camera: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    render: bpy.types.RenderSettings,
+    metres: float,
+) -> Viewer:
+    """Read the viewer from an evaluated camera.
+
+    Parameters
+    ----------
+    camera : the camera object; parents, constraints and animation count
+    render : of the scene, whose pixels count where the camera has none of its own
+    metres : length of a Blender unit in m
+
+    Raises
+    ------
+    RigError : it is no camera, or a panoramic or sheared one
+    """
+    if camera.type != "CAMERA":  # Blender takes any object as the scene's camera
+        raise RigError("The viewer '{viewer}' is no camera: choose one.", viewer=camera.name)
+
+    evaluated = camera.evaluated_get(depsgraph)
+    lens = evaluated.data
+    if lens.type not in PROJECTIONS:
+        raise RigError(
+            "The viewer '{viewer}' is a panoramic or custom camera, whose image is no flat"
+            " window: make it perspective or orthographic.",
+            viewer=camera.name,
+        )
+
+    matrix = np.array(evaluated.matrix_world, dtype=float)
+    for one, thing in instanced_viewers(depsgraph.scene.original):
+        if one == camera:
+            to_place = np.array(thing.evaluated_get(depsgraph).matrix_world, dtype=float)
+            matrix[:3, 3] -= np.array(thing.instance_collection.instance_offset)
+            matrix = to_place @ matrix
+            break
+    frame = frame_of(camera, render)
+    width, height = frame.size
+
+    return Viewer(
+        name=camera.name,
+        projection=PROJECTIONS[lens.type],
+        position=matrix[:3, 3] * metres,
+        axes=orthonormal_axes(matrix, camera.name),
+        window=image_window(lens, frame, metres),
+        width=width,
+        height=height,
+    )

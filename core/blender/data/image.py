@@ -1,0 +1,211 @@
+"""Makes Image datablocks of pixels, and saves them within the file."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from secrets import token_hex
+
+import bpy
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...files.encoding import encode, quantised
+from ...files.png import encoded
+from .colour import from_rec709, rec709_from_working, to_rec709
+
+THUMBNAIL = 256  # px, at most: as large as Blender makes them
+UNPACKED = ""  # its packed file is of older pixels, if there is one
+PACKED_MARK = "kiriko_packed"  # on an image: tells its packed file from those before and after
+WORKING_MARK = "kiriko_working"  # on an image: the matrix to Rec.709 of the space it was made in
+_read: dict[int, str] = {}  # by session uid of the image: the packed file whose pixels Blender has
+
+
+@contextmanager
+def or_none(image: bpy.types.Image) -> Iterator[None]:
+    """Remove a new image again if the code within, which makes it whole, goes wrong."""
+    try:
+        yield
+    except BaseException:
+        bpy.data.images.remove(image)
+        raise
+
+
+def image_from_pixels(name: str, pixels: ArrayLike) -> bpy.types.Image:
+    """New float image datablock.
+
+    Parameters
+    ----------
+    name : wanted name; Blender adds a number where it is taken
+    pixels : (h, w, 3 or 4) float, linear Rec.709, row 0 at the top
+    """
+    pixels = np.asarray(pixels, np.float32)
+    height, width, channels = pixels.shape
+    image = bpy.data.images.new(name, width, height, alpha=channels == 4, float_buffer=True)
+    with or_none(image):
+        image[WORKING_MARK] = _working_mark()
+        set_pixels(image, pixels)
+
+    return image
+
+
+def _working_mark() -> list[float]:
+    matrix = rec709_from_working()
+    return [] if matrix is None else matrix.ravel().tolist()
+
+
+def is_in_working_space(image: bpy.types.Image) -> bool:
+    """Was an image of ours made in the working space that the file has now?"""
+    return list(image.get(WORKING_MARK, ())) == _working_mark()
+
+
+def set_pixels(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give a float image of the same size other pixels (h, w, 3 or 4), linear Rec.709, row 0 at the
+    top. It stays unsaved.
+    """
+    numbers = from_rec709(pixels)
+    height, width, channels = numbers.shape
+    rgba = np.ones((height, width, 4), np.float32)
+    for channel in range(channels):  # numpy is slow where rows are a few numbers long
+        rgba[..., channel] = numbers[::-1, :, channel]
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    _set_thumbnail(image, pixels)
+    _read.pop(image.session_uid, None)
+    image[PACKED_MARK] = UNPACKED  # an undo step has this mark, but not the pixels
+
+
+def _set_thumbnail(image: bpy.types.Image, pixels: NDArray[np.float32]) -> None:
+    """Give an image the means of its pixels as its thumbnail: Blender's own takes every nth."""
+    height, width = pixels.shape[:2]
+    step = -(-max(height, width) // THUMBNAIL)
+    means = _means(_means(pixels[..., :3], step).swapaxes(0, 1), step).swapaxes(0, 1)
+    rgba = np.ones((*means.shape[:2], 4), np.float32)
+    rgba[..., :3] = encode(means)
+    thumbnail = image.preview_ensure()
+    thumbnail.image_size = means.shape[1::-1]
+    thumbnail.image_pixels_float.foreach_set(rgba[::-1].ravel())
+
+
+def _means(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """Means of each `step` rows, and of those that are left: 5 times as fast as `reduceat`."""
+    means = values[::step].copy()
+    for first in range(1, step):
+        more = values[first::step]
+        means[: len(more)] += more
+    means[:-1] /= step
+    means[-1] /= len(values) - step * (len(means) - 1)
+    return means
+
+
+def stored_numbers(image: bpy.types.Image) -> NDArray[np.float32]:
+    """Numbers (h, w, 4) of a float image as Blender has them, row 0 at the top."""
+    width, height = image.size
+    rgba = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(rgba)
+    return rgba.reshape(height, width, 4)[::-1].copy()
+
+
+def pixels_from_image(image: bpy.types.Image) -> NDArray[np.float32]:
+    """Pixels (h, w, 4) of a float image, linear Rec.709, row 0 at the top."""
+    return to_rec709(stored_numbers(image))
+
+
+def holds(image: bpy.types.Image, pixels: NDArray[np.float32]) -> bool:
+    """Has a float image these pixels (h, w, 3), linear Rec.709?"""
+    return np.array_equal(stored_numbers(image)[..., :3], from_rec709(pixels))
+
+
+def encoded_image(name: str, pixels: NDArray[np.float32]) -> bpy.types.Image:
+    """New packed 8-bit sRGB image of linear pixels (h, w, 3),
+    row 0 at the top: small in the file, for pictures.
+    """
+    return packed_image(name, encoded(quantised(pixels, "uint8")))
+
+
+def packed_image(name: str, png: bytes) -> bpy.types.Image:
+    """New image of a PNG file in memory. Blender reads its pixels, and its size, when asked."""
+    image = bpy.data.images.new(name, 1, 1, alpha=False)
+    with or_none(image):
+        image.pack(data=png, data_len=len(png))
+        image.source = "FILE"
+
+    return image
+
+
+def pack(image: bpy.types.Image, name: str) -> None:
+    """Save a float image within the file as `name`.exr, every number exact.
+
+    Blender's own packing of a new image does not compress: 16 bytes a pixel, in the file and in
+    each undo step. But it needs no file: it is the way that is left where there is no room for one.
+    """
+    try:
+        data = _compressed(image)
+    except (OSError, RuntimeError):  # the second is how Blender says the same
+        image.pack()
+    else:
+        image.pack(data=data, data_len=len(data))
+        image.source = "FILE"  # from now on the image is read from the packed file
+    image.filepath_raw = f"//{name}.exr"
+    image[PACKED_MARK] = _read[image.session_uid] = token_hex(8)
+
+
+def read_anew(image: bpy.types.Image) -> bool:
+    """Have a packed image be read from its file when its pixels are next asked for, unless those
+    that Blender has are of this very file; are they not?
+
+    Undo puts back what is packed, and leaves what Blender has read of it before.
+    """
+    if image.packed_file is None or image.is_dirty:
+        return False
+    packed = image.get(PACKED_MARK, "")
+    if packed and _read.get(image.session_uid) == packed:
+        return False
+    image.buffers_free()
+    _read[image.session_uid] = packed
+    return True
+
+
+def is_out_of_date(image: bpy.types.Image) -> bool:
+    """Is the packed file of an image older than the pixels that it was given since, or missing?"""
+    return image.get(PACKED_MARK) == UNPACKED
+
+
+def _compressed(image: bpy.types.Image) -> bytes:
+    """An OpenEXR file of an image."""
+    scene = bpy.data.scenes.new("Kiriko Packing")  # save_render takes the format from a scene
+    try:
+        form = scene.render.image_settings
+        form.file_format = "OPEN_EXR"
+        form.color_mode = "RGBA" if image.depth == 128 else "RGB"
+        form.color_depth = "32"
+        form.exr_codec = "ZIP"
+
+        with tempfile.TemporaryDirectory(prefix="kiriko-") as folder:
+            path = Path(folder) / "packed.exr"
+            image.save_render(str(path), scene=scene)
+            return path.read_bytes()
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Width and height of an image file, 0 where it is missing or broken, by Blender's own means:
+    not every Blender's Python has OpenImageIO.
+    """
+    with loaded(path) as image:
+        return (0, 0) if image is None else tuple(image.size)
+
+
+@contextmanager
+def loaded(path: Path) -> Iterator[bpy.types.Image | None]:
+    """A file as an image of its own, which goes again; None where Blender cannot load it."""
+    try:
+        image = bpy.data.images.load(str(path), check_existing=False)
+    except RuntimeError:
+        yield None
+        return
+    try:
+        yield image
+    finally:
+        bpy.data.images.remove(image)

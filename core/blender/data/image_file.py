@@ -1,0 +1,130 @@
+"""The file that Blender reads an image from: what it says about the image and Blender ignores."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from tempfile import gettempdir
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...base.errors import ImageError
+from ...base.messages import Message
+from ...files.disk import is_there, scratch
+from ...files.image_io import PROFILE_NAME, has_openimageio
+from ...files.picture_file import has_header, is_cut, light_said, said_by, upright
+from . import colour
+
+PROBES = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [128, 128, 128]])
+UNLIKE = 0.01  # of linear light, by which colours differ visibly: at mid grey three steps of 8 bits
+
+
+@contextmanager
+def file_of(image: bpy.types.Image) -> Iterator[Path | None]:
+    """The file that an image's pixels are read from; of a packed image a copy of what is packed,
+    for the time being. None for a movie, for pixels that are not saved, and where there is none.
+    ImageError where its path is too long.
+    """
+    if image.source not in {"FILE", "SEQUENCE"} or image.is_dirty:
+        yield None
+    elif image.packed_file is None:
+        path = Path(_path_of(image))
+        yield path if is_there(path) and path.is_file() else None
+    else:
+        with ExitStack() as stack:
+            path = None
+            with suppress(ImageError, OSError):  # there is no room for it
+                folder = stack.enter_context(scratch(Path(gettempdir())))
+                (folder / "packed").write_bytes(image.packed_file.data)
+                path = folder / "packed"
+            yield path
+
+
+def _path_of(image: bpy.types.Image) -> str:
+    return bpy.path.abspath(image.filepath, library=image.library)
+
+
+def check_header(image: bpy.types.Image, owner: str) -> None:
+    """Raise ImageError where Blender 4.2 would never come back from loading an image."""
+    if not image.has_data:
+        with file_of(image) as path:
+            if path is not None and not has_header(path):
+                raise _cut(image, owner)
+
+
+def check_whole(image: bpy.types.Image, owner: str) -> None:
+    """Raise ImageError where an image's file is cut off, of which Blender says nothing."""
+    with file_of(image) as path:
+        if path is not None and is_cut(path):
+            raise _cut(image, owner)
+
+
+def _cut(image: bpy.types.Image, owner: str) -> ImageError:
+    return ImageError(
+        "The image '{image}' of {owner} is cut off: the end of its file {file} is missing. Copy or"
+        " save it again.",
+        image=image.name,
+        owner=owner,
+        file=_path_of(image),
+    )
+
+
+def _said(image: bpy.types.Image) -> dict[str, Any]:
+    with file_of(image) as path:
+        return {} if path is None else said_by(path)
+
+
+def notes_on(image: bpy.types.Image) -> list[str]:
+    """Sentences on what an image's file says about its pixels and Blender does not apply."""
+    said, notes = _said(image), []
+    if said.get("Orientation", 1) != 1:
+        again = Message(
+            "choose it again with Choose Picture, Open Picture or Open Pictures, which turn it, or "
+        )
+        notes.append(
+            Message(
+                "The image '{image}' is stored turned or mirrored (Exif orientation), which Blender"
+                " ignores: {again}save it upright.",
+                image=image.name,
+                again=again if has_openimageio() else "",
+            )
+        )
+    light = None if image.colorspace_settings.is_data else light_said(said, PROBES / 255)
+    if light is not None:
+        taken = colour.converted(image, PROBES[None].astype(np.uint8))[0]
+        if np.abs(taken - light).max() > UNLIKE:
+            notes.append(
+                Message(
+                    "The image '{image}' has a colour profile ({profile}) that Blender ignores:"
+                    " choose it as Color Space, or save the image as sRGB.",
+                    image=image.name,
+                    profile=said.get(PROFILE_NAME) or Message("the chromaticities of its file"),
+                )
+            )
+    return notes
+
+
+def as_seen(image: bpy.types.Image, owner: str, is_new: bool = False) -> bpy.types.Image:
+    """An image as its file says that it is seen: itself, or a copy that is turned, and packed.
+    ImageError where the file is cut off. Without OpenImageIO it stays as it is, and a note says so.
+
+    is_new : it was just loaded, and is turned itself
+    """
+    check_header(image, owner)
+    check_whole(image, owner)
+    if image.source != "FILE" or min(image.size) < 1:
+        return image
+    with file_of(image) as path:
+        is_upright = path is None or said_by(path).get("Orientation", 1) == 1
+        if is_upright or not has_openimageio():
+            return image
+        data, suffix = upright(path)
+
+    seen = image if is_new else image.copy()  # others may show it as it is
+    # the name of its own that a file gets where it is unpacked, not that of the photograph
+    file = Path(_path_of(image) or image.name)
+    seen.filepath_raw = str(file.with_name(f"{file.stem} upright{suffix}"))
+    seen.pack(data=data, data_len=len(data))
+    seen.buffers_free()
+    return seen

@@ -1,0 +1,180 @@
+"""Makes objects: those of a new rig, all of them or
+none, and those that show a result in the scene.
+"""
+
+from collections.abc import Callable
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...base.arrays import Bools, Floats, Ints
+from .rigs import active_rig, elsewhere, name_for
+from .translation_context import data_name
+
+OBJECT_MARK = "kiriko_object"  # marks an object that Kiriko made and may make anew
+
+
+class Workbench:
+    """A collection, a new one where none is given, and the objects that are made in it.
+    Frames (4, 4) and lengths are in Blender units.
+    """
+
+    def __init__(
+        self, scene: bpy.types.Scene, name: str, collection: bpy.types.Collection | None = None
+    ) -> None:
+        self.made: list[bpy.types.ID] = []
+        if collection is not None:
+            self.collection = collection
+            return
+        self.collection = self.keep(bpy.data.collections.new(data_name(name)))
+        scene.collection.children.link(self.collection)
+
+    def keep(self, block: bpy.types.ID) -> bpy.types.ID:
+        """Count a datablock among those made here."""
+        self.made.append(block)
+        return block
+
+    def clear(self) -> None:
+        """Remove everything made so far."""
+        bpy.data.batch_remove(self.made)
+
+    def _object(self, name: str, data: bpy.types.ID, frame: Floats) -> bpy.types.Object:
+        thing = self.keep(bpy.data.objects.new(data_name(name), data))
+        thing.matrix_world = Matrix(np.asarray(frame).tolist())
+        self.collection.objects.link(thing)
+        return thing
+
+    def rectangle(self, name: str, frame: Floats, width: float, height: float) -> bpy.types.Object:
+        """A plane whose front is the frame's third axis, with UV
+        from its lower left to its upper right corner.
+        """
+        mesh = self.keep(bpy.data.meshes.new(data_name(name)))
+        x, y = width / 2, height / 2
+        mesh.from_pydata(
+            [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)], [], [(0, 1, 2, 3)]
+        )
+        mesh.uv_layers.new(name="UVMap").data.foreach_set(
+            "uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
+        )
+
+        return self._object(name, mesh, frame)
+
+    def ball(self, name: str, frame: Floats, radius: float) -> bpy.types.Object:
+        """A smooth-shaded icosphere of 20480 triangles."""
+        return self._object(name, self.keep(ball_mesh(data_name(name), radius)), frame)
+
+    def camera(self, name: str, frame: Floats, distance: float, field: float) -> bpy.types.Object:
+        """A perspective camera that sees a square `field` wide
+        at a distance, where its eyes converge, and is drawn half as large.
+        """
+        camera = self.keep(bpy.data.cameras.new(data_name(name)))
+        camera.sensor_fit = "AUTO"
+        camera.angle = 2 * np.arctan(field / (2 * distance))
+        camera.clip_start = 1e-3 * distance
+        camera.clip_end = 1e3 * distance
+        camera.display_size = 0.5 * field
+        camera.stereo.convergence_distance = distance
+        return self._object(name, camera, frame)
+
+    def material(
+        self, name: str, build: Callable[[bpy.types.Material], None]
+    ) -> bpy.types.Material:
+        """A material whose nodes are made by `build`."""
+        material = self.keep(bpy.data.materials.new(data_name(name)))
+        build(material)
+        return material
+
+
+def ball_mesh(name: str, radius: float) -> bpy.types.Mesh:
+    """A smooth-shaded icosphere of 20480 triangles."""
+    shape = bmesh.new()
+    bmesh.ops.create_icosphere(shape, subdivisions=6, radius=radius)
+    mesh = bpy.data.meshes.new(name)
+    shape.to_mesh(mesh)
+    shape.free()
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(mesh.polygons), bool))
+    mesh.update()
+    return mesh
+
+
+def made_surface(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
+    """The object that `surface_object` made for the active rig, if there is one."""
+    is_elsewhere = elsewhere(scene)
+    things = (thing for thing in scene.objects if thing.get(OBJECT_MARK) == name)
+    return next((thing for thing in things if not is_elsewhere(thing)), None)
+
+
+def values_of(mesh: bpy.types.Mesh, quantity: str) -> Floats:
+    """Values (n,) that `surface_object` kept at the points."""
+    found = np.zeros(len(mesh.vertices), np.float32)
+    kept = mesh.attributes.get(quantity)
+    if kept is not None and len(kept.data) == len(found):
+        kept.data.foreach_get("value", found)
+    return found
+
+
+def shown_quads(is_shown: Bools) -> Ints:
+    """The squares (k, 4) of a grid whose corners are all shown, as numbers of its points.
+
+    is_shown : (m, n)
+    """
+    index = np.arange(is_shown.size).reshape(is_shown.shape)
+    quads = np.stack(
+        [index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1
+    ).reshape(-1, 4)
+    return quads[is_shown.ravel()[quads].all(axis=1)]
+
+
+def surface_object(
+    scene: bpy.types.Scene, name: str, positions: Floats, faces: Ints, values: dict[str, Floats]
+) -> bpy.types.Object:
+    """An object, seen in the viewport only, of faces in the world; it replaces one before.
+
+    Parameters
+    ----------
+    name : which tells it from others; its own has the number of its rig
+    positions : (n, 3) world, Blender units; those that no face has are left out
+    faces : (m, 3) or (m, 4)
+    values : (n,) by the name of the quantity, one, kept as the point attribute of that name, and as
+        grey in one with a capital, brightest white
+    """
+    # the points that faces have, about their middle
+    used, corners = np.unique(faces, return_inverse=True)
+    points = positions[used]
+    centre = points.mean(axis=0)
+    ((quantity, told),) = values.items()
+    shown = told[used].astype(np.float32)
+    grey = np.repeat((shown / max(shown.max(), 1e-30))[:, None], 4, axis=1)
+    grey[:, 3] = 1.0
+    own_name = name_for(scene, name)
+    mesh = bpy.data.meshes.new(own_name)
+
+    try:
+        mesh.from_pydata((points - centre).tolist(), [], corners.reshape(faces.shape).tolist())
+        mesh.attributes.new(quantity, "FLOAT", "POINT").data.foreach_set("value", shown)
+        colours = mesh.color_attributes.new(quantity.capitalize(), "FLOAT_COLOR", "POINT")
+        colours.data.foreach_set("color", grey.ravel())
+        mesh.color_attributes.active_color = colours
+        mesh.update()
+    except BaseException:
+        bpy.data.meshes.remove(mesh)
+        raise
+
+    # the object of before gets the new mesh
+    thing = made_surface(scene, name)
+    if thing is None:
+        thing = bpy.data.objects.new(own_name, mesh)
+        thing[OBJECT_MARK] = name
+        # panels/range_view.py draws it translucent
+        thing.hide_render, thing.display_type = True, "BOUNDS"
+        (active_rig(scene) or scene.collection).objects.link(thing)
+    else:
+        old, thing.data = thing.data, mesh
+        if old.users == 0:
+            bpy.data.meshes.remove(old)
+        mesh.name = own_name
+
+    thing.matrix_world = Matrix.Translation(centre)
+    return thing

@@ -1,0 +1,273 @@
+"""Pictures that move: movies and image sequences, at the frame that their image user asks for.
+
+An image datablock gives its pixels at one frame only, whichever was looked up last. Without a
+window a frame is read from a copy of it: of a sequence the copy has that frame's file, of a movie
+it is scaled to the size that it has, which Blender does at any frame.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+
+from ...base.errors import ImageError
+from ...base.messages import Message
+from ...files import disk
+from ...files.frame_list import MOST
+from ...files.picture_file import has_header
+
+MOVING = {"SEQUENCE", "MOVIE"}
+SETTINGS = ("frame_duration", "frame_start", "frame_offset", "use_cyclic")
+# the last digits in the name of a file of a sequence are its number
+NAME = re.compile(r"(.*?)(\d*)(\D*)")
+KEPT = 1 << 28  # bytes of a movie's frames that a copy may gather before another takes its place
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When a moving image shows which of its frames: settings of an image user, by their names.
+
+    As in Cycles, it follows the scene whether Auto Refresh is on, which is about viewports, or off.
+    """
+
+    frame_duration: int
+    frame_start: int = 1
+    frame_offset: int = 0
+    use_cyclic: bool = False
+
+    def number(self, now: int) -> int:
+        """The image's frame at a frame of the scene: Blender's rule, which holds the last one."""
+        n = self.frame_duration
+        passed = now - self.frame_start + 1
+        if self.use_cyclic and n:
+            passed = (passed - 1) % n + 1
+        return min(max(passed, 0), n) + self.frame_offset if n else 0
+
+
+class OfMovie(Message):
+    """A note on a movie that is too short, which runs of frames handle apart from other notes.
+
+    movie : its name
+    """
+
+    movie: str
+
+    def __new__(cls, note: Message, movie: str) -> "OfMovie":
+        self = str.__new__(cls, note)
+        self.template, self.values = note.template, note.values
+        self.movie = movie
+        return self
+
+
+def is_moving(image: bpy.types.Image) -> bool:
+    """Is it a movie or an image sequence?"""
+    return image.source in MOVING
+
+
+def timing_of(user: bpy.types.ImageUser) -> Timing:
+    """The settings of an image user."""
+    return Timing(**{name: getattr(user, name) for name in SETTINGS})
+
+
+def whole(image: bpy.types.Image) -> Timing:
+    """All of a moving image from the scene's frame 1 on: of one that no node shows."""
+    return Timing(MOST if image.source == "SEQUENCE" else max(image.frame_duration, 1))
+
+
+def set_timing(
+    user: bpy.types.ImageUser, image: bpy.types.Image, timing: Timing | None = None
+) -> None:
+    """Have a node show a moving image, in viewports, too.
+
+    timing : None: all of it from the scene's frame 1 on
+    """
+    if is_moving(image):
+        timing = timing or whole(image)
+        for name in SETTINGS:
+            setattr(user, name, getattr(timing, name))
+        user.use_auto_refresh = True
+
+
+def rate_of(image: bpy.types.Image) -> float:
+    """Frames per second of a movie, by its file; 0 if Blender cannot tell."""
+    known = set(bpy.data.movieclips)
+    try:
+        clip = bpy.data.movieclips.load(_absolute(image), check_existing=True)
+    except RuntimeError:  # the file is gone
+        return 0.0
+    rate = clip.fps
+    if clip not in known:
+        bpy.data.movieclips.remove(clip)
+    return rate
+
+
+def number_at(image: bpy.types.Image, timing: Timing | None, now: int) -> int | None:
+    """The frame of a moving image at a frame of the scene; None for an image that stands still.
+
+    timing : of the node that shows it; None where none does
+    """
+    return (timing or whole(image)).number(now) if is_moving(image) else None
+
+
+def file_of(image: bpy.types.Image, number: int) -> Path:
+    """The file of a frame of a sequence: the last digits in the image's name are its number."""
+    return numbered(Path(_absolute(image)), max(number, 0))
+
+
+def numbered(path: Path, number: int) -> Path:
+    """The file of a frame of the sequence that a file is one of."""
+    before, digits, after = NAME.fullmatch(path.stem).groups()
+    return path.with_name(f"{before}{number:0{len(digits)}}{after}{path.suffix}")
+
+
+# by a movie's file: its stamp when it was last opened, and how many frames it had
+_n_frames: dict[str, tuple[disk.Stamp | None, int]] = {}
+
+
+def stamp_of(image: bpy.types.Image, number: int) -> disk.Stamp | None:
+    """The stamp of the file that has a frame of a moving image; None where there is none."""
+    return disk.stamp(Path(_absolute(image)) if image.source == "MOVIE" else file_of(image, number))
+
+
+def check_there(image: bpy.types.Image, number: int | None, owner: str) -> None:
+    """Raise ImageError where a frame of an image has no file to be read from. Nothing is copied,
+    so that it may be asked while panels are drawn; a file that is broken is found by `Reel.at`.
+
+    number : None for an image that stands still
+    """
+    if number is None:
+        return
+    is_sequence = image.source == "SEQUENCE"
+    if not (disk.is_there(file_of(image, number)) if is_sequence else min(image.size)):
+        raise _unreadable(image, number, owner)
+
+
+def _unreadable(image: bpy.types.Image, number: int, owner: str) -> ImageError:
+    is_movie = image.source == "MOVIE"
+    return ImageError(
+        "The image '{image}' of {owner} cannot be read at its frame {number} from {file}:"
+        " the file is missing or broken; find it again, or mend the frames in the image's"
+        " texture.",
+        number=number,
+        image=image.name,
+        owner=owner,
+        file=_absolute(image) if is_movie else str(file_of(image, number)),
+    )
+
+
+def _absolute(image: bpy.types.Image) -> str:
+    return bpy.path.abspath(image.filepath, library=image.library)
+
+
+class Reel:
+    """Copies of images, from which frames are read. A movie's stays open from frame to frame, which
+    saves the search for each; so whoever has a reel has to close it before undo or another file.
+    """
+
+    def __init__(self) -> None:
+        self._copy: bpy.types.Image | None = None
+        # session uid of the image, and its file
+        self._of: tuple[int, disk.Stamp | None] | None = None
+        self._n_read = 0
+
+    def at(self, image: bpy.types.Image, number: int, owner: str) -> bpy.types.Image:
+        """A copy of a moving image with the pixels of a frame, until the next is asked for.
+
+        number : from 1 in a movie, as in the files' names in a sequence
+
+        Raises
+        ------
+        ImageError
+            There is no such file, or none that Blender can read.
+        """
+        check_there(image, number, owner)
+        is_movie = image.source == "MOVIE"
+        of = image.session_uid, stamp_of(image, number)
+        if not (is_movie and self._of == of and self._n_read):
+            self.close()
+            self._copy, self._of = image.copy(), of
+
+        copy = self._copy
+        if is_movie:
+            copy.filepath_raw = _absolute(image)
+            with suppress(RuntimeError):  # no such frame
+                copy.scale(*copy.size, frame=number)
+        else:
+            file = file_of(image, number)
+            if not has_header(file):
+                raise _unreadable(image, number, owner)
+            copy.source, copy.filepath_raw = "FILE", str(file)
+
+        width, height = copy.size
+        if min(width, height) < 1:
+            self.close()
+            raise _unreadable(image, number, owner)
+
+        if is_movie and not self._n_read:
+            _n_frames[_absolute(image)] = of[1], copy.frame_duration
+        self._n_read += 1
+        if self._n_read * 4 * width * height > KEPT:
+            self._n_read = 0
+        return copy
+
+    def close(self) -> None:
+        """Remove the copy."""
+        if self._copy is not None:
+            with suppress(ReferenceError):
+                bpy.data.images.remove(self._copy)
+        self._copy, self._of, self._n_read = None, None, 0
+
+
+@contextmanager
+def at_frame(
+    image: bpy.types.Image, number: int | None, owner: str, reel: Reel | None = None
+) -> Iterator[bpy.types.Image]:
+    """An image that has the pixels of a frame: the very image where it stands still.
+
+    reel : that stays open; None: one for this time
+    """
+    if number is None:
+        yield image
+        return
+    own = reel or Reel()
+    try:
+        yield own.at(image, number, owner)
+    finally:
+        if reel is None:
+            own.close()
+
+
+def ended(image: bpy.types.Image, timing: Timing | None, now: int) -> list[str]:
+    """A note on a movie that is over at a frame of the scene, and shows its last one.
+
+    timing : of the node that shows it; None where none does. One that ends before the movie does is
+        a wish, and no note is given
+    """
+    if image.source != "MOVIE":
+        return []
+    timing = timing or whole(image)
+    endless = timing if timing.use_cyclic else replace(timing, frame_duration=MOST)
+    number = endless.number(now)
+    last = timing.frame_duration + timing.frame_offset
+    n = n_frames_of(image)
+    if not timing.frame_duration or number <= n or last < n:
+        return []
+    note = Message(
+        "The movie '{image}' has ended: it has {n} frames, and frame {number} is asked for. The"
+        " last one is held.",
+        image=image.name,
+        n=n,
+        number=number,
+    )
+    return [OfMovie(note, image.name)]
+
+
+def n_frames_of(image: bpy.types.Image) -> int:
+    """How many frames a movie has: as its file is now, where frames of that were read, else as
+    Blender opened it, which keeps the number from then on.
+    """
+    stamp, n = _n_frames.get(_absolute(image), (None, 0))
+    return n if stamp is not None and stamp == stamp_of(image, 1) else image.frame_duration

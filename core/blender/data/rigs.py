@@ -1,0 +1,173 @@
+"""The rigs of a scene, the one of them that is active, and the objects that are parts of each.
+
+A rig is a collection that Add Rig made; `collection.kiriko` has its settings, viewers and result.
+An object is a part of the rigs whose collections hold it. One that is in none is a part of all: all
+the light meets a mirror that stands there.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import bpy
+
+from ...base.messages import Message
+from ...rig.rig import Rig
+from .translation_context import data_name
+
+RIG = Message("Kiriko Rig")
+RIG_MARK = "kiriko_rig"  # on all that Add Rig makes: the name it was given
+KEPT_MARK = "kiriko_kept"  # on what a rig made and Kiriko itself, not the artist, keeps in the file
+NUMBER = re.compile(r"\.\d{3,}$")
+
+
+def rigs(scene: bpy.types.Scene) -> list[bpy.types.Collection]:
+    """Collections of a scene's rigs, the newest last."""
+    groups = dict.fromkeys(scene.collection.children_recursive)  # one may be in two others
+    return [group for group in groups if group.kiriko.is_rig]
+
+
+def active_rig(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+    """The rig that panels and buttons are about: the chosen one, else the newest; None where Add
+    Rig has made none.
+    """
+    chosen = scene.kiriko_scene.rig
+    if chosen is not None and scene.collection.children.get(chosen.name) == chosen:
+        return chosen  # without a walk of thousands of collections: every button asks
+    found = rigs(scene)
+    return chosen if chosen in found else (found or [None])[-1]
+
+
+def active_settings(scene: bpy.types.Scene) -> bpy.types.PropertyGroup:
+    """Settings, viewers and result of the active rig, or of a scene without Add Rig: what
+    `scene.kiriko` is.
+    """
+    rig = active_rig(scene)
+    return scene.kiriko_scene.own if rig is None else rig.kiriko
+
+
+def all_settings() -> list[bpy.types.PropertyGroup]:
+    """The same of all rigs and scenes in the file."""
+    groups = (group.kiriko for group in bpy.data.collections if group.kiriko.is_rig)
+    return [*(scene.kiriko_scene.own for scene in bpy.data.scenes), *groups]
+
+
+def rig_uid(scene: bpy.types.Scene) -> int:
+    """Session uid of the active rig; 0 where Add Rig has made none."""
+    rig = active_rig(scene)
+    return 0 if rig is None else rig.session_uid
+
+
+def held_by(rig: bpy.types.Collection) -> Iterator[bpy.types.Object]:
+    """Objects in a rig's collection and those below it that are no rigs."""
+    yield from rig.objects
+    for child in rig.children:
+        if not child.kiriko.is_rig:
+            yield from held_by(child)
+
+
+def rigs_of(
+    scene: bpy.types.Scene,
+) -> Callable[[bpy.types.Object], list[bpy.types.Collection]]:
+    """A function that returns the scene's rigs that hold an object."""
+    held: dict[bpy.types.Object, list[bpy.types.Collection]] = {}
+    for rig in rigs(scene):
+        for thing in dict.fromkeys(held_by(rig)):
+            held.setdefault(thing, []).append(rig)
+    return lambda thing: held.get(thing, [])
+
+
+def rig_of(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bpy.types.Collection | None:
+    """The rig of an object: the active one where it is in several; None where in none."""
+    own = rigs_of(scene)(thing)
+    active = active_rig(scene)
+    return active if active in own else (own or [None])[-1]
+
+
+def elsewhere(scene: bpy.types.Scene) -> Callable[[bpy.types.Object], bool]:
+    """A function that tells whether an object is in other rigs only, and so no part of the
+    active one.
+    """
+    if len(rigs(scene)) < 2:
+        return lambda thing: False
+    active, holders = active_rig(scene), rigs_of(scene)
+    return lambda thing: bool(holders(thing)) and active not in holders(thing)
+
+
+def shown_settings(scene: bpy.types.Scene, thing: bpy.types.Object) -> bpy.types.PropertyGroup:
+    """Settings and result of the rig that an object is a part of."""
+    rig = rig_of(scene, thing)
+    return scene.kiriko if rig is None else rig.kiriko
+
+
+def has_roles(rig: bpy.types.Collection) -> bool:
+    """Has anything that was made for a rig a role? Else the rig was put out of use."""
+    return any(RIG_MARK in one and one.kiriko.role != "NONE" for one in held_by(rig))
+
+
+def stem(name: str) -> str:
+    """A datablock's name without the number that Blender gives to a further one of it."""
+    return NUMBER.sub("", name)
+
+
+def mark_made(blocks: Iterable[bpy.types.ID]) -> None:
+    """Mark datablocks as made by Add Rig."""
+    for block in blocks:
+        block[RIG_MARK] = block.name
+
+
+def keep(block: bpy.types.ID) -> None:
+    """Keep a datablock in the file that gives way to another one."""
+    if RIG_MARK in block and not block.use_fake_user:
+        block[KEPT_MARK] = True
+    block.use_fake_user = True
+
+
+def mark_of(block: bpy.types.ID) -> str:
+    """The name of a datablock when Add Rig made it, or took it in as glass; '' if neither."""
+    own = block.kiriko.taken_as if isinstance(block, bpy.types.Object) else ""
+    return own or str(block.get(RIG_MARK, ""))
+
+
+def with_copies(blocks: Iterable[Any]) -> dict[Any, list[Any]]:
+    """Those of some datablocks that Add Rig made or took in, with their copies, which have the same
+    mark. The one that has kept the name is the original, else the first.
+    """
+    alike: dict[str, list[Any]] = {}
+    for block in blocks:
+        if name := mark_of(block):
+            alike.setdefault(name, []).append(block)
+    found = {}
+    for name, same in alike.items():
+        original = next((one for one in same if one.name == name), same[0])
+        found[original] = [one for one in same if one != original]
+    return found
+
+
+def is_copy(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    """Is an object a copy of a part of a rig that holds both, as Shift D makes it?"""
+    return any(
+        thing in copies
+        for rig in rigs_of(scene)(thing)
+        for copies in with_copies(held_by(rig)).values()
+    )
+
+
+def name_for(scene: bpy.types.Scene, name: str) -> str:
+    """The name of a result of a scene's active rig: with the number of the rig's collection, and
+    with its name where the artist gave it one.
+    """
+    rig = active_rig(scene)
+    if rig is None:
+        return name
+    number = NUMBER.search(rig.name)
+    own = rig.name[: number.start()] if number else rig.name
+    if own in {RIG, data_name(RIG)}:
+        return f"{name}{number.group() if number else ''}"
+    return f"{name} {rig.name}"
+
+
+def name_of_view(scene: bpy.types.Scene, name: str, rig: Rig) -> str:
+    """The same for one that shows what a rig's viewer sees: with its name where it has others."""
+    own = name_for(scene, name)
+    return own if len(rig.viewers) == 1 else f"{own} - {rig.viewers[0].name}"

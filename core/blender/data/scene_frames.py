@@ -1,0 +1,107 @@
+"""Frames of a scene: the files that Blender names after them, and the way back to the first."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import bpy
+
+from ...base.errors import ImageError
+from ...files.image_io import FORMATS, SUFFIXES
+
+
+@contextmanager
+def frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
+    """Have a scene go back to its frame, and the part of one, at the end."""
+    frame, part = scene.frame_current, scene.frame_subframe
+    try:
+        yield
+    finally:
+        with suppress(ReferenceError):  # another file was loaded, or the scene is gone
+            if (scene.frame_current, scene.frame_subframe) != (frame, part):
+                scene.frame_set(frame, subframe=part)
+
+
+def frames_of_range(scene: bpy.types.Scene) -> tuple[int, ...]:
+    """The frames that Blender would render of a scene."""
+    return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+
+
+def frame_files(
+    scene: bpy.types.Scene, folder: Path, name: str, form: str, frames: Iterable[int]
+) -> dict[int, Path]:
+    """The files of a scene's frames in a folder, named by Blender as it names its renders: # are
+    digits of the frame's number, which comes last where there is no #; from 4.5 on words in braces
+    stand for what the scene has, as {fps}.
+
+    form : a key of image_io.FORMATS, whose suffix the files get
+
+    Raises
+    ------
+    ImageError
+        The name has a folder in it, or braces that Blender does not know.
+    """
+    if not _is_of_file(name):
+        raise ImageError(
+            "The name '{name}' has a folder in it, and is that of files alone: leave out all before"
+            " the last slash, and the slash.",
+            name=name,
+        )
+
+    named = _named(scene, _stem(name), frames)
+    for text in named.values():
+        if not _is_of_file(text):
+            raise ImageError(
+                "The name '{name}' becomes '{text}', which has a folder in it, and is that of files"
+                " alone: leave out what stands for it.",
+                name=name,
+                text=text,
+            )
+    return {frame: folder / f"{text}{FORMATS[form].suffix}" for frame, text in named.items()}
+
+
+def without_number(scene: bpy.types.Scene, name: str) -> str:
+    """The name of a movie of frames of such a name: without number and suffix; '' where nothing is
+    left. Raises ImageError as frame_files.
+    """
+    stem = _stem(name).rstrip("#").rstrip("_-. ").replace("#", "")
+    if not stem:
+        return ""
+    return _named(scene, f"{stem}#", (0,))[0][:-1]  # the number is one digit, 0
+
+
+def folder_of(scene: bpy.types.Scene, path: str) -> Path:
+    """The folder of files by a path as the interface has it, which may have such words, too; where
+    a .blend lies, braces are no words. Raises ImageError as frame_files.
+    """
+    folder = path.rstrip("/\\").removesuffix(Path(path).name)
+    return Path(bpy.path.abspath(_named(scene, f"{folder}#", (0,))[0])).parent
+
+
+def _stem(name: str) -> str:
+    """A name without the suffix of an image."""
+    suffix = Path(name).suffix
+    return name.removesuffix(suffix) if suffix.lower() in SUFFIXES else name
+
+
+def _is_of_file(name: str) -> bool:
+    return "/" not in name and "\\" not in name
+
+
+def _named(scene: bpy.types.Scene, stem: str, frames: Iterable[int]) -> dict[int, str]:
+    """What Blender makes of a name without suffix. The scene lends its own settings for that, as
+    the words in braces tell of it, and has them back.
+    """
+    render = scene.render
+    before = render.filepath, render.use_file_extension
+    try:
+        render.filepath, render.use_file_extension = stem, False
+        return {frame: render.frame_path(frame=frame) for frame in frames}
+    except RuntimeError:  # Blender's report
+        raise ImageError(
+            "Blender takes the braces in the name '{name}' for a template, which it does not know:"
+            " leave them out, or double each to have the brace itself.",
+            name=stem,
+        ) from None
+    finally:
+        render.filepath, render.use_file_extension = before

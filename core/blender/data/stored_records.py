@@ -1,0 +1,218 @@
+"""Records that a file keeps as text in its string properties.
+
+Each is JSON with a version and a checksum. A text of another version, or one that was damaged or
+edited, counts as an empty record: it is reported once, and no button fails because of it.
+"""
+
+import hashlib
+import json
+import re
+import string
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from numbers import Integral, Real
+from typing import Any
+
+from ...base.errors import MALFORMED, one_line
+from ...base.messages import Message, as_message
+
+RECORD_VERSION = 1
+SHOWN = 60  # characters of an unreadable record that its report quotes
+LONGEST = 2000  # characters of a sentence that is put together from a file's text
+SPEC = re.compile(r"(\.\d)?[efg]?")  # no width: a file could ask for a billion spaces
+
+_reported: set[str] = set()
+_unreported: list[Message] = []
+
+
+def text_of(fields: dict[str, Any]) -> str:
+    """A record as a file keeps it."""
+    fields = {"version": RECORD_VERSION, **fields}
+    return json.dumps({**fields, "checksum": _checksum(fields)})
+
+
+def fields_of(text: object) -> dict[str, Any]:
+    """The fields of a record's text; none if the text is empty or unreadable."""
+    if not text:
+        return {}
+    try:
+        fields = json.loads(text)
+        if fields.pop("checksum") == _checksum(fields) and fields.pop("version") == RECORD_VERSION:
+            return fields
+    except MALFORMED:
+        pass
+
+    if (shown := str(text)[:SHOWN]) not in _reported:
+        _reported.add(shown)
+        _unreported.append(
+            Message(
+                "Kiriko ignores a record in this file that is damaged or comes from another"
+                " version: {start}",
+                start=shown,
+            )
+        )
+    return {}
+
+
+def take_reports() -> list[Message]:
+    """Reports on unreadable records that were met since the last call."""
+    reports = _unreported.copy()
+    _unreported.clear()
+    return reports
+
+
+def _checksum(fields: dict[str, Any]) -> str:
+    return hashlib.sha1(json.dumps(fields).encode(), usedforsecurity=False).hexdigest()
+
+
+@dataclass(frozen=True)
+class Offset:
+    """Amounts by which the rig is off, by the parameters' names, a set for each calibration."""
+
+    sets: list[dict[str, float]] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, text: str) -> "Offset":
+        """The record of a text."""
+        sets = fields_of(text).get("sets", [])
+        is_list = isinstance(sets, list) and all(isinstance(one, dict) for one in sets)
+        return cls(sets if is_list else [])
+
+    def text(self) -> str:
+        """As a scene keeps it."""
+        return text_of({"sets": self.sets})
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Tolerances (display px) and the seconds they took, as the last report measured."""
+
+    rungs: list[tuple[float, float]] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, text: str) -> "Ladder":
+        """The record of a text."""
+        return cls(fields_of(text).get("rungs", []))
+
+    def text(self) -> str:
+        """As a scene keeps it."""
+        return text_of({"rungs": self.rungs})
+
+
+@dataclass(frozen=True)
+class Changed:
+    """Changes of one thing that was there before, by `changes.py`: path, value before and after.
+
+    rig : key of the rig that was made meanwhile
+    """
+
+    rig: str = ""
+    changes: list[list[Any]] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, text: str) -> "Changed":
+        """The record of a text."""
+        fields = fields_of(text)
+        changes = fields.get("changes", [])
+        is_list = isinstance(changes, list) and all(isinstance(one, list) for one in changes)
+        return cls(str(fields.get("rig", "")), changes if is_list else [])
+
+    def text(self) -> str:
+        """As a scene keeps it."""
+        return text_of({"rig": self.rig, "changes": self.changes})
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers by name, of the last result or the last calibration."""
+
+    by_name: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, text: str) -> "Numbers":
+        """The record of a text."""
+        return cls(fields_of(text))
+
+    def text(self) -> str:
+        """As a scene keeps it."""
+        return text_of(self.by_name)
+
+
+@dataclass(frozen=True)
+class Sentences:
+    """Messages by the English sentences that a scene keeps, so that they are told in the language
+    of whoever reads them. Lengths are in words already.
+    """
+
+    by_text: dict[str, Message] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, *things: Any) -> "Sentences":
+        """The messages in nested dictionaries and sequences."""
+        found = {one_line(message): message for message in _messages_in(things)}
+        return cls({text: message for text, message in found.items() if message.values})
+
+    @classmethod
+    def read(cls, text: str) -> "Sentences":
+        """The record of a text."""
+        found = {}
+        for sentence, data in fields_of(text).get("by_text", {}).items():
+            with suppress(*MALFORMED):
+                found[sentence] = _message(data)
+        return cls(found)
+
+    def text(self) -> str:
+        """As a scene keeps it."""
+        by_text = {sentence: _data(message) for sentence, message in self.by_text.items()}
+        return text_of({"by_text": by_text})
+
+    def message(self, text: str) -> Message:
+        """The message that a sentence was; of one that had no values, or is unknown, a message
+        without any.
+        """
+        return self.by_text.get(text, as_message(text))
+
+
+def _messages_in(thing: Any) -> Iterator[Message]:
+    if isinstance(thing, Message):
+        yield thing
+    elif isinstance(thing, dict):
+        for key, value in thing.items():
+            yield from _messages_in((key, value))
+    elif isinstance(thing, list | tuple):
+        for part in thing:
+            yield from _messages_in(part)
+
+
+def _data(value: Any) -> Any:
+    """A message as plain data, and a value of one as a number or a text."""
+    value = getattr(value, "message", value)  # of an error
+    if isinstance(value, Message):
+        values = {name: _data(part) for name, part in value.values.items()}
+        return {"template": value.template, "values": values}
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if isinstance(value, Real) else str(value)
+
+
+def _message(data: dict[str, Any]) -> Message:
+    """The message of such data, which may be anybody's: plain fields only, and of bounded length.
+
+    Raises
+    ------
+    ValueError
+        The template asks for more than the values by their names, or the text is too long.
+    """
+    values = {
+        name: _message(value) if isinstance(value, dict) else value
+        for name, value in data["values"].items()
+    }
+    template = str(data["template"])[:LONGEST]
+    for _, name, spec, conversion in string.Formatter().parse(template):
+        if name is not None and (conversion or name not in values or not SPEC.fullmatch(spec)):
+            raise ValueError(template)
+    message = Message(template, **values)
+    if len(message) > LONGEST:
+        raise ValueError(template)
+    return message

@@ -1,0 +1,230 @@
+"""Which objects are shown, and which settings hide the others; `show` switches these on.
+
+One rule for all ways to hide: an object is a part of the rig only while it is shown in the viewport
+and in renders. The eye, the monitor and the camera in the outliner count, its own and those of its
+collections, and so does a collection that the view layer leaves out.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import bpy
+
+from ...base.errors import RigError
+from ...base.messages import Message
+
+Switch = tuple[bpy.types.bpy_struct, str]  # its owner, its name
+HIDES = "hide_viewport", "hide_render"  # switches of objects and collections
+
+
+class Shown:
+    """The objects that a scene shows in one of its view layers, as it is now."""
+
+    def __init__(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
+        self._scene, self._layer = scene, layer
+
+    def hidden_by(self, thing: bpy.types.Object) -> str:
+        """The setting that hides an object, to follow 'is hidden'; ''
+        where shown, or only the source of instances.
+
+        In a scene with thousands of objects the common case, an
+        object that is shown, is asked for nothing else.
+        """
+        if not is_visible(thing, self._layer):
+            if thing not in self._in_scene:
+                return instance_hidden_by(thing)
+            if thing.hide_viewport:
+                return Message(" by its monitor symbol")
+            if thing in self._in_layer and thing.hide_get(view_layer=self._layer):
+                return Message(" by its eye symbol (H)")
+            return self._by_collection(
+                thing, ("exclude", "hide_viewport"), Message(" in the viewport")
+            )
+
+        by = instance_hidden_by(thing)
+        if not by and not self._is_rendered(thing):
+            return self._by_collection(thing, ("exclude", "hide_render"), Message(" in renders"))
+
+        return by
+
+    def _is_rendered(self, thing: bpy.types.Object) -> bool:
+        """Is an object in a collection that is rendered? Where one of its name is another object,
+        as one that is linked may be, Blender looks at all objects of all collections.
+        """
+        if any(group.objects.get(thing.name) == thing for group in self._rendered):
+            return True
+        return not self._rendered.isdisjoint(thing.users_collection)
+
+    @cached_property
+    def _in_scene(self) -> set[bpy.types.Object]:
+        return set(self._scene.objects)
+
+    @cached_property
+    def _in_layer(self) -> set[bpy.types.Object]:
+        return set(self._layer.objects)
+
+    @cached_property
+    def _rendered(self) -> set[bpy.types.Collection]:
+        return set(open_collections(self._scene.collection, "hide_render"))
+
+    def _by_collection(self, thing: bpy.types.Object, flags: tuple[str, ...], where: str) -> str:
+        """The first collection above an object that one of these flags switches off."""
+        for way in ways_to(thing, self._layer.layer_collection):
+            for layer in way:
+                if any(
+                    getattr(layer, flag, False) or getattr(layer.collection, flag, False)
+                    for flag in flags
+                ):
+                    return Message(
+                        " with its collection '{collection}'{where}",
+                        collection=layer.collection.name,
+                        where=where,
+                    )
+        return where
+
+
+def is_visible(thing: bpy.types.Object, layer: bpy.types.ViewLayer | None = None) -> bool:
+    """Does a view layer, by default the one in use, show an object?
+
+    Asked from a 3D viewport Blender counts its local view and its filter of types, too. These are
+    of one viewport alone, and a rig is the same in all of them.
+    """
+    # the context of a file dialogue says None to all names that it does not know, to this one, too
+    with bpy.types.Context.temp_override(bpy.context, area=None):
+        return thing.visible_get(view_layer=layer or bpy.context.view_layer)
+
+
+def is_placed(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Does Blender keep a camera's place up to date?
+
+    Always that of the scene's camera; of others not when they are disabled or left out of the view
+    layer: the depsgraph then has them with the place they had before, or at the origin, and does
+    not say so.
+    """
+    scene = depsgraph.scene
+    layer = depsgraph.view_layer
+    flag = "hide_viewport" if depsgraph.mode == "VIEWPORT" else "hide_render"
+    is_in = not set(open_collections(scene.collection, flag)).isdisjoint(camera.users_collection)
+    is_enabled = is_in and not getattr(camera, flag)
+    if camera == scene.camera or (is_enabled and camera in set(layer.objects)):
+        return True
+    return not camera.users_scene and any(
+        one.is_instance and one.object.original == camera for one in depsgraph.object_instances
+    )
+
+
+def instance_hidden_by(thing: bpy.types.Object) -> str:
+    """The setting that hides instances of an object, which
+    is itself in no scene, or is hidden there.
+    """
+    return Message(" in renders by its camera symbol") if thing.hide_render else ""
+
+
+def is_source_hidden(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Does the source of an instance hide it in renders?
+
+    Geometry nodes that instance an object ignore its settings; those that instance a collection
+    follow the settings of its objects.
+    """
+    source = instance.object.original
+    if not source.hide_render:
+        return False
+    maker = instance.parent.original if instance.parent is not None else source
+    if not instance.is_instance or not any(one.type == "NODES" for one in maker.modifiers):
+        return True
+    users = bpy.data.user_map(subset={source})[source]
+    return not any(user == maker or isinstance(user, bpy.types.NodeTree) for user in users)
+
+
+def open_collections(collection: bpy.types.Collection, flag: str) -> Iterator[bpy.types.Collection]:
+    """A collection and those below it that neither their own
+    flag nor that of one between switches off.
+    """
+    yield collection
+    for child in collection.children:
+        if not getattr(child, flag):
+            yield from open_collections(child, flag)
+
+
+def ways_to(
+    thing: bpy.types.Object,
+    layer: bpy.types.LayerCollection,
+    above: tuple[bpy.types.LayerCollection, ...] = (),
+) -> Iterator[tuple[bpy.types.LayerCollection, ...]]:
+    """Chains of collections, from the outermost on, that hold an object."""
+    way = (*above, layer)
+    if thing.name in layer.collection.objects:
+        yield way
+    for child in layer.children:
+        yield from ways_to(thing, child, way)
+
+
+def show(thing: bpy.types.Object, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
+    """Show an object in viewport and renders.
+
+    Of several collections that hold it, those are opened in which the fewest are closed. An object
+    that is shown only as an instance is shown by whatever makes the instance.
+
+    Raises
+    ------
+    RigError : it stays hidden, since it is linked, animated or driven; everything is as it was
+    """
+    opened: list[Switch] = []
+    closed_eyes: list[bpy.types.Object] = []
+    try:
+        for shown in _to_show(thing, scene):
+            for owner, name in [*_of_collections(shown, layer), *_closed(shown, *HIDES)]:
+                opened.append((owner, name))
+                setattr(owner, name, False)
+            layer.update()
+            if shown in set(layer.objects) and shown.hide_get(view_layer=layer):
+                closed_eyes.append(shown)
+                shown.hide_set(False, view_layer=layer)
+            shown.update_tag(refresh={"TIME"})  # keyframes may hide it again
+
+        layer.update()
+        by = Shown(scene, layer).hidden_by(thing)
+        if by:
+            raise RigError(
+                "'{name}' stays hidden{by}: it is linked from another file, animated or driven.",
+                name=thing.name,
+                by=by,
+            )
+    except BaseException:
+        for shown in closed_eyes:
+            shown.hide_set(True, view_layer=layer)
+        for owner, name in reversed(opened):
+            setattr(owner, name, True)
+        layer.update()
+        raise
+
+
+def _to_show(thing: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+    """The object, and where it is in the scene as an instance alone also what makes that."""
+    if thing.name not in scene.objects or scene.objects[thing.name] != thing:
+        for maker in scene.objects:
+            collection = maker.instance_collection
+            if collection is not None and thing in set(collection.all_objects):
+                yield from _to_show(maker, scene)
+    yield thing
+
+
+def _of_collections(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> list[Switch]:
+    """The switches of collections that hide an object, along the way with the fewest."""
+    ways = [
+        [
+            switch
+            for level in way
+            for switch in (
+                *_closed(level, "exclude", "hide_viewport"),
+                *_closed(level.collection, *HIDES),
+            )
+        ]
+        for way in ways_to(thing, layer.layer_collection)
+    ]
+    return min(ways, key=len, default=[])
+
+
+def _closed(owner: bpy.types.bpy_struct, *names: str) -> list[Switch]:
+    """Those of an owner's switches that hide."""
+    return [(owner, name) for name in names if getattr(owner, name)]

@@ -1,0 +1,1 @@
+"""Makes, copies and removes rigs and their parts."""

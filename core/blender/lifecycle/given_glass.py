@@ -1,0 +1,101 @@
+"""The glass that Make It Glass gives to objects, which have their own materials back when their rig
+is removed.
+"""
+
+import bpy
+
+from ..data.rigs import keep
+from ..view.viewport_look import draw_as_solid
+
+GIVEN_MARK = "kiriko_given"  # on the material
+SETTER = "GeometryNodeSetMaterial"
+
+
+def has_place(thing: bpy.types.Object) -> bool:
+    """Can an object be given a material? A linked mesh without slots has it by a modifier."""
+    return hasattr(thing.data, "materials") and (
+        bool(thing.material_slots) or thing.data.is_editable or thing.type == "MESH"
+    )
+
+
+def give(thing: bpy.types.Object, glass: bpy.types.Material) -> list[str]:
+    """Link a material to an object in place of those of its mesh, which may be others', too.
+
+    Returns their names.
+    """
+    ours = thing.kiriko
+    is_first = not ours.is_given
+    ours.is_given = glass[GIVEN_MARK] = True
+    if not thing.material_slots and thing.data.is_editable:
+        thing.data.materials.append(None)
+    else:
+        for slot in thing.material_slots if is_first else ():
+            before = ours.given.add()
+            before.link, before.material = slot.link, slot.material
+
+    names = []
+    for slot in thing.material_slots:
+        if slot.material is not None:
+            names.append(slot.material.name)
+            if not is_first:
+                keep(slot.material)
+        slot.link = "OBJECT"
+        slot.material = glass
+    draw_as_solid(thing)
+    return names
+
+
+def set_by_modifier(thing: bpy.types.Object, glass: bpy.types.Material) -> None:
+    """Put a material on all faces that an object's modifiers make, by one after them all: geometry
+    nodes may set another than that of its slots.
+    """
+    tree = bpy.data.node_groups.new(glass.name, "GeometryNodeTree")
+    tree[GIVEN_MARK] = True
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    start, setter, end = map(tree.nodes.new, ("NodeGroupInput", SETTER, "NodeGroupOutput"))
+    start.location.x, end.location.x = -200, 200
+    setter.inputs["Material"].default_value = glass
+    tree.links.new(start.outputs[0], setter.inputs["Geometry"])
+    tree.links.new(setter.outputs[0], end.inputs[0])
+    thing.modifiers.new(glass.name, "NODES").node_group = tree
+
+
+def take_back(thing: bpy.types.Object) -> None:
+    """Give an object its own materials again, where it still has the glass."""
+    ours = thing.kiriko
+    if not ours.is_given:
+        return
+    given = _take_modifiers(thing)
+    is_bare = not len(ours.given) and all(_is_given(slot.material) for slot in thing.material_slots)
+    for n, slot in enumerate(thing.material_slots):
+        if not _is_given(slot.material):
+            continue
+        given.add(slot.material)
+        before = ours.given[n] if n < len(ours.given) else None
+        slot.material = before.material if before and before.link == "OBJECT" else None
+        slot.link = before.link if before else "DATA"
+    materials = thing.data.materials
+    if is_bare and list(materials) == [None] and thing.data.is_editable:
+        materials.clear()
+    ours.property_unset("given")
+    ours.property_unset("is_given")
+    bpy.data.batch_remove([material for material in given if not material.users])
+
+
+def _take_modifiers(thing: bpy.types.Object) -> set[bpy.types.Material]:
+    """Take away the modifiers of `set_by_modifier`. Returns the glass that they set."""
+    given = set()
+    for modifier in list(thing.modifiers):
+        tree = modifier.node_group if modifier.type == "NODES" else None
+        if tree is not None and GIVEN_MARK in tree:
+            setters = [node for node in tree.nodes if node.bl_idname == SETTER]
+            given |= {node.inputs["Material"].default_value for node in setters}
+            thing.modifiers.remove(modifier)
+            if not tree.users:
+                bpy.data.node_groups.remove(tree)
+    return set(filter(_is_given, given))
+
+
+def _is_given(material: bpy.types.Material | None) -> bool:
+    return material is not None and GIVEN_MARK in material

@@ -1,0 +1,1 @@
+"""Materials and node groups that obey Kiriko's optics in Cycles."""

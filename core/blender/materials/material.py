@@ -1,0 +1,251 @@
+"""Reads materials: the index of refraction, and the settings that are not followed."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import bpy
+
+from ...base.messages import Message
+
+REFRACTIVE = {
+    "BSDF_GLASS": "Glass BSDF",
+    "BSDF_REFRACTION": "Refraction BSDF",
+    "BSDF_PRINCIPLED": "Principled BSDF",
+}
+# inputs of shaders, of the material's output and of glTF's that change how much light goes through
+# clear glass, or where: none is followed, and each does nothing at its number, or unlinked if None
+NEUTRAL: dict[Message, float | None] = {
+    Message("Base Color"): 1.0,
+    Message("Color"): 1.0,
+    Message("Roughness"): 0.0,
+    Message("Metallic"): 0.0,
+    Message("Alpha"): 1.0,
+    Message("Thin Wall"): 0.0,
+    Message("Normal"): None,
+    Message("Specular Tint"): 1.0,
+    Message("Transmission Weight"): 1.0,
+    Message("Coat Weight"): 0.0,
+    Message("Sheen Weight"): 0.0,
+    Message("Emission Strength"): 0.0,
+    Message("Thin Film Thickness"): 0.0,
+    Message("Volume"): None,
+    Message("Displacement"): None,
+    Message("Dispersion"): 0.0,
+}
+# inputs that do nothing while others of their shader have these values
+IDLE: dict[str, dict[str, float]] = {
+    "Emission Strength": {"Emission Color": 0.0},
+    "Sheen Weight": {"Sheen Tint": 0.0},
+    "Coat Weight": {"Coat IOR": 1.0, "Coat Tint": 1.0},
+    "Thin Film Thickness": {"Thin Film IOR": 1.0},
+}
+CONSTANT = {"VALUE", "RGB"}  # nodes that give one value, and all of it
+OF_GLTF = "glTF Material Output"  # group of Blender's importer for what no shader has
+
+Bends = Callable[[bpy.types.Material | None], bool]
+Groups = tuple[bpy.types.Node, ...]  # the group nodes entered on the way, outermost first
+
+
+@dataclass(frozen=True)
+class Refraction:
+    """The index of refraction of a material, the shader it
+    comes from, and its settings that are not followed.
+    """
+
+    ior: float
+    source: str
+    ignored: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def material_output(material: bpy.types.Material | None) -> bpy.types.Node | None:
+    """The output node Cycles uses, or None for a material without nodes."""
+    if material is None or material.node_tree is None:
+        return None
+    if bpy.app.version < (5, 0, 0) and not material.use_nodes:  # later versions always use them
+        return None
+    return material.node_tree.get_output_node("CYCLES")
+
+
+def twin(
+    sockets: bpy.types.bpy_prop_collection, socket: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket | None:
+    """The socket with the same identifier: how a group node and
+    the group's own input and output nodes correspond.
+    """
+    return next((other for other in sockets if other.identifier == socket.identifier), None)
+
+
+def step_back(
+    output: bpy.types.NodeSocket, groups: Groups
+) -> tuple[bpy.types.NodeSocket | None, Groups]:
+    """The input an output merely passes on (reroute, muted node,
+    in and out of a group), or None for a real node.
+    """
+    node = output.node
+    if node.mute:
+        return next(
+            (link.from_socket for link in node.internal_links if link.to_socket == output), None
+        ), groups
+
+    if node.type == "REROUTE":
+        return node.inputs[0], groups
+
+    if node.type == "GROUP" and node.node_tree is not None:
+        inner = next(
+            (n for n in node.node_tree.nodes if n.type == "GROUP_OUTPUT" and n.is_active_output),
+            None,
+        )
+        return (None if inner is None else twin(inner.inputs, output)), (*groups, node)
+
+    if node.type == "GROUP_INPUT" and groups:
+        return twin(groups[-1].inputs, output), groups[:-1]
+
+    return None, groups
+
+
+def feeding(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[bpy.types.NodeSocket, Groups]:
+    """The node output that feeds an input, or the unlinked input whose own value counts."""
+    while True:
+        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        if link is None:
+            return socket, groups
+        before, entered = step_back(link.from_socket, groups)
+        if before is None:
+            return link.from_socket, groups
+        socket, groups = before, entered
+
+
+def number(socket: bpy.types.NodeSocket, groups: Groups) -> tuple[float, bool]:
+    """Value of an input, and whether it is known: not when anything but a Value node feeds it."""
+    end, _ = feeding(socket, groups)
+    if not end.is_output or end.node.type == "VALUE":
+        return float(end.default_value), True
+    return float(socket.default_value), False
+
+
+def shaders(
+    socket: bpy.types.NodeSocket, groups: Groups
+) -> Iterator[tuple[bpy.types.Node, Groups]]:
+    """The shaders that feed a shader input, through Mix and Add, with the groups they stand in."""
+    end, groups = feeding(socket, groups)
+    if not end.is_output:
+        return
+
+    node = end.node
+    if node.type not in {"MIX_SHADER", "ADD_SHADER"}:
+        yield node, groups
+        return
+
+    parts = [s for s in node.inputs if s.type == "SHADER"]
+    if node.type == "MIX_SHADER":
+        share, is_known = number(node.inputs[0], groups)
+        if is_known and share in (0.0, 1.0):
+            parts = [parts[int(share)]]
+
+    for part in parts:
+        yield from shaders(part, groups)
+
+
+def is_refractive(node: bpy.types.Node, groups: Groups) -> bool:
+    """Does the shader let light through with a bend?"""
+    if node.type == "BSDF_PRINCIPLED":
+        weight, is_known = number(node.inputs["Transmission Weight"], groups)
+        return (weight > 0 or not is_known) and not is_thin_wall(node, groups)
+    return node.type in REFRACTIVE
+
+
+def is_thin_wall(node: bpy.types.Node, groups: Groups) -> bool:
+    """Does the shader let light straight through, as a window does? In Blender from 5.2 on."""
+    socket = node.inputs.get("Thin Wall")
+    return socket is not None and number(socket, groups) == (1.0, True)
+
+
+def on_thin_walls(materials: Iterable[bpy.types.Material | None]) -> Iterator[Message]:
+    """A sentence on each material that lets light straight through."""
+    for material in materials:
+        output = material_output(material)
+        found = () if output is None else shaders(output.inputs["Surface"], ())
+        if any(is_thin_wall(node, groups) for node, groups in found):
+            yield Message(
+                "The material '{material}' is no glass: Thin Wall is on, so that light goes"
+                " straight through it. Turn Thin Wall off.",
+                material=material.name,
+            )
+
+
+def is_at(node: bpy.types.Node, name: str, value: float, groups: Groups) -> bool:
+    """Has an input of a node this value, a colour in each of red, green and blue?"""
+    if name not in node.inputs:
+        return False
+    end, _ = feeding(node.inputs[name], groups)
+    if end.is_output and end.node.type not in CONSTANT:
+        return False
+    numbers = end.default_value[:3] if end.type == "RGBA" else [end.default_value]
+    return all(number == value for number in numbers)
+
+
+def not_followed(node: bpy.types.Node, groups: Groups) -> Iterator[str]:
+    """The settings of a node that Kiriko does not follow."""
+    for name, neutral in NEUTRAL.items():
+        idle = IDLE.get(name, {})
+        is_idle = idle and all(is_at(node, *other, groups) for other in idle.items())
+        if name not in node.inputs or is_idle:
+            continue
+        end, _ = feeding(node.inputs[name], groups)
+        if end.is_output and end.node.type not in CONSTANT:
+            yield Message("{setting} from nodes", setting=name)
+        elif neutral is None or is_at(node, name, neutral, groups):
+            continue
+        elif end.type == "RGBA":
+            yield name
+        else:
+            yield Message("{setting} {value}", setting=name, value=f"{end.default_value:.3g}")
+
+
+def read_refraction(material: bpy.types.Material | None) -> Refraction | None:
+    """Index of refraction of a material: of the first refractive
+    shader on its surface, or None if it has none.
+    """
+    output = material_output(material)
+    if output is None:
+        return None
+
+    found = list(shaders(output.inputs["Surface"], ()))
+    node, groups = next(((n, g) for n, g in found if is_refractive(n, g)), (None, ()))
+    if node is None:
+        return None
+
+    ior, is_known = number(node.inputs["IOR"], groups)
+    notes = (
+        ()
+        if is_known
+        else (
+            Message(
+                "The IOR of '{material}' is driven by nodes: using {ior:.4g}.",
+                material=material.name,
+                ior=ior,
+            ),
+        )
+    )
+    ignored = list(not_followed(node, groups))
+    ignored += [
+        Message("mixed with {bl_label}", bl_label=other.bl_label)
+        for other, _ in found
+        if other != node
+    ]
+    of_gltf = (one for one in material.node_tree.nodes if one.type == "GROUP" and one.node_tree)
+    for beside in (output, *(n for n in of_gltf if n.node_tree.name.startswith(OF_GLTF))):
+        ignored += not_followed(beside, ())
+
+    return Refraction(ior, REFRACTIVE[node.type], tuple(ignored), notes)
+
+
+def bends_light(material: bpy.types.Material | None) -> bool:
+    """Does a material let light through with a bend?"""
+    return read_refraction(material) is not None
+
+
+def refracts(thing: bpy.types.Object, bends: Bends = bends_light) -> bool:
+    """Does any material of an object bend light, by `bends_light` or what is kept of it?"""
+    return any(bends(slot.material) for slot in thing.material_slots)

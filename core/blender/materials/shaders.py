@@ -1,0 +1,236 @@
+"""Materials that let Cycles obey the same laws as Kiriko's tracer."""
+
+from typing import Any
+
+import bpy
+
+from ..data.moving import set_timing
+
+
+def cleared(material: bpy.types.Material) -> tuple[Any, Any]:
+    """Empty node tree of a material, and its new output node."""
+    if bpy.app.version < (5, 0, 0):  # always on, and deprecated, from 5.0
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    return tree, tree.nodes.new("ShaderNodeOutputMaterial")
+
+
+def _black(tree: Any) -> Any:
+    """A shader that neither emits nor reflects."""
+    node = tree.nodes.new("ShaderNodeEmission")
+    node.inputs["Strength"].default_value = 0.0
+    return node
+
+
+def _front_only(tree: Any, output: Any, shader: Any) -> None:
+    """Show `shader` on the front of the surface and black on its back."""
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tree.links.new(geometry.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(shader.outputs[0], mix.inputs[1])
+    tree.links.new(_black(tree).outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    for column, node in enumerate((geometry, shader, mix, output)):
+        node.location = (220 * column - 440, 0)
+
+
+def show_image(
+    material: bpy.types.Material, image: bpy.types.Image, black_level: float = 0.0
+) -> None:
+    """Make a material emit the texels of an image, as the
+    pixels of a screen: square, sharp, on the front only.
+
+    black_level : share of white's light that a black texel emits all the same
+    """
+    tree, output = cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    texture.interpolation = "Closest"
+    texture.extension = "CLIP"
+
+    # unnamed: the map used in renders, which is the one Kiriko reads
+    uv = tree.nodes.new("ShaderNodeUVMap")
+    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    colour = texture.outputs["Color"]
+    if black_level:
+        raised = tree.nodes.new("ShaderNodeVectorMath")
+        raised.operation = "MULTIPLY_ADD"
+        tree.links.new(colour, raised.inputs[0])
+        raised.inputs[1].default_value = (1 - black_level,) * 3
+        raised.inputs[2].default_value = (black_level,) * 3
+        raised.location = (-300, -220)
+        colour = raised.outputs["Vector"]
+
+    tree.links.new(colour, emission.inputs["Color"])
+    _front_only(tree, output, emission)
+    texture.location = (-520, -220)
+    uv.location = (-740, -220)
+    material.cycles.emission_sampling = "NONE"  # light reaches the viewer along mirror paths only
+
+
+def show_picture(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Make a material show an image as it is, unlit, on both sides.
+
+    Where its alpha makes it transparent one sees through: over black these are
+    the colours that are solved.
+    """
+    tree, output = cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image, texture.extension = image, "CLIP"
+    set_timing(texture.image_user, image)
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    tree.links.new(texture.outputs["Alpha"], mix.inputs[0])
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(emission.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    texture.location = (-740, 0)
+    emission.location = (-440, -100)
+    clear.location = (-440, 60)
+    mix.location = (-220, 0)
+    tree.nodes.active = texture  # solid view shows it as the object's texture
+
+
+def show_coordinates(material: bpy.types.Material) -> None:
+    """Make a material emit (u, v, 1): a renderer then says
+    where on the display each viewer pixel lands.
+    """
+    tree, output = cleared(material)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    combine = tree.nodes.new("ShaderNodeCombineXYZ")
+    split = tree.nodes.new("ShaderNodeSeparateXYZ")
+
+    # unnamed: the map used in renders, which is the one Kiriko reads
+    uv = tree.nodes.new("ShaderNodeUVMap")
+    combine.inputs["Z"].default_value = 1.0
+    tree.links.new(uv.outputs["UV"], split.inputs[0])
+    tree.links.new(split.outputs["X"], combine.inputs["X"])
+    tree.links.new(split.outputs["Y"], combine.inputs["Y"])
+    tree.links.new(combine.outputs[0], emission.inputs["Color"])
+    _front_only(tree, output, emission)
+    material.cycles.emission_sampling = "NONE"
+
+
+def be_plate(material: bpy.types.Material) -> None:
+    """Ideal plane-symmetric plate: light leaves along o =
+    -i + 2 (i.n) n (Kiuchi & Koizumi 2021, eq. 3).
+
+    Cycles' Incoming is -i, so the law is its reflection about the normal.
+    """
+    tree, output = cleared(material)
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    reflect = tree.nodes.new("ShaderNodeVectorMath")
+    portal = tree.nodes.new("ShaderNodeBsdfRayPortal")
+    reflect.operation = "REFLECT"
+    tree.links.new(geometry.outputs["Incoming"], reflect.inputs[0])
+    tree.links.new(geometry.outputs["True Normal"], reflect.inputs[1])
+    tree.links.new(reflect.outputs["Vector"], portal.inputs["Direction"])
+    tree.links.new(geometry.outputs["Position"], portal.inputs["Position"])
+    tree.links.new(portal.outputs[0], output.inputs["Surface"])
+    for column, node in enumerate((geometry, reflect, portal, output)):
+        node.location = (220 * column - 440, 0)
+
+
+def tint_in_eevee(
+    material: bpy.types.Material, colour: tuple[float, float, float], opacity: float
+) -> None:
+    """Have EEVEE draw a material as a tinted sheet, and Cycles as it did."""
+    tree = material.node_tree
+    for node in tree.nodes:
+        if node.type == "OUTPUT_MATERIAL":
+            node.target = "CYCLES"
+
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    output.target = "EEVEE"
+    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+    tint = tree.nodes.new("ShaderNodeEmission")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    tint.inputs["Color"].default_value = (*colour, 1.0)
+    mix.inputs[0].default_value = opacity
+    tree.links.new(clear.outputs[0], mix.inputs[1])
+    tree.links.new(tint.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    for node, at in zip((clear, tint, mix, output), (-220, -220, 0, 220), strict=True):
+        node.location = (at, -300)
+    tint.location = (-220, -400)
+
+
+def be_glass(material: bpy.types.Material, ior: float, fresnel: bool) -> None:
+    """Smooth clear glass. Without Fresnel light is refracted, or
+    mirrored by total reflection: never parted, so that there is no noise.
+    """
+    tree, output = cleared(material)
+    glass = _clear(tree, "ShaderNodeBsdfGlass", ior) if fresnel else _unparted(tree, ior)
+    tree.links.new(glass.outputs[0], output.inputs["Surface"])
+    glass.location = (-220, 0)
+
+
+def _unparted(tree: Any, ior: float) -> Any:
+    """A shader that refracts all light, or mirrors all of it."""
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    refracted = _clear(tree, "ShaderNodeBsdfRefraction", ior)
+    mirrored = _clear(tree, "ShaderNodeBsdfAnisotropic")
+    tree.links.new(_is_totally_reflected(tree, ior), mix.inputs[0])
+    tree.links.new(refracted.outputs[0], mix.inputs[1])
+    tree.links.new(mirrored.outputs[0], mix.inputs[2])
+    refracted.location, mirrored.location = (-440, -100), (-440, -300)
+    return mix
+
+
+def _clear(tree: Any, name: str, ior: float | None = None) -> Any:
+    """A shader without roughness that absorbs nothing."""
+    node = tree.nodes.new(name)
+    node.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    node.inputs["Roughness"].default_value = 0.0
+    if ior is not None:
+        node.inputs["IOR"].default_value = ior
+    return node
+
+
+def _is_totally_reflected(tree: Any, ior: float) -> Any:
+    """A socket that is 1 where light is totally reflected at an interface, else 0: where the square
+    of the sine of its angle is above that of the critical angle, seen from the side it comes from.
+    """
+    geometry = tree.nodes.new("ShaderNodeNewGeometry")
+    cosine = tree.nodes.new("ShaderNodeVectorMath")
+    square, sine, limit, found = (tree.nodes.new("ShaderNodeMath") for _ in range(4))
+    cosine.operation = "DOT_PRODUCT"
+    square.operation, sine.operation = "MULTIPLY", "SUBTRACT"
+    limit.operation, found.operation = "MULTIPLY_ADD", "GREATER_THAN"
+
+    tree.links.new(geometry.outputs["Incoming"], cosine.inputs[0])
+    tree.links.new(geometry.outputs["Normal"], cosine.inputs[1])
+    for k in range(2):
+        tree.links.new(cosine.outputs["Value"], square.inputs[k])
+    sine.inputs[0].default_value = 1.0
+    tree.links.new(square.outputs[0], sine.inputs[1])
+
+    tree.links.new(geometry.outputs["Backfacing"], limit.inputs[0])
+    # no sine is above 1: larger limits would only cost the smaller one its digits
+    front, back = min(ior, 1.0) ** 2, min(1 / ior, 1.0) ** 2
+    limit.inputs[1].default_value = back - front
+    limit.inputs[2].default_value = front
+    tree.links.new(sine.outputs[0], found.inputs[0])
+    tree.links.new(limit.outputs[0], found.inputs[1])
+
+    row = (geometry, cosine, square, sine, limit, found)
+    for column, node in enumerate(row):
+        node.location = (220 * (column - len(row)) - 440, 0)
+    return found.outputs[0]
+
+
+def be_mirror(material: bpy.types.Material) -> None:
+    """A mirror without loss."""
+    tree, output = cleared(material)
+    glossy = _clear(tree, "ShaderNodeBsdfAnisotropic")
+    tree.links.new(glossy.outputs[0], output.inputs["Surface"])
+
+
+def be_blocker(material: bpy.types.Material) -> None:
+    """Black on both sides."""
+    tree, output = cleared(material)
+    tree.links.new(_black(tree).outputs[0], output.inputs["Surface"])

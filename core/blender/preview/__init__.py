@@ -1,0 +1,1 @@
+"""Renders by Cycles, as an independent judge and as viewers' images."""

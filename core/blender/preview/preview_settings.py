@@ -1,0 +1,89 @@
+"""Settings of Cycles for a preview: all that a path needs, and nothing that changes its colour."""
+
+from pathlib import Path
+
+import bpy
+
+from ...base.errors import RigError
+from ..data.camera_viewer import frame_of, viewer_of
+from .preview_options import Options
+
+BOUNCES = 128  # Cycles' own limit is 1024; a path that needs more than this is lost in the glass
+
+
+def set_render(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options, path: Path) -> None:
+    """Have a made scene render the viewer's frame of the user's scene to a file."""
+    render = made.render
+    frame = frame_of(viewer_of(scene), scene.render)
+    _use_cycles(render)
+
+    render.resolution_x, render.resolution_y = options.size or (frame.width, frame.height)
+    whole = 100 if options.size else frame.percentage
+    render.resolution_percentage = max(1, whole * options.percentage // 100)
+    render.pixel_aspect_x, render.pixel_aspect_y = frame.aspect_x, frame.aspect_y
+
+    if options.border is not None:
+        render.use_border = render.use_crop_to_border = True
+        left, right, bottom, top = options.border
+        render.border_min_x, render.border_max_x = left, right
+        render.border_min_y, render.border_max_y = bottom, top
+
+    render.use_compositing = render.use_sequencer = False
+    render.use_motion_blur = False
+    render.film_transparent = False
+    render.use_simplify, render.use_persistent_data = False, False
+
+    render.filepath = str(path)
+    render.use_file_extension = False
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_mode, render.image_settings.color_depth = "RGBA", "32"
+    render.image_settings.exr_codec = "ZIP"
+    transforms = made.view_settings.bl_rna.properties["view_transform"].enum_items
+    if "Standard" in {item.identifier for item in transforms}:
+        made.view_settings.view_transform = "Standard"
+
+    made.frame_current = scene.frame_current
+    made.frame_subframe = scene.frame_subframe
+
+
+def _use_cycles(render: bpy.types.RenderSettings) -> None:
+    engines = {item.identifier for item in render.bl_rna.properties["engine"].enum_items}
+    try:
+        render.engine = "CYCLES"
+    except TypeError:
+        raise RigError(
+            "The preview needs Cycles, but only {engines} is there: enable it.",
+            engines=", ".join(sorted(engines)),
+        ) from None
+
+
+def set_cycles(made: bpy.types.Scene, scene: bpy.types.Scene, options: Options) -> None:
+    """Everything a path needs to reach the display, and
+    nothing that clamps, guesses or blurs its colour.
+    """
+    cycles = made.cycles
+    cycles.device = scene.cycles.device
+    cycles.samples = options.samples
+    cycles.use_adaptive_sampling = False
+    cycles.use_denoising = False
+    cycles.time_limit = 0.0
+
+    for name in ("max", "diffuse", "glossy", "transmission"):
+        setattr(cycles, f"{name}_bounces", BOUNCES)
+
+    cycles.diffuse_bounces = 4
+    cycles.transparent_max_bounces = BOUNCES  # a Ray Portal counts as one of these
+
+    # no path ends by chance
+    cycles.min_light_bounces = cycles.min_transparent_bounces = BOUNCES
+
+    cycles.caustics_reflective = cycles.caustics_refractive = True
+    cycles.blur_glossy = 0.0
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
+    cycles.film_exposure = 1.0
+
+    if options.filter_width is None:
+        cycles.pixel_filter_type = "BOX"
+    else:
+        cycles.pixel_filter_type = "BLACKMAN_HARRIS"
+        cycles.filter_width = options.filter_width

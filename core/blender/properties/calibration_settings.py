@@ -1,0 +1,149 @@
+"""Measurements of a real bench."""
+
+from math import radians
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, IntVectorProperty, StringProperty
+
+from ...bench.offset import TOLERANCES
+from ..data.paths import RELATIVE_PATH
+
+LATTICES = (
+    ("DOTS", "Dots", "Bright dots on black"),
+    ("GRID", "Grid", "Bright lines on black; where they cross is measured"),
+)
+KEPT = (
+    (
+        "OFFSET",
+        "As Offset",
+        "Solve for the fitted rig from now on; the objects stay where they are",
+    ),
+    ("SCENE", "In the Scene", "Move the objects, and set their optical properties, as fitted"),
+    ("NONE", "Not at All", "Only tell the result"),
+)
+
+
+class KirikoCalibration(bpy.types.PropertyGroup):
+    """Measurements of a real bench, its likely errors, and the result."""
+
+    columns: IntProperty(
+        name="Columns", description="Points of the lattice across", default=7, min=2, max=99
+    )
+    rows: IntProperty(
+        name="Rows", description="Points of the lattice down", default=7, min=2, max=99
+    )
+    margin: FloatProperty(
+        name="Border",
+        description="From the picture's borders to the first and last points, as a share of its"
+        " width and height",
+        default=1 / 14,  # as in the picture of Add Rig
+        min=0.0,
+        max=0.45,
+        subtype="FACTOR",
+    )
+    style: EnumProperty(
+        name="Style",
+        description="The look of the lattice's picture",
+        items=LATTICES,
+        default="DOTS",
+    )
+    filepath: StringProperty(
+        name="Measured",
+        description="Photograph of the lattice as seen, or CSV of its points: column, row, x, y,"
+        " or only x, y",
+        default="",
+        subtype="FILE_PATH",
+        options=RELATIVE_PATH,
+    )
+    size: IntVectorProperty(
+        name="Pixels",
+        description="Width and height of the photograph in which a CSV's positions were"
+        " measured; 0: the viewer's own pixels",
+        size=2,
+        default=(0, 0),
+        min=0,
+        max=1 << 16,
+    )
+    noise: FloatProperty(
+        name="Noise",
+        description="Likely error of a measured position, in pixels of the photograph",
+        default=0.3,
+        min=1e-3,
+        soft_max=5.0,
+        max=1000.0,
+        precision=2,
+        subtype="PIXEL",
+    )
+    shift: FloatProperty(
+        name="Shift",
+        description="Likely error of a part's place, in millimetres; 0: every place is exact",
+        default=TOLERANCES["shift"],
+        min=0.0,
+        soft_max=10.0,
+        max=1e4,
+        precision=3,
+        step=10,
+        unit="CAMERA",
+    )
+    turn: FloatProperty(
+        name="Turn",
+        description="Likely error of a part's direction; 0: every direction is exact",
+        default=radians(TOLERANCES["turn"]),
+        min=0.0,
+        max=radians(30.0),
+        precision=3,
+        step=10,
+        subtype="ANGLE",
+    )
+    index: FloatProperty(
+        name="Index",
+        description="Likely error of a glass's index of refraction; 0: it is exact",
+        default=TOLERANCES["index"],
+        min=0.0,
+        max=0.5,
+        precision=4,
+        step=0.1,
+    )
+    focal: FloatProperty(
+        name="Focal Length",
+        description="Likely error of the camera's focal length, in per cent; 0: it is exact",
+        default=TOLERANCES["focal"],
+        min=0.0,
+        max=20.0,
+        precision=2,
+        step=10,
+        subtype="PERCENTAGE",
+    )
+    crossing: FloatProperty(
+        name="Crossing",
+        description="Likely error of the right angle between a plate's layers; 0: it is exact",
+        default=radians(TOLERANCES["crossing"]),
+        min=0.0,
+        max=radians(5.0),
+        precision=3,
+        step=1,
+        subtype="ANGLE",
+    )
+    mirror: FloatProperty(
+        name="Mirror Height",
+        description="Likely error of the height of a plate's mirrors, in millimetres; 0: it is"
+        " exact",
+        default=TOLERANCES["mirror"],
+        min=0.0,
+        max=10.0,
+        precision=3,
+        step=1,
+        unit="CAMERA",
+    )
+    keep: EnumProperty(
+        name="Keep",
+        description="The use that is made of the fitted rig",
+        items=KEPT,
+        default="OFFSET",
+    )
+    found: StringProperty(name="Found", description="The last calibration's result, as JSON")
+    offset: StringProperty(
+        name="Offset",
+        description="Amounts by which the rig is off, by name, one set for each"
+        " calibration, as JSON",
+    )

@@ -1,0 +1,264 @@
+"""Glass, plates and pictures of a rig, as their objects and materials have them."""
+
+from dataclasses import dataclass
+
+import bpy
+
+from ...base.errors import RigError
+from ...base.messages import Message, quoted
+from ...base.vectors import normalise
+from ...glass.meshes import geometric_normals
+from ...image.tone import Tone
+from ...rig.catalogue import GLASSES
+from ...rig.rig import (
+    ROLES,
+    ConstantIndex,
+    Glass,
+    Mesh,
+    MirrorArray,
+    Picture,
+    PicturePlace,
+    Plate,
+    owner,
+)
+from ..data.moving import Timing, at_frame, ended, number_at
+from ..data.rectangle import flat_size
+from ..materials.material import on_thin_walls, read_refraction
+from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
+from .scene_parts import Part
+from .shapes import Kept
+
+# cosine between a plate's normal and its x axis above which that axis does not lie in it
+UPRIGHT = 0.99
+OVERRIDE, DEFAULT = Message("override"), Message("default")  # sources of an index beside shaders
+PICTURE = next(role for role in ROLES if role.name == "PICTURE")
+DEFAULT_IOR = GLASSES["Acrylic"].ior  # for glass whose material does not refract
+
+
+@dataclass(frozen=True)
+class MaterialReading:
+    """One material of a glass object, as read.
+
+    `source` is the shader that gave the index, 'override' or
+    'default'; `ignored` is in the material but not followed;
+    `own_ior` is the material's index, which renders have.
+    """
+
+    object_name: str
+    material_name: str
+    ior: float
+    source: str
+    ignored: tuple[str, ...] = ()
+    own_ior: float | None = None
+
+
+def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
+    """A glass with the index of its most used refractive material, or the override.
+
+    The settings are the original object's: drivers and keys are written to them
+    too, while the evaluated copy does not hear of a script's settings.
+    """
+    settings = part.owner.kiriko
+    readings, notes = _readings_of(part)
+    if not readings:
+        ior, source = (settings.ior, OVERRIDE) if settings.use_ior else (DEFAULT_IOR, DEFAULT)
+        material = next((m.name for m in part.materials if m is not None), "")
+        readings = [MaterialReading(part.owner.name, material, ior, source)]
+
+        if source == DEFAULT:
+            notes += on_thin_walls(part.materials)
+            notes.append(
+                Message(
+                    "The glass '{name}' has no refractive material: using an index of"
+                    " refraction of {ior}.",
+                    name=part.owner.name,
+                    ior=ior,
+                )
+            )
+
+    notes += _notes_on_materials(part, readings)
+    glass = Glass(part.name, part.mesh, ConstantIndex(readings[0].ior), settings.priority)
+    return glass, readings, notes
+
+
+def _readings_of(part: Part) -> tuple[list[MaterialReading], list[str]]:
+    """The refractive materials of a glass, with the override where there is one; their notes."""
+    settings = part.owner.kiriko
+    readings = []
+    notes = []
+
+    for material in part.materials:
+        found = read_refraction(material)
+        if found is None:
+            continue
+
+        notes += found.notes
+        ior, source = (settings.ior, OVERRIDE) if settings.use_ior else (found.ior, found.source)
+        readings.append(
+            MaterialReading(
+                object_name=part.owner.name,
+                material_name=material.name,
+                ior=ior,
+                source=source,
+                ignored=found.ignored,
+                own_ior=found.ior,
+            )
+        )
+
+    return readings, notes
+
+
+def _notes_on_materials(part: Part, readings: list[MaterialReading]) -> list[str]:
+    """Notes on materials that do not refract, and on those that disagree."""
+    name = part.owner.name
+    notes = []
+
+    # faces whose material does not refract
+    plain = sorted(
+        {m.name for m in part.materials if m is not None} - {r.material_name for r in readings}
+    )
+    if plain:
+        listed = quoted(plain)
+        notes.append(
+            Message(
+                "The glass '{name}' has faces of a material that does not refract"
+                " ({listed}): they count as glass, too.",
+                name=name,
+                listed=listed,
+            )
+        )
+
+    # materials that disagree on the index
+    others = {r.ior for r in readings} - {readings[0].ior}
+    if others:
+        listed = ", ".join(f"{ior:.4g}" for ior in sorted(others))
+        notes.append(
+            Message(
+                "The glass '{name}' has materials with different indices: all of it has"
+                " {ior:.4g}, the index of '{material}', and not {listed}.",
+                name=name,
+                ior=readings[0].ior,
+                material=readings[0].material_name,
+                listed=listed,
+            )
+        )
+
+    return notes
+
+
+def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
+    """The mirrors that a plate's settings, whose model is not ideal, tell of."""
+    return MirrorArray(
+        layout=ours.model.lower(),
+        pitch=1e-3 * ours.pitch,
+        height=1e-3 * ours.pitch * ours.height,
+        ior=ours.ior,
+        reflectance=ours.reflectance,
+        crossing_error=ours.crossing_error if ours.model == "CROSSED" else 0.0,
+        has_fresnel=ours.fresnel,
+        phase=tuple(ours.phase),
+    )
+
+
+def read_plate(part: Part) -> Plate:
+    """A plate with its mirrors, counted from the object's origin
+    and turned with its x axis, or y if x stands on it.
+    """
+    if part.owner.kiriko.plate.model == "IDEAL" or part.matrix is None:
+        return Plate(part.name, part.mesh)
+
+    x, y = normalise(part.matrix[:3, :2].T)
+    corners = part.mesh.corners[:1]
+    is_upright = len(corners) > 0 and abs(geometric_normals(corners)[0] @ x) > UPRIGHT
+    return Plate(
+        part.name,
+        part.mesh,
+        mirrors(part.owner.kiriko.plate),
+        side=y if is_upright else x,
+        centre=part.matrix[:3, 3],
+    )
+
+
+def shown_image(part: Part) -> tuple[bpy.types.Image, Timing | None, list[str]]:
+    """The image that is solved for a picture plane, when it shows which of its frames where a node
+    tells that, and notes on it.
+    """
+    name = part.owner.name
+    texture = part.texture
+    notes = []
+    image = chosen_image(part.owner)
+    if image is None and texture is None:
+        raise RigError(
+            "The picture '{name}' shows no image: give its material an image texture, or"
+            " choose an image in its Kiriko settings.",
+            name=name,
+        )
+
+    if image is None or (texture is not None and texture.image == image):
+        image = texture.image
+        notes = list(texture.notes)
+    elif texture is not None:
+        notes.append(
+            Message(
+                "The picture '{name}' shows '{shown}', but '{image}' is chosen and solved:"
+                " choose it again in the Kiriko tab, to have it shown.",
+                name=name,
+                shown=texture.image.name,
+                image=image.name,
+            )
+        )
+
+    by_node = texture is not None and texture.image == image
+    return image, texture.timing if by_node else None, notes
+
+
+def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
+    """How light a picture's settings want it."""
+    return Tone(ours.brightness, ours.gamma, ours.black_level)
+
+
+def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
+    """The picture plane with the pixels of its image.
+
+    Its faces are asked for first: the material of one that has none is on no face.
+    """
+    name = part.owner.name
+    part.mesh.check(owner(PICTURE, part))
+    image, timing, notes = shown_image(part)
+    number = number_at(image, timing, part.frame)
+    tone = tone_of(part.owner.kiriko.picture)
+    pixels = kept.pixels(image, Message("the picture '{name}'", name=name), tone, number)
+    notes += ended(image, timing, part.frame)
+
+    if squeezed := squeezed_words(squeeze(flat_size(part.mesh), pixels.shape[1::-1])):
+        notes.append(
+            Message(
+                "The image '{image}' is {squeezed} on the picture '{name}': {remedy}.",
+                image=image.name,
+                squeezed=squeezed,
+                name=name,
+                remedy=FIT_BUTTON,
+            )
+        )
+
+    place = PicturePlace(part.name, *pixels.shape[1::-1], part.mesh)
+    return place.showing(pixels), notes + about(image) + kept.notes_on(image)
+
+
+def place_of(
+    image: bpy.types.Image, name: str, mesh: Mesh | None = None, number: int | None = None
+) -> PicturePlace:
+    """The place of a picture with this image, of which no pixels are read.
+
+    number : the frame of an image that moves, which is looked up where Blender knows none yet
+    """
+    with at_frame(image, number if min(image.size) < 1 else None, name) as shown:
+        width, height = shown.size
+    return PicturePlace(name, width, height, mesh)
+
+
+def about(image: bpy.types.Image) -> list[str]:
+    """Notes on an image of which only a part was read."""
+    if image.source == "TILED":
+        return [Message("Only the first tile of the image '{image}' is used.", image=image.name)]
+    return []

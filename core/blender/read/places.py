@@ -1,0 +1,75 @@
+"""Reads the evaluated scene into a Rig that need not be whole, for what is drawn over it: parts
+that are missing, hidden or faulty are left out, and no pixel of the picture is read.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import bpy
+
+from ...base.errors import KirikoError
+from ...rig.rig import ROLES, Rig, Viewer
+from ..data.camera_viewer import is_deleted, own_images, read_viewer, seats_of, shown_first
+from ..data.moving import number_at
+from ..data.units import length_of_unit
+from ..data.visibility import is_placed
+from .elements import place_of, shown_image
+from .part_roles import in_blender
+from .scene import calibrated_rig
+from .scene_parts import Part, parts_by_role, read_parts
+from .shapes import Kept
+
+
+class KeptPlaces(Kept):
+    """Keeps meshes as `Kept` does; pixels are not asked for."""
+
+    _are_compared = True
+
+
+def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: KeptPlaces) -> Rig:
+    """The rig of a scene at this frame as far as it is there, with
+    a calibration's offset, and of its picture the place alone.
+
+    Raises RigError for an object with a role that can be no part of a rig.
+    """
+    metres = length_of_unit(scene)
+    parts, _ = read_parts(depsgraph, scene, metres, kept)
+    by_role = parts_by_role(parts)
+    found: dict[str, tuple[Any, ...]] = {"viewers": tuple(_viewers(depsgraph, scene, metres))}
+
+    for role in ROLES:
+        if role.number is None:
+            continue
+        if role.name == "PICTURE" and scene.kiriko.picture_source == "IMAGE":
+            image = next(iter(own_images(scene)), scene.kiriko.picture_image)
+            found[role.field] = () if image is None else (place_of(image, image.name),)
+            continue
+
+        members = []
+        for part in by_role[role.name]:
+            with suppress(KirikoError):
+                members.append(_read(part, kept))
+        found[role.field] = tuple(members)
+
+    rig, _ = calibrated_rig(Rig(**found), scene)
+    return shown_first(rig, scene)
+
+
+def _viewers(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, metres: float
+) -> Iterator[Viewer]:
+    """The viewers whose places Blender keeps up to date, and that can be some."""
+    for seat in seats_of(scene):
+        camera = seat.camera
+        if camera is not None and not is_deleted(camera) and is_placed(camera, depsgraph):
+            with suppress(KirikoError):
+                yield read_viewer(camera, depsgraph, scene.render, metres)
+
+
+def _read(part: Part, kept: KeptPlaces) -> Any:
+    """A part as its role reads it, but of a picture the place alone."""
+    if part.role == "PICTURE":
+        image, timing, _ = shown_image(part)
+        return place_of(image, part.name, part.mesh, number_at(image, timing, part.frame))
+    return in_blender(part.role).read(part, kept).part

@@ -1,0 +1,39 @@
+"""Glass in Blender."""
+
+from typing import Any
+
+import bpy
+
+from ...rig.rig import Rig
+from ..materials import shaders
+from .elements import read_glass
+from .nested_glass import Interface, interfaces
+from .part_roles import Found, InBlender, Studio
+from .scene_parts import Part
+from .shapes import Kept
+
+
+def read(part: Part, kept: Kept) -> Found:
+    """A glass with the index of its material."""
+    glass, materials, notes = read_glass(part)
+    return Found(glass, notes, materials)
+
+
+def looks(rig: Rig) -> tuple[dict[str, Any], list[str]]:
+    """The interfaces of all glass that bends light."""
+    found, notes = interfaces(rig.glasses)
+    by_name = {glass.name: face for glass, face in zip(rig.glasses, found, strict=True)}
+    return {name: face for name, face in by_name.items() if face.index is not None}, notes
+
+
+def shade(material: bpy.types.Material, look: Interface, studio: Studio) -> None:
+    """Refract by the ratio of the two media."""
+    shaders.be_glass(material, look.index, studio.fresnel)
+
+
+def is_inside_out(look: Interface) -> bool:
+    """Do all its faces look into the glass?"""
+    return look.is_inside_out
+
+
+IN_BLENDER = InBlender(read, shade, looks, is_inside_out)

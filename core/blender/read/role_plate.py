@@ -1,0 +1,35 @@
+"""A plate in Blender."""
+
+from dataclasses import replace
+
+import bpy
+
+from ...rig.rig import MirrorArray, Rig
+from ..materials import shaders
+from ..materials.plate_material import be_mirror_array
+from .elements import read_plate
+from .part_roles import Found, InBlender, Studio
+from .scene_parts import Part
+from .shapes import Kept
+
+
+def read(part: Part, kept: Kept) -> Found:
+    """A plate with its mirrors."""
+    return Found(read_plate(part), [], [])
+
+
+def looks(rig: Rig) -> tuple[dict[str, MirrorArray | None], list[str]]:
+    """The mirrors of all plates; None for ideal ones."""
+    return {plate.name: plate.array for plate in rig.plates}, []
+
+
+def shade(material: bpy.types.Material, look: MirrorArray | None, studio: Studio) -> None:
+    """Send light on by the plate's mirrors, or by the ideal law."""
+    if look is None:
+        shaders.be_plate(material)
+        return
+    array = replace(look, has_fresnel=look.has_fresnel and studio.fresnel)
+    studio.mark(be_mirror_array(material, array, studio.metres))
+
+
+IN_BLENDER = InBlender(read, shade, looks)

@@ -1,0 +1,398 @@
+"""Reads the evaluated scene into a Rig, as Blender shows it at this frame, in metres and float64.
+
+Modifiers, parents, constraints and instances have been applied by the depsgraph. This file sorts
+objects by role, reads the images in the viewers' own pixels, and notes the objects that it leaves
+out.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Floats
+from ...base.errors import KirikoError, RigError
+from ...base.messages import Message
+from ...bench.offset import with_offset
+from ...rig.parts import OwnImage
+from ...rig.rig import ROLES, Picture, PicturePlace, Rig, Viewer
+from ..data.camera_viewer import Seat, is_deleted, no_camera, read_viewer, seats_of, shown_first
+from ..data.lost_data import find_lost, refuse_lost
+from ..data.moving import ended, number_at
+from ..data.rectangle import flat_size
+from ..data.stored_records import Offset
+from ..data.units import length_of_unit
+from ..data.visibility import is_placed
+from .elements import MaterialReading, about, tone_of
+from .part_roles import in_blender
+from .scene_parts import Part, parts_by_role, read_parts
+from .shapes import CURVED, Kept
+
+
+def read_in_own_pixels(
+    scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], kept: Kept
+) -> tuple[list[Picture], list[str]]:
+    """The picture, none where no image is chosen, with notes on images of another size or shape.
+
+    Where one viewer has an image of its own all must have one, which the rig's check tells.
+
+    viewers : of these seats
+    """
+    own = [
+        (seat.image, viewer)
+        for seat, viewer in zip(seats, viewers, strict=True)
+        if seat.image is not None
+    ]
+    if own:
+        return _read_each(scene, own, kept)
+
+    image = scene.kiriko.picture_image
+    if image is None:
+        return [], []
+
+    pixels, notes = _read(scene, image, Message("the scene's picture"), kept)
+    place = PicturePlace(image.name, *pixels.shape[1::-1])
+    for viewer in viewers[:1]:
+        off = abs(place.width * viewer.height - place.height * viewer.width)
+        if off > max(viewer.width, viewer.height):
+            notes.append(
+                Message(
+                    "The picture image '{image}' has {width} x {height} pixels, the viewer"
+                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
+                    image=image.name,
+                    width=place.width,
+                    height=place.height,
+                    viewer_width=viewer.width,
+                    viewer_height=viewer.height,
+                )
+            )
+    return [place.showing(pixels)], notes
+
+
+def _read_each(
+    scene: bpy.types.Scene, own: list[tuple[bpy.types.Image, Viewer]], kept: Kept
+) -> tuple[list[Picture], list[str]]:
+    """An image for each viewer."""
+    found: list[OwnImage] = []
+    notes: list[str] = []
+    for image, viewer in own:
+        owner = Message("the viewer '{viewer}'", viewer=viewer.name)
+        pixels, remarks = _read(scene, image, owner, kept)
+        found.append(OwnImage(viewer.name, pixels))
+        notes += remarks
+        if pixels.shape[1::-1] != (viewer.width, viewer.height):
+            notes.append(
+                Message(
+                    "The image '{image}' has {width} x {height} pixels, its viewer '{viewer}'"
+                    " {viewer_width} x {viewer_height}: it is stretched to fit.",
+                    image=image.name,
+                    width=pixels.shape[1],
+                    height=pixels.shape[0],
+                    viewer=viewer.name,
+                    viewer_width=viewer.width,
+                    viewer_height=viewer.height,
+                )
+            )
+    return [Picture(own[0][0].name, found[0].image, own=tuple(found))], notes
+
+
+def _read(
+    scene: bpy.types.Scene, image: bpy.types.Image, owner: str, kept: Kept
+) -> tuple[NDArray[np.float32], list[str]]:
+    """The pixels of an image at the scene's frame, and notes on it."""
+    frame = scene.frame_current
+    tone = tone_of(scene.kiriko.picture)
+    pixels = kept.pixels(image, owner, tone, number_at(image, None, frame))
+    return pixels, about(image) + ended(image, None, frame) + kept.notes_on(image)
+
+
+def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Do modifiers make another shape in renders than in the
+    viewport, whose shape is the one that is read?
+    """
+    return any(
+        m.show_viewport != m.show_render
+        or (m.show_viewport and m.type in {"SUBSURF", "MULTIRES"} and m.levels != m.render_levels)
+        for m in owner.modifiers
+    ) or (
+        scene.render.use_simplify
+        and any(m.type in {"SUBSURF", "MULTIRES"} for m in owner.modifiers)
+    )
+
+
+def modifier_notes(parts: list[Part]) -> list[str]:
+    """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
+    drawn = dict.fromkeys(
+        (part.drawn, part.mesh.surface)
+        for part in parts
+        if part.role in CURVED
+        and part.mesh.surface != "facets"
+        and part.mesh.is_smooth is not None
+        and part.drawn is not None
+    )
+    return [
+        Message(
+            "The modifier '{modifier}' of '{name}' leaves the vertices off the curved"
+            " surface: {remedy}.",
+            modifier=m.name,
+            name=o.name,
+            remedy=remedy,
+        )
+        for o, surface in drawn
+        for m in o.modifiers
+        if m.show_viewport and (remedy := remedy_of(m, surface))
+    ]
+
+
+def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
+    """The remedy for a modifier that leaves vertices beside the surface.
+
+    An empty text for others.
+    """
+    if (
+        modifier.type == "SUBSURF"
+        and modifier.subdivision_type == "CATMULL_CLARK"
+        and not modifier.use_limit_surface
+    ):
+        return Message("turn on its Use Limit Surface")
+
+    is_collapsed = (
+        modifier.type == "DECIMATE" and modifier.decimate_type == "COLLAPSE" and modifier.ratio < 1
+    )
+    if (modifier.type == "REMESH" or is_collapsed) and surface == "smooth":
+        return Message("turn it off, or set the object's Surface to Automatic")
+
+    return ""
+
+
+def scene_notes(
+    depsgraph: bpy.types.Depsgraph,
+    scene: bpy.types.Scene,
+    parts: list[Part],
+    cameras: Iterable[bpy.types.Object],
+) -> list[str]:
+    """Notes on settings of the scene as a whole that Kiriko does not follow."""
+    notes = []
+    if depsgraph.mode == "VIEWPORT":
+        notes += [
+            Message(
+                "'{name}' has another shape in renders than in the viewport (modifiers): using"
+                " the viewport's.",
+                name=o.name,
+            )
+            for o in dict.fromkeys(part.owner for part in parts)
+            if renders_differ(o, scene)
+        ]
+
+    notes += [
+        Message(
+            "The viewer '{viewer}' has depth of field: solved as a pinhole.", viewer=camera.name
+        )
+        for camera in cameras
+        if camera.type == "CAMERA" and camera.data.dof.use_dof
+    ]
+
+    return notes
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A scene as read.
+
+    rig : with a calibration's result, where that is kept as an offset
+    drawn : as the scene shows it, without
+    display_size : width and height in m of a flat display, over the whole UV square
+    display_object : name of the object that is the display, or makes it as an instance, and the
+        file that it is linked from, as `bpy.data.objects` takes both
+    solved_for : the scene's fingerprint, as text, where it was read to be solved
+    """
+
+    rig: Rig
+    drawn: Rig
+    materials: tuple[MaterialReading, ...]
+    notes: tuple[str, ...]
+    display_size: tuple[float, float] | None
+    display_object: tuple[str, str | None]
+    solved_for: str = ""
+
+
+def read(
+    source: bpy.types.Context | bpy.types.Depsgraph,
+    scene: bpy.types.Scene | None = None,
+    kept: Kept | None = None,
+) -> Reading:
+    """Read the rig of a scene as it stands at this frame.
+
+    Nothing is changed in the scene. Errors of the rig as a whole are left to `Rig.check`.
+
+    Parameters
+    ----------
+    source : the context, or a depsgraph of the scene
+    scene : whose settings count; the depsgraph's own when None
+    kept : meshes and pixels that need not be read again; nothing when None
+
+    Raises
+    ------
+    RigError : the viewer's camera or the picture plane cannot be
+        used, or a part that the rig needs is hidden
+    ImageError : the picture has no pixels
+    """
+    drawn = read_drawn(source, scene, kept)
+    scene = source.scene if scene is None else scene
+    rig, remarks = calibrated_rig(drawn.rig, scene)
+    return replace(
+        drawn,
+        rig=shown_first(rig, scene),
+        drawn=shown_first(drawn.rig, scene),
+        notes=tuple(dict.fromkeys([*drawn.notes, *remarks])),
+    )
+
+
+def read_drawn(
+    source: bpy.types.Context | bpy.types.Depsgraph,
+    scene: bpy.types.Scene | None = None,
+    kept: Kept | None = None,
+) -> Reading:
+    """The same, as the scene shows it: without a calibration's result, whose amounts are along the
+    axes of the first viewer, and so with the viewers in their order.
+    """
+    depsgraph = (
+        source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
+    )
+    scene = depsgraph.scene if scene is None else scene
+    kept = kept or Kept()
+    is_image = scene.kiriko.picture_source == "IMAGE"
+    needed = tuple(
+        role.name
+        for role in ROLES
+        if (role.remedy or role.is_missed)
+        and role.number is not None
+        and not (role.name == "PICTURE" and is_image)
+    )
+    metres = length_of_unit(scene)
+    seats = seats_of(scene)
+    images = [scene.kiriko.picture_image, *(seat.image for seat in seats)] if is_image else []
+    refuse_lost(find_lost(), [*(seat.camera for seat in seats), *images])
+    parts, notes = read_parts(depsgraph, scene, metres, kept, needed)
+    viewers = read_viewers(depsgraph, scene)
+
+    # each part as its role reads it
+    by_role = parts_by_role(parts)
+    found: dict[str, list[Any]] = {}
+    materials = []
+
+    for role in (role for role in ROLES if role.number is not None):
+        found[role.field] = []
+        if role.name == "PICTURE" and is_image:
+            found[role.field], remarks = _read_image(scene, viewers, by_role[role.name], kept)
+            notes += remarks
+            continue
+
+        for part in by_role[role.name]:
+            as_read = in_blender(role.name).read(part, kept)
+            found[role.field].append(as_read.part)
+            notes += as_read.notes
+            materials += as_read.materials
+
+    cameras = [seat.camera for seat in seats]
+    notes += modifier_notes(parts) + scene_notes(depsgraph, scene, parts, cameras)
+    rig = Rig(
+        viewers=viewers,
+        **{field: tuple(members) for field, members in found.items()},
+    )
+    displays = by_role["DISPLAY"]
+    return Reading(
+        rig=rig,
+        drawn=rig,
+        materials=tuple(dict.fromkeys(materials)),
+        notes=tuple(dict.fromkeys(notes)),
+        display_size=flat_size(displays[0].mesh) if len(displays) == 1 else None,
+        display_object=next((_place_in_file(part.owner) for part in displays), ("", None)),
+    )
+
+
+def _place_in_file(thing: bpy.types.Object) -> tuple[str, str | None]:
+    return thing.name, None if thing.library is None else thing.library.filepath
+
+
+def read_viewers(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> tuple[Viewer, ...]:
+    """The viewers that are on, in their order; RigError where one of them is none, or all are off.
+
+    Blender keeps the place of a camera up to date that is enabled in the view layer.
+    """
+    seats = seats_of(scene)
+    if not seats and len(scene.kiriko.viewers):
+        raise RigError("All viewers in the list are off: turn one on.")
+    return tuple(read_seat(seat, depsgraph, scene) for seat in seats)
+
+
+def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Viewer:
+    """A viewer; RigError where its place is unknown."""
+    camera = seat.camera
+    if camera is None:
+        raise no_camera()
+
+    if is_deleted(camera) or not is_placed(camera, depsgraph):
+        if not camera.users_scene:
+            raise RigError(
+                "The viewer '{viewer}' is in no scene any more, as after deleting it: take it out"
+                " of the list of viewers, or choose another camera.",
+                viewer=camera.name,
+            )
+        raise RigError(
+            "The viewer '{viewer}' is disabled or left out of the view layer, so that its"
+            " place is unknown: enable it, or make it the scene's camera.",
+            viewer=camera.name,
+        )
+
+    viewer = read_viewer(camera, depsgraph, scene.render, length_of_unit(scene))
+    return viewer if seat.weight == 1 else replace(viewer, weight=seat.weight)
+
+
+def _read_image(
+    scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[Part], kept: Kept
+) -> tuple[list[Picture], list[str]]:
+    """The picture in the viewers' own pixels, with notes, also on planes that are not used."""
+    pictures, notes = read_in_own_pixels(scene, seats_of(scene), viewers, kept)
+    unused = [
+        Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
+        for part in planes
+    ]
+    return pictures, notes + unused
+
+
+def calibrated_rig(rig: Rig, scene: bpy.types.Scene) -> tuple[Rig, list[str]]:
+    """The rig with the offset that the scene keeps from
+    calibrations, and notes on amounts that have no place.
+    """
+    kept = Offset.read(scene.kiriko.calibration.offset).sets
+    if not kept:
+        return rig, []
+
+    try:
+        rig.check()
+    except KirikoError:
+        return rig, []  # its errors are told before it is solved
+
+    rig, unknown = with_offset(rig, kept)
+    notes = [
+        Message(
+            "The calibration's offset names '{name}', which this rig does not have:"
+            " calibrate again, or remove the offset.",
+            name=name,
+        )
+        for name in unknown
+    ]
+    return rig, [Message("The calibration's offset is in this rig."), *notes]
+
+
+def object_matrix(linear: Floats, shift: Floats, metres: float) -> Floats:
+    """Matrix (4, 4) for objects, in units of so many metres:
+    points p, in m, go to linear (3, 3) @ p + shift (3,).
+    """
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = linear, shift / metres
+    return matrix

@@ -1,0 +1,283 @@
+"""Which objects of the scene are parts of the rig, by role."""
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+
+import bpy
+import numpy as np
+
+from ...base.arrays import Floats
+from ...base.errors import RigError
+from ...base.messages import Message
+from ...rig.rig import ROLES, Mesh
+from ..data.bodies import check_body, has_no_place, on_no_place, role_label
+from ..data.lost_data import find_lost, on_lost, placeholders_of, refuse_lost
+from ..data.rigs import elsewhere
+from ..data.visibility import Shown, is_source_hidden
+from ..materials.texture import Texture
+from .shapes import Kept, used_materials
+
+LeftOut = Callable[[bpy.types.Object], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One mesh in the world with the object whose role it has and the one it was drawn as.
+
+    Materials from the most to the least used. matrix (4, 4): where the object stands, m. frame: the
+    scene's, for images that move.
+    """
+
+    owner: bpy.types.Object
+    name: str
+    mesh: Mesh
+    drawn: bpy.types.Object | None = None
+    materials: tuple[bpy.types.Material | None, ...] = ()
+    texture: Texture | None = None
+    n_dropped: int = 0
+    matrix: Floats | None = None
+    frame: int = 1
+
+    @property
+    def role(self) -> str:
+        return self.owner.kiriko.role
+
+
+def role_owner(instance: bpy.types.DepsgraphObjectInstance) -> bpy.types.Object | None:
+    """The original object whose role an instance has: its own,
+    else that of the collection or nodes that make it.
+    """
+    own = instance.object.original
+    if own.kiriko.role != "NONE":
+        return own
+
+    maker = instance.parent
+    if not instance.is_instance or maker is None or instance.particle_system is not None:
+        return None
+    if maker.instance_type not in {"NONE", "COLLECTION"} or maker.original.kiriko.role == "NONE":
+        return None  # objects scattered over the vertices or faces of another are no part of it
+
+    return maker.original
+
+
+def part_name(instance: bpy.types.DepsgraphObjectInstance, counts: Counter[str]) -> str:
+    """Name of a part: that of its object, numbered for instances. Counts up."""
+    own = instance.object.original
+    # a curve, text or metaball shows its surface as an instance of itself
+    is_itself = not instance.is_instance or (own.type != "MESH" and not counts[own.name])
+    counts[own.name] += instance.is_instance
+    return own.name if is_itself else f"{own.name} (instance {counts[own.name]})"
+
+
+def read_part(
+    instance: bpy.types.DepsgraphObjectInstance,
+    owner: bpy.types.Object,
+    name: str,
+    to_metres: Floats,
+    kept: Kept,
+) -> Part:
+    """Triangles, materials and texture of one instance, read while the iterator stands on it."""
+    shown = instance.object
+    shape = kept.shape(instance, owner)
+    matrix = to_metres @ np.array(instance.matrix_world, dtype=float)
+    if has_no_place(instance.matrix_world):
+        raise RigError("{told}", told=on_no_place(owner.name))
+    mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
+
+    return Part(
+        owner=owner,
+        name=name,
+        mesh=mesh,
+        drawn=shown.original,
+        materials=used_materials(shown, shape.slots),
+        texture=shape.texture,
+        n_dropped=n_dropped,
+        matrix=matrix,
+    )
+
+
+def shown_parts(
+    depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, is_left_out: LeftOut | None = None
+) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, bpy.types.Object]]:
+    """Instances with a role that are seen both in the viewport and
+    in renders, and the objects they have it from.
+
+    is_left_out : tells objects that are not looked at; None: those of rigs that are not active
+    """
+    is_left_out = is_left_out or elsewhere(scene)
+    shown = Shown(scene, depsgraph.view_layer)
+    # one object may make thousands of instances
+    is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
+
+    for instance in depsgraph.object_instances:
+        owner = role_owner(instance)
+        if owner is None or not instance.show_self:
+            continue
+
+        own = instance.object.original
+        top = (
+            instance.parent.original
+            if instance.is_instance and instance.parent is not None
+            else own
+        )
+        if is_left_out(owner) or is_left_out(top):
+            continue
+        if not (is_source_hidden(instance) or is_hidden(top)):
+            yield instance, owner
+
+
+def read_parts(
+    depsgraph: bpy.types.Depsgraph,
+    scene: bpy.types.Scene,
+    metres: float,
+    kept: Kept,
+    needed: tuple[str, ...] = (),
+    is_left_out: LeftOut | None = None,
+) -> tuple[list[Part], list[str]]:
+    """All parts with a role that are seen both in the viewport
+    and in renders; notes on those that are not.
+
+    is_left_out : as `shown_parts` has it
+
+    Raises RigError for an object with a role that can be no part of a
+    rig, and where all of a role that is needed are hidden, or missing from a library.
+    """
+    to_metres = np.diag([metres, metres, metres, 1.0])
+    parts: list[Part] = []
+    met: set[bpy.types.Object] = set()
+    counts: Counter[str] = Counter()
+    is_left_out = is_left_out or elsewhere(scene)
+    lost = find_lost()
+
+    for instance, owner in shown_parts(depsgraph, scene, is_left_out):
+        met.add(owner)
+        refuse_lost(lost, [owner])
+        check_body(owner)
+
+        if instance.object.type == "MESH":
+            part = read_part(instance, owner, part_name(instance, counts), to_metres, kept)
+            parts.append(replace(part, frame=scene.frame_current))
+
+    kept.end()
+    parts = without_hollows(parts, met)
+    unmet = unmet_parts(met, scene, depsgraph.view_layer, is_left_out)
+    placeholders = placeholders_of(scene) if lost else []
+    for role in needed:
+        check_some_are_shown(role, parts, unmet)
+    if any(role.remedy for role in ROLES if role.name in {*needed} - {one.role for one in parts}):
+        refuse_lost(lost, placeholders)
+
+    notes = [text for text, _ in on_lost(lost, placeholders)]
+    return parts, notes_on_parts(parts, met, unmet, scene) + notes
+
+
+def parts_by_role(
+    parts: list[Part], glasses: Collection[bpy.types.Object] = ()
+) -> dict[str, list[Part]]:
+    """Parts by the names of all roles; those of the objects `glasses` as glass."""
+    found: dict[str, list[Part]] = {role.name: [] for role in ROLES}
+    for part in parts:
+        found["GLASS" if part.owner in glasses else part.role].append(part)
+    return found
+
+
+def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:
+    """Parts with faces, and one empty part for each object that
+    shows none at all, for the rig's check to name.
+
+    An object that only makes instances is no such object, nor
+    is a metaball whose surface is that of its family.
+    """
+    full = [part for part in parts if len(part.mesh.triangles)]
+    empty = Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64))
+    names = sorted(o.name for o in met - {part.owner for part in full} if o.type != "META")
+    owners = {o.name: o for o in met}
+    return full + [Part(owners[name], name, empty) for name in names]
+
+
+def unmet_parts(
+    met: set[bpy.types.Object],
+    scene: bpy.types.Scene,
+    layer: bpy.types.ViewLayer,
+    is_left_out: LeftOut,
+) -> dict[bpy.types.Object, str]:
+    """Objects of the scene that have a role but no part
+    was met of, and the setting that hides each.
+    """
+    shown = Shown(scene, layer)
+    return {
+        o: shown.hidden_by(o)
+        for o in scene.objects
+        if o.kiriko.role != "NONE" and o not in met and not is_left_out(o)
+    }
+
+
+def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Object, str]) -> None:
+    """Raise RigError for the first object of a role of which there are some, but all hidden."""
+    hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
+    if hidden and not any(part.role == role for part in parts):
+        raise RigError("{phrase}.", phrase=hidden_words(*hidden[0]))
+
+
+def hidden_words(thing: bpy.types.Object, by: str) -> str:
+    """The trouble with an object that has a role and is
+    hidden, and the remedy, without a full stop.
+    """
+    can_do_without = any(role.is_missed for role in ROLES if role.name == thing.kiriko.role)
+    return Message(
+        "The {role} '{name}' is hidden{by}: show it{otherwise}",
+        role=next(role.noun for role in ROLES if role.name == thing.kiriko.role),
+        name=thing.name,
+        by=by,
+        otherwise=Message(", or set its role to None") if can_do_without else "",
+    )
+
+
+def notes_on_parts(
+    parts: list[Part],
+    met: set[bpy.types.Object],
+    unmet: dict[bpy.types.Object, str],
+    scene: bpy.types.Scene,
+) -> list[str]:
+    """Notes on parts left out: hidden objects, metaballs that have
+    no surface of their own, triangles without area.
+    """
+    notes = [
+        Message(
+            "'{name}' has the role {role} but is hidden{by}: left out.",
+            name=o.name,
+            role=role_label(o),
+            by=by,
+        )
+        if by
+        else Message(
+            "'{name}' has the role {role} but shows nothing: left out.",
+            name=o.name,
+            role=role_label(o),
+        )
+        for o, by in unmet.items()
+    ]
+    full = {part.owner for part in parts if len(part.mesh.triangles)}
+    notes += [
+        Message(
+            "The metaball '{name}' belongs to the family of another one: give the role to"
+            " the first of the family.",
+            name=o.name,
+        )
+        for o in scene.objects
+        if o in met - full and o.type == "META"
+    ]
+    notes += [
+        Message(
+            "'{name}' has {n} triangle{s} without area: left out.",
+            name=part.name,
+            n=part.n_dropped,
+            s="s" if part.n_dropped > 1 else "",
+        )
+        for part in parts
+        if part.n_dropped
+    ]
+
+    return notes

@@ -1,0 +1,241 @@
+"""Puts a calibration's result into the scene: objects
+moved, settings changed. All of it, or nothing.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...base.errors import RigError
+from ...bench.offset import along_with, part_motions, with_offset
+from ...image.flat_picture import view_of_picture
+from ...light.display import display_pixel
+from ...rig.rig import ROLES, WAVELENGTH, Display, Rig
+from ...rig.viewer import Viewer
+from ..data.stored_records import Offset
+from ..read.resize import is_animated
+from ..read.scene import Reading, length_of_unit, object_matrix
+
+# px of display and viewer: so near, in single precision, everything has to come to be as fitted
+FITTED_WITHIN_PX = 0.1
+FLOAT32_ERROR = 1e-6  # the error of numbers of about 1 in single precision
+PLACE = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
+
+
+@contextmanager
+def put_into_scene(
+    scene: bpy.types.Scene, reading: Reading, read: Callable[[], Reading]
+) -> Iterator[None]:
+    """Make the scene show the rig that a reading has with its
+    offset; the offset goes. Undone if the code within fails.
+
+    Parameters
+    ----------
+    read : reads the scene again; that has to give the same rig, or nothing is changed
+
+    Raises
+    ------
+    RigError : a part is gone, or held where it is by something
+        else: a constraint, an animation, a parent
+    """
+    _, unknown = with_offset(reading.drawn, Offset.read(scene.kiriko.calibration.offset).sets)
+    if unknown:
+        raise RigError(
+            "The calibration's offset names '{part}', which this rig does not have:"
+            " calibrate again, or remove the offset.",
+            part=unknown[0],
+        )
+
+    undo = _Undo()
+    try:
+        _move(scene, reading, undo)
+        _change(reading, undo)
+        undo.set(scene.kiriko.calibration, "offset", "")
+        _compare(read().rig, reading.rig)
+        yield
+    except BaseException:
+        undo.all()
+        bpy.context.view_layer.update()  # so that a script sees the objects where they are
+        raise
+
+
+class _Undo:
+    """Values as they were, to put back in the reverse order."""
+
+    def __init__(self) -> None:
+        self._before: list[tuple[Any, str, Any]] = []
+
+    def keep(self, owner: Any, *names: str) -> None:
+        for name in names:
+            value = getattr(owner, name)
+            self._before.append((owner, name, value[:] if hasattr(value, "__len__") else value))
+
+    def set(self, owner: Any, name: str, value: Any) -> None:
+        self.keep(owner, name)
+        setattr(owner, name, value)
+
+    def all(self) -> None:
+        for owner, name, value in reversed(self._before):
+            setattr(owner, name, value)
+
+
+def _object(name: str) -> bpy.types.Object:
+    thing = bpy.data.objects.get(name)
+    if thing is None:
+        raise RigError(
+            "'{name}' is an instance, and cannot be moved alone: keep the offset instead.",
+            name=name,
+        )
+
+    for block in (thing, thing.data):
+        if block is not None and not block.is_editable:
+            raise RigError(
+                "'{name}' is linked from another file, and would not stay as it is set:"
+                " keep the offset.",
+                name=name,
+            )
+
+        if block is not None and is_animated(block):
+            raise RigError(
+                "'{name}' is animated, and would not stay as it is set: keep the offset instead.",
+                name=name,
+            )
+
+    return thing
+
+
+def _move(scene: bpy.types.Scene, reading: Reading, undo: _Undo) -> None:
+    """Move objects of parts that are off, and the picture.
+
+    Parents first, for they take their children along.
+    """
+    motions = part_motions(reading.drawn, reading.rig)
+    moves = {name: (motion.rotation, motion.shift) for name, motion in motions.items()}
+
+    # the picture goes along with the viewer
+    for a, b in zip(reading.drawn.pictures, reading.rig.pictures, strict=True):
+        if a.mesh is not b.mesh:
+            moves[b.name] = along_with(reading.drawn.viewers[0], reading.rig.viewers[0])
+
+    targets = []
+    for name, (linear, shift) in moves.items():
+        thing = _object(name)
+        matrix = object_matrix(linear, shift, length_of_unit(scene))
+        depth, parent = 0, thing.parent
+        while parent is not None:
+            depth, parent = depth + 1, parent.parent
+        targets.append((depth, name, thing, Matrix(matrix @ np.array(thing.matrix_world, float))))
+
+    # from the outermost parent to the innermost child
+    for _, _, thing, target in sorted(targets, key=lambda entry: entry[:2]):
+        undo.keep(thing, *PLACE)
+        thing.matrix_world = target
+        bpy.context.view_layer.update()
+
+
+def _change(reading: Reading, undo: _Undo) -> None:
+    """Set indices, the make of plates, and the focal
+    length, where they are not as the scene has them.
+    """
+    for a, b in zip(reading.drawn.glasses, reading.rig.glasses, strict=True):
+        if a.ior.at(WAVELENGTH) != b.ior.at(WAVELENGTH):
+            ours = _object(b.name).kiriko
+            undo.set(ours, "use_ior", True)
+            undo.set(ours, "ior", b.ior.at(WAVELENGTH))
+
+    for a, b in zip(reading.drawn.plates, reading.rig.plates, strict=True):
+        if a.array != b.array:
+            ours = _object(b.name).kiriko.plate
+            undo.set(ours, "crossing_error", b.array.crossing_error)
+            undo.set(ours, "height", b.array.height / b.array.pitch)
+
+    for a, b in zip(reading.drawn.viewers, reading.rig.viewers, strict=True):
+        drawn, fitted = (np.ptp(viewer.window[:2]) for viewer in (a, b))
+        if drawn == fitted:
+            continue
+        lens = _object(b.name).data
+        if lens.type == "ORTHO":
+            undo.set(lens, "ortho_scale", lens.ortho_scale * fitted / drawn)
+        else:
+            undo.set(lens, "lens", lens.lens * drawn / fitted)
+
+
+def _compare(found: Rig, wanted: Rig) -> None:
+    """Raise RigError where a part is not as it is wanted, to a tenth of a pixel."""
+    pixel = display_pixel(wanted.display)
+
+    # parts: place and make
+    for role in (role for role in ROLES if role.kind is not None):
+        for a, b in zip(found.of(role), wanted.of(role), strict=True):
+            if np.abs(
+                a.mesh.vertices - b.mesh.vertices
+            ).max() > FITTED_WITHIN_PX * pixel or not _is_made_like(a, b):
+                raise _held(b.name)
+
+    for a, b in zip(found.viewers, wanted.viewers, strict=True):
+        if not _is_viewer_like(a, b, wanted.display):
+            raise _held(b.name)
+
+    # the picture, as the viewer sees its corners
+    uv = np.array([[0, 0], [1, 0], [0, 1], [1, 1.0]])
+    for a, b in zip(found.pictures, wanted.pictures, strict=True):
+        seen = view_of_picture(a.place, found.viewers[0], uv)
+        off = seen - view_of_picture(b.place, wanted.viewers[0], uv)
+        if np.abs(off).max() > FITTED_WITHIN_PX:
+            raise _held(b.name)
+
+
+def _is_viewer_like(found: Viewer, wanted: Viewer, display: Display) -> bool:
+    """Are the places and images of two viewers the same, to a tenth of a pixel?"""
+    # of a viewer pixel at unit distance, or of its plane
+    across = np.ptp(wanted.window[:2]) / wanted.width
+    reach = (
+        1.0
+        if wanted.projection == "perspective"
+        else np.abs(display.mesh.vertices - wanted.position).max()
+    )
+    off = np.abs(found.position - wanted.position).max()
+    turned = np.abs(found.axes - wanted.axes).max() * reach
+    zoomed = np.abs(np.subtract(found.window, wanted.window)).max()
+    return not (
+        off > FITTED_WITHIN_PX * display_pixel(display)
+        or max(turned, zoomed) > FITTED_WITHIN_PX * across
+    )
+
+
+def _held(name: str) -> RigError:
+    return RigError(
+        "'{name}' cannot be set as fitted, for a constraint, a parent or shared data moves"
+        " it: keep the offset instead.",
+        name=name,
+    )
+
+
+def _is_made_like(a: Any, b: Any) -> bool:
+    """Have two parts the same index, or mirrors, to single precision?"""
+    if hasattr(a, "ior"):
+        return abs(a.ior.at(WAVELENGTH) - b.ior.at(WAVELENGTH)) < FLOAT32_ERROR
+    if getattr(a, "array", None) is not None:
+        return abs(a.array.crossing_error - b.array.crossing_error) < FLOAT32_ERROR and (
+            abs(a.array.height - b.array.height) < FLOAT32_ERROR * a.array.pitch
+        )
+    return True
+
+
+@contextmanager
+def keep_offset(scene: bpy.types.Scene, offset: list[dict[str, float]]) -> Iterator[None]:
+    """Keep calibrations' results, amounts by the parameters'
+    names. Undone if the code within fails.
+    """
+    ours = scene.kiriko.calibration
+    before = ours.offset
+    ours.offset = Offset(offset).text()
+    try:
+        yield
+    except BaseException:
+        ours.offset = before
+        raise

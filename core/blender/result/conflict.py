@@ -1,0 +1,72 @@
+"""The conflict of several viewers as an image of the result, in colours that can be read."""
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Bools, Floats
+from ...files.encoding import linear_from_srgb
+from ..data.image import pack, set_pixels
+from ..data.rigs import name_for
+from .viridis import viridis
+from .write_result import has_size_of, let_go, replace_image, unpacked_image
+
+CONFLICT = "Kiriko Conflict"
+LEAST = {"px": 0.01, "white": 1 / 255}  # where the scale ends at least: below, it is rounding
+
+
+class Conflict(NamedTuple):
+    """How far apart is what several viewers ask of each display pixel.
+
+    of_pixel : (H, W)
+    is_asked : (H, W), by any of them
+    unit : "px", of the picture, where places are compared, "white" where colours are
+    """
+
+    of_pixel: Floats
+    is_asked: Bools
+    unit: str
+
+    @property
+    def largest(self) -> float:
+        """Of all pixels."""
+        return float(self.of_pixel.max(initial=0.0))
+
+
+def colours(conflict: Conflict) -> NDArray[np.float32]:
+    """Pixels (H, W, 3), linear: dark for 0, bright for the largest; black where nobody asks."""
+    end = max(conflict.largest, LEAST[conflict.unit])
+    shown = linear_from_srgb(viridis(conflict.of_pixel.ravel() / end))
+    shown = shown.reshape(*conflict.of_pixel.shape, 3)
+    return np.where(conflict.is_asked[..., None], shown, 0.0).astype(np.float32)
+
+
+def write_conflict(scene: bpy.types.Scene, conflict: Conflict | None, is_packed: bool) -> None:
+    """Have a result's image show a conflict, or none where there is none.
+
+    is_packed : saved within the file at once; else `pack_conflict` does it later
+    """
+    result = scene.kiriko.result
+    old = result.conflict
+    if conflict is None:
+        result.conflict = None
+        if old is not None:
+            let_go(result, old)
+        return
+
+    name, pixels = name_for(scene, CONFLICT), colours(conflict)
+    if is_packed:
+        result.conflict = replace_image(old, name, pixels)
+    elif has_size_of(old, pixels):
+        set_pixels(old, pixels)
+    else:
+        result.conflict = unpacked_image(old, name, pixels)
+
+
+def pack_conflict(scene: bpy.types.Scene) -> None:
+    """Save the image within the file, where it is not."""
+    image = scene.kiriko.result.conflict
+    if image is not None and image.is_dirty:
+        pack(image, image.name)

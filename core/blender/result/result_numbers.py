@@ -1,0 +1,95 @@
+"""The numbers of a solution, as a scene keeps them."""
+
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+import bpy
+
+from ...base.errors import one_line
+from ...base.messages import Message, joined
+from ...solve.solution import Solution, cost
+from ..data.stored_records import Ladder, Numbers
+from ..data.units import length_text
+from ..read.scene import Reading
+
+
+def numbers_of(
+    scene: bpy.types.Scene, reading: Reading, solution: Solution
+) -> tuple[dict[str, Any], list[str]]:
+    """Numbers of a solution, and notes for the user: made before anything is written."""
+    tolerance = scene.kiriko.tolerance
+    in_units = partial(length_text, scene)
+    notes = [
+        *reading.notes,
+        *(
+            Message(
+                "The material '{material}' of '{name}' has settings that are not followed:"
+                " {ignored}.",
+                material=read.material_name,
+                name=read.object_name,
+                ignored=joined(read.ignored, ", "),
+            )
+            for read in reading.materials
+            if read.ignored
+        ),
+        *(remark.told(in_units) for remark in solution.remarks),
+    ]
+    details = {
+        "warnings": [
+            one_line(remark.told(in_units)) for remark in solution.remarks if remark.is_warning
+        ],
+        "materials": [asdict(material) for material in reading.materials],
+        "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
+        "misses": solution.misses,
+        "misses_of_others": {one.viewer.name: one.misses for one in solution.channels[1:]},
+        "view_coverage": float(solution.first.view_coverage.mean()),
+        "display_coverage": float(solution.display_coverage.mean()),
+        "seconds": solution.seconds,
+        "rays": solution.n_rays,
+        "tessellation_error": solution.first.tessellation_error,
+        "plate": None if solution.first.plate is None else asdict(solution.first.plate),
+        "glare": None if solution.first.glare is None else solution.first.glare._asdict(),
+        "tolerance": tolerance,
+        "map_error": asdict(solution.first.map_error),
+        "total_seconds": sum(solution.seconds.values()),
+        "cost": costs(scene, solution.seconds, tolerance),
+        "used": list(solution.used),
+        "left_out": list(solution.left_out),
+        "display_size_m": None if reading.display_size is None else list(reading.display_size),
+        "resolution": [reading.rig.display.width, reading.rig.display.height],
+    }
+
+    return details, notes
+
+
+def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -> dict[str, Any]:
+    """The cost of a solve, of these seconds by part, at half and twice the tolerance (display px).
+
+    After one that traced nothing it is the costs of the solve before, whose cells it used.
+    """
+    before = Numbers.read(scene.kiriko.result.details).by_name
+    if "tracing" not in seconds:
+        return before.get("cost", {})
+
+    ladder = Ladder.read(scene.kiriko.result.ladder).rungs
+    others = {
+        name: {"tolerance": other, "seconds": cost(seconds, tolerance, other, ladder)}
+        for name, other in (("half", tolerance / 2), ("twice", tolerance * 2))
+    }
+    return {
+        "is_measured": bool(ladder),
+        **{k: v for k, v in others.items() if v["seconds"] is not None},
+    }
+
+
+def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> None:
+    """Keep a report's measurements, tolerances (display px) and
+    seconds, and tell the last result's costs by it.
+    """
+    result = scene.kiriko.result
+    result.ladder = Ladder(ladder).text()
+    details = Numbers.read(result.details).by_name
+    if "seconds" in details:  # Add Rig knows the legibility alone
+        details["cost"] = costs(scene, details["seconds"], details["tolerance"])
+        result.details = Numbers(details).text()

@@ -1,0 +1,323 @@
+"""A 3D view that looks through the viewer, in Cycles.
+
+All settings that are changed for it are kept as text, to be put back: in the scene, and those of
+objects and cameras on the things themselves, so that they are found under any later name. Blender's
+own answer to whether a view shows an object is as old as its last update, so nothing is left out
+because of it.
+"""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from secrets import token_hex
+from typing import Any
+
+import bpy
+
+from ..data.camera_viewer import frame_of, no_camera, viewer_of
+from ..data.changes import Change, change, put_back
+from ..data.rigs import elsewhere
+from ..data.screens import spaces, window_showing
+from ..data.stored_records import Changed
+from ..data.visibility import is_visible
+from ..preview.preview_settings import BOUNCES
+from .view_framing import Window, image_framed
+
+
+def widen(space: bpy.types.SpaceView3D) -> tuple[list[str], list[str]]:
+    """Have a view in local view show all objects; returns the names of those it showed alone, and
+    of all that it shows now: none for a view that is not in local view.
+    """
+    layer = _layer(space)
+    things = [] if layer is None else list(layer.objects)
+    own = [thing.name for thing in things if _shows(space, thing)]
+    for thing in things:
+        thing.local_view_set(space, True)
+    return own, [thing.name for thing in things]
+
+
+def narrow(space: bpy.types.SpaceView3D, names: Iterable[str], widened: Iterable[str]) -> None:
+    """Have a view that is still in local view show the objects of these names alone; all, where
+    none of them is left.
+
+    One that leaves out any of those that it was widened to is another local view, which the artist
+    has entered since: it stays.
+    """
+    layer = _layer(space)
+    if layer is None:
+        return
+    kept, then = set(names), set(widened)
+    for thing in layer.objects:
+        # of a type that this view shows not at all Blender 4.2 tells nothing
+        is_seen_else = getattr(space, f"show_object_viewport_{thing.type.lower()}", True)
+        is_ours = thing.name in then and is_seen_else and is_visible(thing, layer)
+        if is_ours and not _shows(space, thing):
+            return
+    if not kept.isdisjoint(layer.objects.keys()):
+        for thing in layer.objects:
+            thing.local_view_set(space, thing.name in kept)
+
+
+def _shows(space: bpy.types.SpaceView3D, thing: bpy.types.Object) -> bool:
+    """Does a view in local view show an object? Blender 4.2 says of none that it is in local view,
+    but whether it is seen.
+    """
+    return thing.local_view_get(space) or thing.visible_get(viewport=space)
+
+
+def _layer(space: bpy.types.SpaceView3D) -> bpy.types.ViewLayer | None:
+    """The view layer of which a view in local view shows objects; None for one that is in none, or
+    in no window.
+    """
+    window = None if space.local_view is None else window_showing(space)
+    return None if window is None else window.view_layer
+
+
+def is_dark(scene: bpy.types.Scene) -> bool:
+    """Are there no lights, and is the world black? Objects that shine are not asked."""
+    if any(thing.type == "LIGHT" and is_visible(thing) for thing in scene.objects):
+        return False
+    return scene.world is None or _is_black(scene.world)
+
+
+def _is_black(world: bpy.types.World) -> bool:
+    """Does a world give no light? One that is made of more nodes than a background may."""
+    has_nodes = bpy.app.version >= (5, 0) or world.use_nodes
+    if not has_nodes or world.node_tree is None:
+        return not any(world.color)
+
+    output = world.node_tree.get_output_node("CYCLES")
+    links = () if output is None else output.inputs["Surface"].links
+    if not links:
+        return True
+    node = links[0].from_node
+    if node.type != "BACKGROUND":
+        return False
+
+    color, strength = node.inputs["Color"], node.inputs["Strength"]
+    is_off = not strength.is_linked and strength.default_value == 0
+    return is_off or (not color.is_linked and not any(color.default_value[:3]))
+
+
+SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
+SCENE = {
+    "render.engine": "CYCLES",
+    "cycles.preview_samples": SAMPLES,
+    "cycles.use_preview_denoising": False,
+    "cycles.use_preview_adaptive_sampling": False,
+    "cycles.max_bounces": BOUNCES,
+    "cycles.glossy_bounces": BOUNCES,
+    "cycles.transmission_bounces": BOUNCES,
+    "cycles.transparent_max_bounces": BOUNCES,
+    "cycles.min_light_bounces": BOUNCES,
+    "cycles.min_transparent_bounces": BOUNCES,
+    "cycles.caustics_refractive": True,
+    "cycles.caustics_reflective": True,
+    "cycles.sample_clamp_direct": 0.0,
+    "cycles.sample_clamp_indirect": 0.0,
+}
+# leaves colours as they are exported; a colour configuration of the user's own has its views
+VIEW = {"view_settings.look": "None", "view_settings.view_transform": "Standard"}
+# of a picture's plane, which would stand before the light that makes the picture
+PLANE = dict.fromkeys(
+    (f"visible_{ray}" for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")), False
+)
+LOOKING_MARK = "kiriko_looking"  # on an object or a camera: key of the look, and its changes
+# of a view of a scene without light, in which nothing but the picture would be seen of the glass
+FAINT = {
+    "shading.use_scene_world_render": False,
+    "shading.studiolight_intensity": 0.1,
+    "shading.studiolight_background_alpha": 0.0,
+}
+LOCAL = "local view"  # objects that a view showed alone
+POSE = ("view_location", "view_rotation", "view_distance")  # which Blender moves with the camera
+
+
+def enter(scene: bpy.types.Scene, screen: str, space: Any, window: Window) -> None:
+    """Have a 3D view of a screen look through the scene's viewer; all of it, or nothing."""
+    viewer = viewer_of(scene)
+    if viewer is None:
+        raise no_camera()
+    key = token_hex(8)
+    kept = []
+    try:
+        kept += [["", *one] for one in change(scene, SCENE)]
+        with suppress(TypeError):
+            kept += [["", *one] for one in change(scene, VIEW)]
+        is_elsewhere = elsewhere(scene)
+        for thing in scene.objects:
+            if thing.kiriko.role == "NONE" or not thing.is_editable:
+                continue
+            if is_elsewhere(thing):  # it would stand in the light's way
+                _change(key, thing, {"hide_viewport": True})
+            elif thing.kiriko.role == "PICTURE":
+                _change(key, thing, PLANE)
+        _change(key, viewer, {})
+        if viewer.type == "CAMERA" and viewer.data.is_editable:
+            _change(key, viewer.data, {"show_passepartout": False})
+        kept += [[f"screen/{screen}", *one] for one in _enter_view(scene, viewer, space, window)]
+    except BaseException:
+        _put_back(scene, Changed(key, kept))
+        _put_things_back(key)
+        raise
+    scene.kiriko_scene.looking = Changed(key, kept).text()
+
+
+def _change(key: str, thing: bpy.types.ID, values: dict[str, Any]) -> None:
+    """Change an object or a camera, which keeps the changes itself.
+
+    Where another scene looks at it, too, that one's record goes on in this.
+    """
+    before = Changed.read(thing.get(LOOKING_MARK, "")).changes
+    changes = [*before, *map(list, change(thing, values))]
+    if thing.is_editable:
+        thing[LOOKING_MARK] = Changed(key, changes).text()
+
+
+def things(scene: bpy.types.Scene) -> list[tuple[bpy.types.ID, str]]:
+    """Objects and cameras that the look through the scene's viewer has marked, with their texts."""
+    return _marked(Changed.read(scene.kiriko_scene.looking).rig)
+
+
+def _marked(key: str) -> list[tuple[bpy.types.ID, str]]:
+    marked = [
+        (thing, thing[LOOKING_MARK])
+        for thing in (*bpy.data.objects, *bpy.data.cameras)
+        if LOOKING_MARK in thing
+    ]
+    return [(thing, text) for thing, text in marked if Changed.read(text).rig == key]
+
+
+def _put_things_back(key: str) -> None:
+    """Objects and cameras, and copies that were made of them meanwhile."""
+    for thing, text in _marked(key):
+        put_back(thing, Changed.read(text).changes)
+        del thing[LOOKING_MARK]
+
+
+def _enter_view(
+    scene: bpy.types.Scene, viewer: bpy.types.Object, space: Any, window: Window
+) -> list[Change]:
+    """Change a 3D view alone: the scene's own camera stays what it is."""
+    view = space.region_3d
+    pose = [(f"region_3d.{name}", _plain(getattr(view, name)), None) for name in POSE]
+    before = [space.use_local_camera, space.camera.name if space.camera else ""]
+    space.use_local_camera, space.camera = True, viewer
+    own, widened = widen(space)  # the viewer sees the display, too
+
+    zoom, offset = image_framed(frame_of(viewer, scene.render).size, window)
+    is_faint = space.shading.use_scene_world_render and is_dark(scene)
+    changes = change(
+        space,
+        {
+            "region_3d.view_perspective": "CAMERA",
+            "region_3d.view_camera_zoom": zoom,
+            "region_3d.view_camera_offset": offset,
+            "shading.type": "RENDERED",
+            "overlay.show_overlays": False,
+            **(FAINT if is_faint else {}),
+        },
+    )
+    local = [(LOCAL, own, widened)] if own else []
+    return [*pose, ("camera", before, viewer.name), *local, *changes]
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, float) else list(value)
+
+
+def leave(scene: bpy.types.Scene, is_loaded: bool = False) -> None:
+    """Put everything back that nobody has changed since.
+
+    is_loaded : from a file, in which Blender opens no view as Rendered, but as Solid
+    """
+    text, scene.kiriko_scene.looking = scene.kiriko_scene.looking, ""
+    kept = Changed.read(text)
+    if is_loaded:
+        changes = [
+            [place, path, before, "SOLID" if path == "shading.type" else after]
+            for place, path, before, after in kept.changes
+        ]
+        kept = Changed(kept.rig, changes)
+    _put_back(scene, kept)
+    _put_things_back(kept.rig)
+
+
+def views(scene: bpy.types.Scene) -> list[tuple[Any, bpy.types.Object | None]]:
+    """The 3D views that look through the viewer now, with their cameras."""
+    kept = Changed.read(scene.kiriko_scene.looking)
+    places = dict.fromkeys(place for place, *_ in kept.changes if place.startswith("screen/"))
+    return [(space, space.camera) for place in places for space in _owners(scene, place, kept)]
+
+
+def enter_again(
+    scene: bpy.types.Scene,
+    text: str,
+    again: list[tuple[Any, bpy.types.Object | None]],
+    marked: list[tuple[bpy.types.ID, str]],
+) -> None:
+    """Change scene, views and things once more, as after a file was saved without it."""
+    scene.kiriko_scene.looking = text
+    for thing, own in marked:
+        change(thing, {path: after for path, _, after in Changed.read(own).changes})
+        thing[LOOKING_MARK] = own
+    for space, camera in again:
+        space.use_local_camera, space.camera = True, camera
+
+    spaces_again = [space for space, _ in again]
+    for place, path, _, after in Changed.read(text).changes:
+        for owner in spaces_again if place.startswith("screen/") else [scene]:
+            if path == LOCAL:
+                widen(owner)
+            elif path != "camera" and after is not None:
+                change(owner, {path: after})
+
+
+def put_views_back(scene: bpy.types.Scene, text: str) -> None:
+    """Put the 3D views back alone, where undo has put back the scene."""
+    kept = Changed.read(text)
+    views_only = [one for one in kept.changes if one[0].startswith("screen/")]
+    _put_back(scene, Changed(kept.rig, views_only))
+
+
+def _put_back(scene: bpy.types.Scene, kept: Changed) -> None:
+    """By place, path, value before and after; the last one first.
+
+    A view that is another camera's by now is left, and one that
+    was turned away keeps the direction it has.
+    """
+    poses = [one for one in kept.changes if one[3] is None]
+    for place, path, before, after in reversed(kept.changes):
+        for owner in _owners(scene, place, kept):
+            if path == "camera":
+                owner.use_local_camera = before[0]
+                # a view without a camera of its own has, and would set, the scene's
+                is_local = before[0]
+                owner.camera = bpy.data.objects.get(before[1]) if is_local else scene.camera
+            elif path == LOCAL:
+                narrow(owner, before, after)
+            elif path == "region_3d.view_perspective":
+                _turn_back(owner, before, [one for one in poses if one[0] == place])
+            elif after is not None:
+                put_back(owner, [(path, before, after)])
+
+
+def _turn_back(space: Any, before: str, poses: list[list[Any]]) -> None:
+    if space.region_3d.view_perspective == "CAMERA":
+        space.region_3d.view_perspective = before
+        for _, path, value, _ in poses:
+            setattr(space.region_3d, path.removeprefix("region_3d."), value)
+
+
+def _owners(scene: bpy.types.Scene, place: str, kept: Changed) -> list[Any]:
+    """All that a place of the record stands for: the scene, or
+    those 3D views of a screen that look through the viewer.
+    """
+    if not place:
+        return [scene]
+
+    # a viewer that was renamed, or deleted since, or is none any more, is known, too
+    viewers = {None, viewer_of(scene)}
+    viewers |= {thing for thing, _ in _marked(kept.rig) if isinstance(thing, bpy.types.Object)}
+    viewers |= {bpy.data.objects.get(one[3]) for one in kept.changes if one[1] == "camera"}
+    screen = place.removeprefix("screen/")
+    return [s for s in spaces(screen) if s.use_local_camera and s.camera in viewers]

@@ -1,0 +1,95 @@
+"""Select a part of the rig, or show one that is hidden: the lists of panels name parts by these."""
+
+import bpy
+
+from ..core.base.errors import RigError
+from ..core.base.messages import Message
+from ..core.blender.data.visibility import is_visible, show
+from . import needed, telling
+
+
+class NamesPart:
+    """Mix-in for an operator on an object that its button names.
+
+    Names are one's own within a file; a linked object may have that of another one.
+    """
+
+    part: bpy.props.StringProperty(
+        name="Part", description="Name of the object", options={"SKIP_SAVE"}
+    )
+    library: bpy.props.StringProperty(
+        name="Library",
+        description="File that the object is linked from, as Blender has its path; empty: none",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needed.can_run(cls, [] if context.mode == "OBJECT" else [needed.LEAVE_EDIT_MODE])
+
+    def found(self, context: bpy.types.Context) -> bpy.types.Object:
+        """The object; RigError where there is none."""
+        thing = bpy.data.objects.get((self.part, self.library or None))
+        if thing is None:
+            raise RigError("There is no object '{name}' in this file any more.", name=self.part)
+        return thing
+
+
+def name_part(button: bpy.types.OperatorProperties, thing: bpy.types.Object) -> None:
+    """Have a button of such an operator name an object."""
+    button.part = thing.name
+    button.library = "" if thing.library is None else thing.library.filepath
+
+
+class KIRIKO_OT_select_part(NamesPart, bpy.types.Operator):
+    """Select this object, and no other"""
+
+    bl_idname = "kiriko.select_part"
+    bl_label = "Select Part"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            thing = _selectable(context, self.found(context))
+
+            for other in context.selected_objects:
+                other.select_set(False)
+            thing.select_set(True)
+            context.view_layer.objects.active = thing
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
+
+
+def _selectable(context: bpy.types.Context, thing: bpy.types.Object) -> bpy.types.Object:
+    """An object that is shown, or the one that shows it as an instance."""
+    shown = [other for other in context.view_layer.objects if is_visible(other)]
+    makers = [
+        other
+        for other in shown
+        if other.instance_collection is not None
+        and thing in set(other.instance_collection.all_objects)
+    ]
+    if thing in shown:
+        return thing
+    if not makers:
+        raise RigError("'{name}' is hidden: show it first.", name=thing.name)
+    return makers[0]
+
+
+class KIRIKO_OT_show_part(NamesPart, bpy.types.Operator):
+    """Show this object: switch on whatever hides it, also at its collections"""
+
+    bl_idname = "kiriko.show_part"
+    bl_label = "Show Part"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        with telling.told(self):
+            thing = self.found(context)
+            show(thing, context.scene, context.view_layer)
+            text = Message("'{name}' is shown in viewport and renders.", name=thing.name)
+            telling.report(self, "INFO", text)
+            return {"FINISHED"}
+
+        return {"CANCELLED"}
