@@ -62,7 +62,9 @@ def entries_of(locale: str, filled: Iterable[Message] = ()) -> dict[tuple[str, s
     filled : messages that Blender looks up as a whole, with their values
     """
     texts = texts_of(locale)
-    texts |= {str(message): message.told(lambda text: texts.get(text, text)) for message in filled}
+    texts |= {
+        str(message): message.sentence(lambda text: texts.get(text, text)) for message in filled
+    }
     return {(context, english): text for english, text in texts.items() for context in CONTEXTS}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.base.errors import RigError, one_line
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.base.words import listed, percent, summary
 from ..core.bench.initial_placement import Request, settle
 from ..core.bench.largest_square import ENOUGH
@@ -20,11 +20,11 @@ from ..core.bench.placement import rig_of as proposed_rig
 from ..core.blender.checks.inspect_scene import has_own_faces
 from ..core.blender.data.camera_viewer import Frame, frame_of_render
 from ..core.blender.data.rigs import has_roles, is_copy, rig_of, rigs, rigs_of
-from ..core.blender.data.stored_records import Numbers, Sentences
+from ..core.blender.data.stored_records import Sentences, StoredNumbers
 from ..core.blender.data.units import length_of_unit, length_text
-from ..core.blender.data.visibility import Shown
+from ..core.blender.data.visibility import VisibleObjects
 from ..core.blender.lifecycle.given_glass import has_place
-from ..core.blender.lifecycle.new_rig import Bench, glass_among, make_rig, on_left_out, read_bench
+from ..core.blender.lifecycle.new_rig import RigSite, glass_among, make_rig, on_left_out, read_bench
 from ..core.blender.read.elements import DEFAULT_IOR
 from ..core.blender.result.write_result import legibility_numbers
 from ..core.light.rays import BY_GAPS, REASON_WORDS, Reason
@@ -178,7 +178,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         is_straight = self.kind == "BEHIND_GLASS"
         things, layer = context.selected_objects, context.view_layer
         glasses = glass_among(things)
-        left_out = on_left_out(things, layer.objects.active, Shown(scene, layer))
+        left_out = on_left_out(things, layer.objects.active, VisibleObjects(scene, layer))
         _refuse_second(scene, glasses, is_straight)
         bench = read_bench(context, scene, glasses)
         wishes = _wishes(self, length_of_unit(scene))
@@ -197,7 +197,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         settings = work.settings_of(scene)
         steps = settle(request, proposal, lambda rig: work.session().plan(rig, settings))
         try:
-            proposal, spread = yield from within(steps, 0.05, 0.9)
+            proposal, spread = yield from subprogress(steps, 0.05, 0.9)
         except InsideGlassError as error:  # which names a camera that is not made yet
             name = error.message.values["glass"]
             raise RigError(
@@ -216,7 +216,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
             proposal = replace(proposal, display=min(needed, limit))
 
         rig = proposed_rig(proposal, bench.rig, viewer, pixels)
-        seen = yield from within(legible(rig, settings, is_watched=self.is_watched), 0.9, 1.0)
+        seen = yield from subprogress(legible(rig, settings, is_watched=self.is_watched), 0.9, 1.0)
 
         _remember(proposal, bench, limit, length_of_unit(scene))
         remarks = _on_materials(bench)
@@ -240,7 +240,7 @@ class KIRIKO_OT_add_rig(long_work.LongWork, bpy.types.Operator):
         return joined([text, *remarks, *_on_camera(scene)])
 
 
-def _remember(proposal: Proposal, bench: Bench, limit: float, metres: float) -> None:
+def _remember(proposal: Proposal, bench: RigSite, limit: float, metres: float) -> None:
     """Keep the lengths of a new rig, for the checkboxes of the next one.
 
     limit : m, of a display that is as wide as it has to be; 0 where its width was given
@@ -390,7 +390,7 @@ def _tell(
     result.summary, result.for_most = text, for_most
     result.notes = "\n".join(map(one_line, remarks))
     result.sentences = Sentences.of(text, remarks).text()
-    result.details = Numbers(numbers).text()
+    result.details = StoredNumbers(numbers).text()
 
 
 def _show(
@@ -404,7 +404,7 @@ def _show(
             view.screen, view.path, view.before, view.after = screen, path, before, after
 
 
-def _on_materials(bench: Bench) -> list[str]:
+def _on_materials(bench: RigSite) -> list[str]:
     """A sentence on each glass whose material does not refract."""
     return [
         Message(

@@ -7,7 +7,7 @@ import bpy
 
 from ..core.base.errors import ImageError
 from ..core.base.messages import Message
-from ..core.base.steps import finish, within
+from ..core.base.steps import run_steps, subprogress
 from ..core.files import disk, image_io
 from ..core.solve.comparison import Comparison, side_by_side
 from . import compared, long_work, needed, telling, work
@@ -26,8 +26,8 @@ def comparing(context: bpy.types.Context) -> Generator[float, None, compared.Com
     rig.check()
     settings = work.settings_of(scene)
     yield 0.0
-    solution = yield from within(work.session().solve(rig, settings), 0.0, 0.7)
-    return (yield from within(compared.comparing(scene, rig, solution, settings), 0.7, 1.0))
+    solution = yield from subprogress(work.session().solve(rig, settings), 0.0, 0.7)
+    return (yield from subprogress(compared.comparing(scene, rig, solution, settings), 0.7, 1.0))
 
 
 class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
@@ -45,7 +45,7 @@ class KIRIKO_OT_before_after(long_work.LongWork, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         is_on = context.window_manager.kiriko.show_comparison
         scene = context.scene
-        return is_on or needed.can_run(cls, needed.lacking(scene) + needed.pictureless(scene))
+        return is_on or needed.can_run(cls, needed.missing_parts(scene) + needed.pictureless(scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if context.window_manager.kiriko.show_comparison:
@@ -104,10 +104,10 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.end_with(context)
             use_bundled_modules()
             path = self.path()
@@ -120,7 +120,7 @@ class KIRIKO_OT_save_comparison(ToFile, bpy.types.Operator):
                     path=path,
                 )
 
-            made = finish(comparing(context)).comparison
+            made = run_steps(comparing(context)).comparison
             written = write(path, made, context.window_manager.kiriko)
             telling.report(self, "INFO", Message("Wrote '{written}'.", written=written))
             return {"FINISHED"}

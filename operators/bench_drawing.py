@@ -6,7 +6,7 @@ import bpy
 
 from ..core.base.messages import Message
 from ..core.files import disk
-from ..core.image.flat_picture import flat_way
+from ..core.image.flat_picture import flat_mapping
 from ..core.lab.calibrate.drawn import Lattice
 from ..core.lab.drawing.bench import draw_bench, draw_seen
 from ..core.rig.rig import Rig
@@ -31,7 +31,7 @@ def drawings(rig: Rig, lattice: Lattice, paper: str, name: str = NAME) -> dict[s
     """
     sheets = {name: draw_bench(rig, rig.viewer, paper)}
     place = rig.picture_place
-    if place.mesh is not None and flat_way(place, rig.viewer) is not None:
+    if place.mesh is not None and flat_mapping(place, rig.viewer) is not None:
         sheets[seen_name(name)] = draw_seen(rig, rig.viewer, lattice, paper)
     return sheets
 
@@ -68,10 +68,10 @@ class KIRIKO_OT_bench_drawing(ToFile, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.end_with(context)
             path = self.path()
             rig = work.read(context).rig

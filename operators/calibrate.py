@@ -11,12 +11,12 @@ import numpy as np
 from ..core.base.arrays import Floats
 from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, joined, quoted
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.bench.offset import parameters, with_amounts, with_offset
 from ..core.blender.data.camera_viewer import seats_of, viewer_of
 from ..core.blender.data.image import encoded_image
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
-from ..core.blender.data.stored_records import Numbers, Offset, Sentences
+from ..core.blender.data.stored_records import Offset, Sentences, StoredNumbers
 from ..core.blender.read.plane import plane_size
 from ..core.blender.result.applied_calibration import keep_offset, put_into_scene
 from ..core.blender.result.write_result import write_solution
@@ -25,7 +25,7 @@ from ..core.files.picture_file import read_photograph
 from ..core.image.flat_picture import view_of_picture
 from ..core.lab.calibrate.drawn import Lattice
 from ..core.lab.calibrate.file import check, check_picture, check_way, missing_borders, read_points
-from ..core.lab.calibrate.fit import Extra, Fit, extra_photographs, fit
+from ..core.lab.calibrate.fit import BenchFit, Extra, extra_photographs, fit
 from ..core.lab.calibrate.match import match
 from ..core.lab.calibrate.misalignment import FEWEST, Bench
 from ..core.lab.calibrate.photograph import find_points
@@ -53,7 +53,7 @@ class KIRIKO_OT_calibrate(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         path = self.filepath or context.scene.kiriko.calibration.filepath
@@ -79,7 +79,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     ours = context.scene.kiriko.calibration
     is_moved = ours.keep == "SCENE"
     digest = disk.digest(path)
-    found_before = Numbers.read(ours.found).by_name
+    found_before = StoredNumbers.read(ours.found).by_name
     if found_before.get("digest") == digest and found_before.get("kept") == "SCENE":
         raise RigError(
             "The scene has the result of '{file}' already: solve, and take another"
@@ -124,12 +124,12 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
     due = np.where(is_shown[:, None], expected, np.nan)
     measured, scale = measured_points(path, lattice, due, rig, tuple(ours.size))
     noise = ours.noise * scale
-    found = yield from within(fit(bench, measured, expect, noise), 0.05, 0.5)
-    extras = yield from within(extra_photographs(bench, found, expect, noise), 0.5, 0.6)
-    text = told(found)
+    found = yield from subprogress(fit(bench, measured, expect, noise), 0.05, 0.5)
+    extras = yield from subprogress(extra_photographs(bench, found, expect, noise), 0.5, 0.6)
+    text = fit_report(found)
     odd = [lattice.name(k) for k in np.flatnonzero(found.left_out)]
     about = {"measured": path.name, "digest": digest, "kept": ours.keep, "left_out": odd}
-    details = Numbers({**about, **as_data(bench, found, expect, extras)}).text()
+    details = StoredNumbers({**about, **as_data(bench, found, expect, extras)}).text()
     amounts = {parameter.name: float(x) for parameter, x in zip(among, found.amounts, strict=True)}
 
     if ours.keep == "NONE":
@@ -137,7 +137,7 @@ def calibrated(context: bpy.types.Context, reading: Any, path: Path) -> Generato
         return Message("{text} Nothing is kept of it.", text=text)
 
     fitted = replace(reading, rig=with_amounts(rig, amounts)[0])
-    solution = yield from within(work.session().solve(fitted.rig, settings), 0.6, 1.0)
+    solution = yield from subprogress(work.session().solve(fitted.rig, settings), 0.6, 1.0)
     kept = (
         put_into_scene(scene, fitted, lambda: work.read(context))
         if is_moved
@@ -215,7 +215,7 @@ def _scale(path: Path, size: Floats, viewer_size: Floats) -> Floats:
     return scale
 
 
-def told(found: Fit) -> str:
+def fit_report(found: BenchFit) -> str:
     """A fit in a sentence."""
     n = int(found.left_out.sum())
     odd = (
@@ -234,7 +234,9 @@ def told(found: Fit) -> str:
     )
 
 
-def as_data(bench: Bench, found: Fit, tolerances: Floats, extras: list[Extra]) -> dict[str, Any]:
+def as_data(
+    bench: Bench, found: BenchFit, tolerances: Floats, extras: list[Extra]
+) -> dict[str, Any]:
     """All of a fit as plain data, for the panel and for JSON."""
     names = [parameter.name for parameter in bench.parameters]
     alike, still = found.groups()
@@ -310,7 +312,7 @@ class KIRIKO_OT_lattice_picture(bpy.types.Operator):
         scene = context.scene
         ours = context.scene.kiriko.calibration
 
-        with telling.told(self):
+        with telling.errors_reported(self):
             lattice = Lattice(ours.columns, ours.rows, ours.margin)
             style = ours.style.lower()
 
@@ -352,11 +354,13 @@ class KIRIKO_OT_apply_calibration(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, without_offset(context.scene) + needed.lacking(context.scene))
+        return needed.can_run(
+            cls, without_offset(context.scene) + needed.missing_parts(context.scene)
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         n = len(Offset.read(context.scene.kiriko.calibration.offset).sets)
-        with telling.told(self):
+        with telling.errors_reported(self):
             reading = work.read(context)
             reading.rig.check()
             is_current = not watch.has_changed(context)

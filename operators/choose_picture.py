@@ -63,7 +63,7 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
         return needed.can_run(cls, [] if film_shown(context) else [NO_FILM])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             image, timing = film_shown(context)
             scene = context.scene
             if rate := rate_of(image):
@@ -85,7 +85,7 @@ class KIRIKO_OT_use_film(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-def lacking(context: bpy.types.Context) -> list[str]:
+def why_no_picture(context: bpy.types.Context) -> list[str]:
     """Why there is no picture whose image or shape could be another."""
     if context.mode != "OBJECT":
         return [needed.LEAVE_EDIT_MODE]
@@ -113,7 +113,7 @@ class ChoosePicture:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, lacking(context))
+        return needed.can_run(cls, why_no_picture(context))
 
     def choose(
         self, context: bpy.types.Context, image: bpy.types.Image, timing: Timing | None = None
@@ -193,7 +193,7 @@ class KIRIKO_OT_choose_picture(ChoosePicture, bpy.types.Operator):
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             image = bpy.data.images.get((self.image, self.library or None))
             if image is None:
                 raise ImageError(
@@ -240,7 +240,7 @@ class KIRIKO_OT_open_picture(EndsWithRig, ChoosePicture, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.end_with(context)
             known = set(bpy.data.images)
             image, timing = _opened(context, self.filepath, [file.name for file in self.files])
@@ -304,7 +304,7 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        reasons = lacking(context)
+        reasons = why_no_picture(context)
         if not reasons:
             try:
                 if not squeezed_words(shown_as(context, the_picture(context))):
@@ -315,7 +315,7 @@ class KIRIKO_OT_fit_picture(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         picture = the_picture(context)
-        with telling.told(self):
+        with telling.errors_reported(self):
             try:
                 before = fit(context, picture)
             except RigError as why:

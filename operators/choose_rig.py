@@ -45,7 +45,7 @@ def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
     live.settle(scene)
     proposal.drop()
     scene.kiriko_scene.rig = rig
-    look_over.look_again(scene)
+    look_over.inspect_again(scene)
     sketcher.erase(scene)
     redraw()
 
@@ -53,14 +53,14 @@ def choose(scene: bpy.types.Scene, rig: bpy.types.Collection) -> None:
 def tick() -> float:
     """Called by the timer."""
     try:
-        look()
+        follow_selection()
     except Exception as error:
         telling.sentence(error, "The choice of the rig")  # prints errors that were not foreseen
         return PATIENCE
     return TICK
 
 
-def look() -> None:
+def follow_selection() -> None:
     """Have the rig of the active object be active, in each scene that is shown.
 
     Where windows show a scene in several view layers, the first one counts. A rig that is looked
@@ -100,7 +100,7 @@ class KIRIKO_OT_choose_rig(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             choose_by_name(context, self.rig)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -124,7 +124,7 @@ class KIRIKO_OT_part_copies(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             rig = active_rig(context.scene)
             context.view_layer.update()  # their places tell which belong together
             things = meant_copies(context.scene, rig, context.selected_objects)

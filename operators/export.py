@@ -9,7 +9,7 @@ from ..core.base.messages import Message
 from ..core.blender.data.image import pixels_from_image
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.data.reports import said_by
-from ..core.blender.data.stored_records import Numbers
+from ..core.blender.data.stored_records import StoredNumbers
 from ..core.files import disk, image_io
 from . import needed, telling, watch
 from .choose_rig import EndsWithRig
@@ -106,7 +106,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         self.begin_with(context.scene)
         ask = context.window_manager.invoke_confirm
 
-        with telling.told(self):
+        with telling.errors_reported(self):
             is_stale = not self.allow_stale and watch.has_changed(context)
             # the path is relative to a file that was never saved
             is_nowhere = not bpy.data.filepath and (
@@ -182,7 +182,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
         if self.is_to_ask:
             return self._ask_where()
 
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.end_with(context)
             ours = context.scene.kiriko
             if not self.allow_stale and watch.has_changed(context):
@@ -191,7 +191,7 @@ class KIRIKO_OT_export(EndsWithRig, bpy.types.Operator):
                     " allow_stale=True."
                 )
 
-            details = Numbers.read(ours.result.details).by_name
+            details = StoredNumbers.read(ours.result.details).by_name
             size = details.get("display_size_m")
             use_bundled_modules()
             form = self._form(context)

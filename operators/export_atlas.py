@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..core.base.errors import ImageError, KirikoError
 from ..core.base.messages import CONTEXT, Message
 from ..core.base.numbers import number
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.base.words import percent
 from ..core.blender.data.camera_viewer import seats_of
 from ..core.blender.data.paths import absolute
-from ..core.blender.data.stored_records import Numbers
+from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.data.units import length_of_unit
 from ..core.files import image_io
 from ..core.lab.atlas import atlas as atlas_plan
@@ -63,7 +63,7 @@ def estimate(scene: bpy.types.Scene, box: HeadBox, most: int, has_images: bool) 
             "Each takes up to {mb} MB, {all} MB for these.", mb=number(size), all=number(n * size)
         )
     )
-    details = Numbers.read(scene.kiriko.result.details).by_name
+    details = StoredNumbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in details.get("seconds", {}) or "total_seconds" not in details:
         told.append(Message("Solve the rig anew to see here how long each takes."))
         return told
@@ -117,7 +117,7 @@ def _save_image(
     image_io.write(path, pixels, "PNG8", size=size, gamma=gamma)
 
 
-def told(atlas: Atlas, target: Path) -> Message:
+def atlas_report(atlas: Atlas, target: Path) -> Message:
     """The sentence at the end of an atlas that was checked."""
     found = atlas.checked
     return Message(
@@ -273,7 +273,7 @@ def _make(arguments: argparse.Namespace, making: Making) -> Generator[str, None,
     if not arguments.plan:
         steps = atlases.whole(making, atlas, arguments.most)
         atlas = yield from to_folder.told_in_tenths(steps)
-        yield told(atlas, arguments.out)
+        yield atlas_report(atlas, arguments.out)
 
 
 def _make_some(arguments: argparse.Namespace, making: Making) -> Generator[str, None, None]:
@@ -299,7 +299,7 @@ def _check(arguments: argparse.Namespace, making: Making) -> Generator[str, None
         steps = atlases.checked(making, atlas, arguments.check)
         atlas = yield from to_folder.told_in_tenths(steps)
         atlases.refuse_too_coarse(atlas)
-    yield told(atlas, arguments.out)
+    yield atlas_report(atlas, arguments.out)
 
 
 def _check_job(making: Making, box: HeadBox, tolerance: float, most: int) -> None:
@@ -427,10 +427,10 @@ class KIRIKO_OT_export_atlas(IntoFolder, bpy.types.Operator):
                 options = options_of(box, self.tolerance, self.most, self.images)
                 job = export_job.atlas_job(options, self.shares, overwrite)
                 names = export_job.write(target, job, [], overwrite, remedy)
-                return export_job.told(names, target)
+                return export_job.bundle_report(names, target)
 
             steps = atlas_plan.planned(making, box, self.tolerance, self.most, overwrite, remedy)
-            atlas = yield from within(steps, 0.0, PLANNED)
+            atlas = yield from subprogress(steps, 0.0, PLANNED)
             report(self, "INFO", Message("{atlas}; Esc stops it.", atlas=amount(atlas)))
-            atlas = yield from within(atlases.whole(making, atlas, self.most), PLANNED, 1.0)
-        return told(atlas, target)
+            atlas = yield from subprogress(atlases.whole(making, atlas, self.most), PLANNED, 1.0)
+        return atlas_report(atlas, target)

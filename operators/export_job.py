@@ -27,12 +27,12 @@ from ..core.lab.farm.job import (
     KIRIKO,
     OUT,
     AtlasJob,
-    Choice,
     Job,
+    TaskChoice,
     asset_references,
     parameter_values,
 )
-from ..core.light.mesh_cache import Kept
+from ..core.light.mesh_cache import MeshCache
 from ..core.solve.first_picture import check_light
 from . import folder, needed, telling, work
 from .set_value import having
@@ -47,7 +47,7 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
     A rig that is whole at one frame at least, or with one of the values, is good enough. Nothing of
     the scene is changed in the end.
     """
-    kept = Kept()  # glass is made ready once for all viewers
+    kept = MeshCache()  # glass is made ready once for all viewers
     for rig in [one.value for one in job.rigs] or [None]:
         with naming_rig(rig), _chosen(context.scene, rig):
             for viewer in [one.value for one in job.viewers] or [None]:
@@ -55,7 +55,7 @@ def check_rigs(context: bpy.types.Context, job: Job) -> None:
                     _check_one(context, job, kept)
 
 
-def _check_one(context: bpy.types.Context, job: Job, kept: Kept) -> None:
+def _check_one(context: bpy.types.Context, job: Job, kept: MeshCache) -> None:
     """Raise the first of the errors, where each of the job's tasks for a rig has one."""
     first = None
     for value in [one.value for one in job.values] or [None]:
@@ -144,12 +144,12 @@ def _of_file() -> tuple[str, str, str]:
     return f"Kiriko {Path(name).stem}", name, extension.manifest()["version"]
 
 
-def choices(values: list[str]) -> tuple[Choice, ...]:
+def choices(values: list[str]) -> tuple[TaskChoice, ...]:
     """Values with a folder for each."""
-    return tuple(map(Choice, values, folder.names_for(values)))
+    return tuple(map(TaskChoice, values, folder.names_for(values)))
 
 
-def all_rigs(context: bpy.types.Context) -> tuple[Choice, ...]:
+def all_rigs(context: bpy.types.Context) -> tuple[TaskChoice, ...]:
     """All rigs of the scene."""
     return choices([rig.name for rig in rigs(context.scene)])
 
@@ -222,7 +222,7 @@ def _refuse_results(target: Path) -> None:
         )
 
 
-def told(names: list[str], target: Path) -> Message:
+def bundle_report(names: list[str], target: Path) -> Message:
     """The sentence at the end of a bundle."""
     return Message("Wrote {names} to '{folder}'.", names=", ".join(names), folder=target)
 
@@ -295,7 +295,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.directory:
@@ -319,7 +319,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
         layout.prop(context.scene.kiriko, "export_overwrite")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             if not self.directory:
                 raise ImageError("The job has no folder: choose one.")
             target = absolute(self.directory)
@@ -337,7 +337,7 @@ class KIRIKO_OT_export_job(bpy.types.Operator):
             overwrite = self.overwrite or context.scene.kiriko.export_overwrite
             with folder.made(target):
                 names = write(target, job, [], overwrite, Message("set Overwrite"))
-            telling.report(self, "INFO", told(names, target))
+            telling.report(self, "INFO", bundle_report(names, target))
             return {"FINISHED"}
         return {"CANCELLED"}
 

@@ -15,7 +15,7 @@ from ..core.base.errors import ImageError
 from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.blender.data.paths import absolute
 from ..core.files import disk, image_io
 from ..core.lab.farm import extension
@@ -102,7 +102,7 @@ def exported(
         for k, wavelength in enumerate(wavelengths):
             of_it = names[k * each : (k + 1) * each]
             steps = _written(new, rig, replace(settings, wavelength=wavelength), options, of_it)
-            told += yield from within(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
+            told += yield from subprogress(steps, MAPPED * k / n, MAPPED * (k + 1) / n)
         # undo, or another file, may have taken the scene away meanwhile: nothing is written then
         about = {**_about(scene, rig, settings, options), "maps": told}
         disk.write_text(new() / SIDECAR, json.dumps(about, indent=2) + "\n")
@@ -123,12 +123,12 @@ def _written(
 
     Yields progress 0..1, returns what maps.json tells of each.
     """
-    solution = yield from within(work.session().solve(rig, settings), 0.0, SOLVED)
+    solution = yield from subprogress(work.session().solve(rig, settings), 0.0, SOLVED)
     told = []
     n = len(names)
     for k, (channel, forms) in enumerate(zip(solution.channels, names, strict=True)):
         start, stop = (SOLVED + (1 - SOLVED) * i / n for i in (k, k + 1))
-        maps = yield from within(maps_of(channel, options), start, stop)
+        maps = yield from subprogress(maps_of(channel, options), start, stop)
         write_maps(new(), forms, maps, ABOUT)
         told.append(description(channel, maps, forms))
         yield stop

@@ -10,11 +10,11 @@ import numpy as np
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined
 from ..core.base.numbers import number
-from ..core.base.steps import Pauses, at, within
+from ..core.base.steps import Steps, hold_progress, subprogress
 from ..core.base.words import percent
 from ..core.blender.data.camera_viewer import seats_of
 from ..core.blender.data.made_objects import made_surface, shown_quads, surface_object
-from ..core.blender.data.stored_records import Numbers
+from ..core.blender.data.stored_records import StoredNumbers
 from ..core.blender.data.units import length_of_unit, length_text
 from ..core.lab.calibrate.visible_range import SURVEY, visible_range
 from ..core.lab.measure.head_box import as_data, check_box, head_box
@@ -74,7 +74,7 @@ class KIRIKO_OT_visible_range(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene
@@ -177,7 +177,7 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         check_limit(self.limit)
@@ -188,15 +188,15 @@ class KIRIKO_OT_eye_box(long_work.LongWork, bpy.types.Operator):
         walk = Walk(work.session().plan(rig, work.settings_of(scene)), self.limit, self.share)
         yield 0.0
         viewer = rig.viewers[0].name
-        yield from at(0.02, begin(walk))
-        box = yield from within(walk.box(), 0.02, FOUND)
-        surface = yield from within(surface_of(walk, box), FOUND, SURFACE)
-        served = yield from within(_served(walk.plan), SURFACE, 1.0)
+        yield from hold_progress(0.02, begin(walk))
+        box = yield from subprogress(walk.box(), 0.02, FOUND)
+        surface = yield from subprogress(surface_of(walk, box), FOUND, SURFACE)
+        served = yield from subprogress(_served(walk.plan), SURFACE, 1.0)
         positions = surface.positions / length_of_unit(scene)
         off = {DISPLACEMENT: surface.off}
         thing = surface_object(scene, EYE_BOX, positions, surface.triangles, off)
         numbers = {**numbers_of(box, viewer), **served}
-        thing[NUMBERS], thing[MADE_FOR] = Numbers(numbers).text(), made_for
+        thing[NUMBERS], thing[MADE_FOR] = StoredNumbers(numbers).text(), made_for
         if not bpy.app.background:
             framing.bring_into_sight(context, thing)  # it is around the viewer, far from the bench
         told = Message(
@@ -229,7 +229,7 @@ def of_blended(scene: bpy.types.Scene) -> list[Message]:
     return [BLENDED] if is_blended else []
 
 
-def begin(walk: Walk) -> Pauses[None]:
+def begin(walk: Walk) -> Steps[None]:
     """Begin a walk; RigError where nothing is seen to begin with, OffFromStartError where the limit
     is exceeded already.
     """
@@ -271,7 +271,7 @@ def numbers_of(box: EyeBox, viewer: str) -> dict[str, Any]:
 
 def box_of(surface: bpy.types.Object | None) -> dict[str, Any] | None:
     """The numbers that a surface keeps; None where there is none."""
-    return None if surface is None else Numbers.read(surface.get(NUMBERS, "")).by_name or None
+    return None if surface is None else StoredNumbers.read(surface.get(NUMBERS, "")).by_name or None
 
 
 def served_in_words(box: dict[str, Any]) -> list[Message]:

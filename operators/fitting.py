@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, joined
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.base.words import listed, percent
 from ..core.bench.part_sizes import Fitted, Wanted, fit_display, fit_picture, fit_plate
 from ..core.bench.picture_light import MOST
@@ -53,7 +53,7 @@ class FitsPart(long_work.LongWork):
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
-        reasons = needed.lacking(context.scene)
+        reasons = needed.missing_parts(context.scene)
         if not reasons and not needed.has_part(context.scene, cls.role):
             noun = next(role.noun for role in ROLES if role.name == cls.role)
             reasons = [Message("The rig has no {role}", role=noun)]
@@ -68,7 +68,7 @@ class FitsPart(long_work.LongWork):
         yield 0.05
 
         steps = type(self).fit(rig, lambda rig: work.session().plan(rig, settings), wanted, number)
-        fitted = yield from within(steps, 0.05, 1.0)
+        fitted = yield from subprogress(steps, 0.05, 1.0)
         metres = length_of_unit(scene)
         is_moved = bool(np.abs(fitted.shift).max() > SAME * fitted.width)
         if abs(fitted.size - 1) < SAME and not is_moved:

@@ -18,19 +18,19 @@ import bpy
 
 from ..core.base.errors import ImageError, KirikoError, RigError
 from ..core.base.messages import Message, joined
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.blender.data import movie
 from ..core.blender.data.image import size_of
 from ..core.blender.data.moving import OfMovie, Reel
 from ..core.blender.data.paths import absolute
 from ..core.blender.data.scene_frames import folder_of, frame_files, frame_kept, frames_of_range
 from ..core.blender.read.scene import Reading
-from ..core.blender.read.shapes import Kept
+from ..core.blender.read.shapes import ShapeCache
 from ..core.files import disk, image_io
 from ..core.files.frame_list import frames_of
 from ..core.image.test_card import card
 from ..core.lab.farm.job import LOG, logged
-from ..core.light.mesh_cache import Kept as KeptGlass
+from ..core.light.mesh_cache import MeshCache as KeptGlass
 from ..core.solve.session import Session
 from ..core.solve.solution import Solution
 from . import choose_picture, folder, long_work, look_over, needed, telling, watch, windows, work
@@ -110,7 +110,7 @@ class Tally:
         """Number of files that were written."""
         return len(self.files)
 
-    def told(self, folder: Path) -> Message:
+    def sentence(self, folder: Path) -> Message:
         """In one or more sentences."""
         parts = [
             Message(
@@ -150,7 +150,7 @@ class Tally:
 class Keeps:
     """All that is kept from frame to frame."""
 
-    shapes: Kept = field(default_factory=Kept)
+    shapes: ShapeCache = field(default_factory=ShapeCache)
     session: Session = field(default_factory=lambda: Session(KeptGlass(is_exact=True)))
 
 
@@ -191,7 +191,7 @@ def solved(
                         tally.stale.append(frame)
                 continue
             try:
-                yield from within(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n)
+                yield from subprogress(_one(context, keeps, frame, run, tally), k / n, (k + 1) / n)
             finally:
                 if run.placeholders:
                     disk.give_up(path)
@@ -290,7 +290,7 @@ def _log(path: Path, line: dict[str, Any], began: float, **rest: object) -> None
 
 
 @contextmanager
-def _open_reel(kept: Kept) -> Iterator[None]:
+def _open_reel(kept: ShapeCache) -> Iterator[None]:
     """Have movies stay open meanwhile."""
     kept.reel = Reel()
     try:
@@ -300,7 +300,7 @@ def _open_reel(kept: Kept) -> Iterator[None]:
 
 
 @contextmanager
-def _news_for(kept: Kept) -> Iterator[None]:
+def _news_for(kept: ShapeCache) -> Iterator[None]:
     """Hand Blender's news of changes on, meanwhile."""
 
     def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
@@ -363,9 +363,9 @@ def made(
     if not wish.overwrite:
         folder.refuse_existing(wish.file.parent, [wish.file.name], remedy)
 
-    yield from within(solved(context, run, tally), 0.0, SOLVED)
+    yield from subprogress(solved(context, run, tally), 0.0, SOLVED)
     if tally.failed or tally.others:
-        raise RigError("The movie would lack frames: {told}", told=tally.told(wish.file.parent))
+        raise RigError("The movie would lack frames: {told}", told=tally.sentence(wish.file.parent))
     if tally.stale:
         raise RigError("{reason}", reason=tally.stale_words)
     files = list(run.files.values())
@@ -409,7 +409,7 @@ def _test_card(
     return movie.Card(file, n, (name, numbers, wish.file.name))
 
 
-def told(wish: Wish, run: Run) -> Message:
+def movie_report(wish: Wish, run: Run) -> Message:
     """The movie, in a sentence."""
     return Message(
         "Wrote '{file}', {n} frames in {codec}.",
@@ -434,7 +434,8 @@ class OfFrames(long_work.LongWork):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return needed.can_run(
-            cls, needed.lacking(context.scene) + unwritable(context.scene.kiriko.export_format)
+            cls,
+            needed.missing_parts(context.scene) + unwritable(context.scene.kiriko.export_format),
         )
 
     @contextmanager
@@ -474,7 +475,7 @@ class KIRIKO_OT_solve_animation(OfFrames, bpy.types.Operator):
         with self.run_of(context) as run:
             yield from solved(context, run, self.tally)
             self.level = "WARNING" if self.tally.failed or self.tally.of_movies else "INFO"
-            return self.tally.told(next(iter(run.files.values())).parent)
+            return self.tally.sentence(next(iter(run.files.values())).parent)
 
 
 class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
@@ -500,4 +501,4 @@ class KIRIKO_OT_export_movie(OfFrames, bpy.types.Operator):
             if warning := choose_picture.other_rate(context):
                 remarks.append(Message("But {warning}.", warning=warning))
             self.level = "WARNING" if remarks else "INFO"
-            return joined([told(wish, run), *remarks])
+            return joined([movie_report(wish, run), *remarks])

@@ -250,7 +250,7 @@ class KIRIKO_OT_live(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        reasons = (needed.linked, needed.lacking, needed.pictureless)
+        reasons = (needed.linked, needed.missing_parts, needed.pictureless)
         lacks = [] if follows(scene) else [one for why in reasons for one in why(scene)]
         return needed.can_run(cls, lacks)
 

@@ -19,7 +19,7 @@ from ..core.base.messages import Message
 from ..core.blender.data.rigs import rig_uid
 from ..core.blender.read.nested_glass import reasons
 from ..core.blender.read.scene import Reading
-from ..core.blender.read.shapes import Kept
+from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result.conflict import write_conflict
 from ..core.blender.result.on_display import MATERIAL_MARK, is_on_display
 from ..core.blender.result.result_images import images_of
@@ -53,7 +53,7 @@ NOTICE = 0.05  # s for the status bar to be drawn before a long step begins
 
 
 @dataclass(frozen=True)
-class Step:
+class NextStep:
     """The next step: words for the status bar, the key of its duration, a guess at that, s."""
 
     phrase: str
@@ -83,12 +83,12 @@ class Live:
         self.seconds: tuple[float, float] | None = None
         self._shown_at: list[float] = []  # when, the pictures of the update under way
         self.longest: dict[str, float] = {}  # s by phrase of the step
-        self.kept = Kept()
+        self.kept = ShapeCache()
         self.ours: set[int] = set()  # session uids of the datablocks that we write to
         self.progress: float | None = None  # 0..1, of a picture that takes a while
         self._text = ""
         self._told: set[int] = set()  # session uids of the workspaces that have the text
-        self._lasted: dict[Step, float] = {}
+        self._lasted: dict[NextStep, float] = {}
         # s of tracing and painting, by kind of rig
         self._whole_lasted: dict[tuple[object, ...], float] = {}
         self._settings: tuple[object, ...] = ()
@@ -101,7 +101,7 @@ class Live:
 
     def start_over(self) -> None:
         """Take everything for changed, as after undo, which may have put back the image, too."""
-        self.kept = Kept()
+        self.kept = ShapeCache()
         self._drop()
         self._key, self._may_keep = None, False
         self.problem = ""  # of a scene that may be another now
@@ -184,18 +184,18 @@ class Live:
 
     def _drop(self) -> None:
         # a generator is closed when nothing holds it
-        self._work: Generator[Step, None, None] | None = None
-        self._pending: Step | None = None
+        self._work: Generator[NextStep, None, None] | None = None
+        self._pending: NextStep | None = None
         self._has_picture, self.progress = False, None
 
-    def _upcoming(self) -> Step | None:
+    def _upcoming(self) -> NextStep | None:
         """The next single step. A first picture is not given up for
         a newer change, or a drag would never show any.
         """
         if self.is_changed and (self._work is None or self._has_picture):
-            return Step(READING, (self.kept.is_whole,))
+            return NextStep(READING, (self.kept.is_whole,))
         if (self._pending is None or self._has_picture) and self._is_to_compare:
-            return Step(GLASS, (*_sizes(self._reading.rig),))
+            return NextStep(GLASS, (*_sizes(self._reading.rig),))
         return self._pending
 
     @property
@@ -206,7 +206,7 @@ class Live:
             return False
         return before is None or _glass_of(now) != _glass_of(before)
 
-    def _do(self, step: Step, context: bpy.types.Context) -> None:
+    def _do(self, step: NextStep, context: bpy.types.Context) -> None:
         started = perf_counter()
         try:
             if step.phrase == READING:
@@ -274,7 +274,7 @@ class Live:
             and not compared.is_shown(scene)
         )
 
-    def _update(self, scene_uid: int, settings: Settings) -> Generator[Step, None, None]:
+    def _update(self, scene_uid: int, settings: Settings) -> Generator[NextStep, None, None]:
         """Solve and write, coarse and then finer; yields each single step before it is done."""
         started = perf_counter()
         self._shown_at = []
@@ -304,7 +304,7 @@ class Live:
                 continue  # a coarse viewer may miss light that the rig's own sees
             if not is_last:
                 yield from self._show(found, update_coarse)
-        yield Step(WRITING, (rig.display.width, rig.display.height))
+        yield NextStep(WRITING, (rig.display.width, rig.display.height))
         update_solution(scene_by_uid(scene_uid), self._reading, found)
         if self.n_pictures == n_before:  # it was not shown before its numbers
             self._note_shown()
@@ -329,7 +329,7 @@ class Live:
 
     def _solve(
         self, rig: Rig, settings: Settings, is_built: bool, is_last: bool, tells: bool
-    ) -> Generator[Step, None, Any]:
+    ) -> Generator[NextStep, None, Any]:
         """The solution, or a coarse source image alone. Names each
         step before it, and the time that it may take.
 
@@ -347,9 +347,9 @@ class Live:
         phrase = Message("solving") if is_built else Message("solving for changed glass")
         # solved with these sizes before, it may take a step
         # more than then, which is no reason to speak
-        guess = 0.0 if Step(phrase, (*sizes, 0)) in self._lasted else 2 * LONG
+        guess = 0.0 if NextStep(phrase, (*sizes, 0)) in self._lasted else 2 * LONG
         while True:
-            yield Step(phrase, (*sizes, n), guess)
+            yield NextStep(phrase, (*sizes, n), guess)
             try:
                 progress = next(steps)
             except StopIteration as end:
@@ -369,13 +369,13 @@ class Live:
 
     def _show(
         self, pixels: NDArray[np.float32], update: Callable[..., Reading]
-    ) -> Generator[Step, None, None]:
+    ) -> Generator[NextStep, None, None]:
         """Show a source image without numbers: these follow once nothing changes.
 
         update : `update_coarse` or `update_final`
         """
         display = self._reading.rig.display
-        yield Step(WRITING, (display.width, display.height))
+        yield NextStep(WRITING, (display.width, display.height))
         pixels = enlarged(pixels, display.width, display.height)
         self._reading = update(scene_by_uid(self.uid), self._reading, pixels)
         self._note_shown()
@@ -391,11 +391,11 @@ class Live:
 
     def _stepped(
         self, phrase: str, steps: Generator[float, None, Any]
-    ) -> Generator[Step, None, Any]:
+    ) -> Generator[NextStep, None, Any]:
         """Long work on the last solution; names each step before it."""
         n = 0
         while True:
-            yield Step(phrase, (*_sizes(self._reading.rig), n))
+            yield NextStep(phrase, (*_sizes(self._reading.rig), n))
             try:
                 next(steps)
             except StopIteration as end:

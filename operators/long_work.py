@@ -14,10 +14,10 @@ from typing import TypeVar
 import bpy
 
 from ..core.base.messages import Message, as_message
-from ..core.base.steps import finish
+from ..core.base.steps import run_steps
 from ..core.blender.data.rigs import active_rig
 from . import live, needed, work
-from .telling import in_words, report, told
+from .telling import errors_reported, in_words, report
 
 VIEWS = re.compile(
     r"view3d\.(rotate|move|zoom|dolly|smoothview|ndof_\w+"
@@ -167,9 +167,9 @@ class LongWork:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with told(self):
+        with errors_reported(self):
             self._begin(context)
-            text = finish(_at_pointer(context, self.bl_label, self.steps(context)))
+            text = run_steps(_at_pointer(context, self.bl_label, self.steps(context)))
             report(self, self.level, text)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -211,7 +211,7 @@ class LongWork:
         end = perf_counter() + TURN
         is_done = False
 
-        with told(self, self.stays):
+        with errors_reported(self, self.stays):
             try:
                 if self._rig is not None:
                     self._rig.name  # noqa: B018 - undo, which may have replaced it, ends the work

@@ -27,7 +27,7 @@ from ..core.blender.checks.inspect_scene import (
 from ..core.blender.checks.to_do import Entry, Inspection, is_first
 from ..core.blender.data.rigs import rig_uid
 from ..core.blender.data.units import length_text
-from ..core.blender.read.shapes import Kept, reshaped
+from ..core.blender.read.shapes import ShapeCache, reshaped
 from . import needed, telling, watch, windows, work
 
 TICK = 0.2  # s between two turns
@@ -98,7 +98,7 @@ def is_looking(scene: bpy.types.Scene) -> bool:
     return scene.session_uid in _looked and not _looked[scene.session_uid].is_whole
 
 
-def look_again(scene: bpy.types.Scene) -> None:
+def inspect_again(scene: bpy.types.Scene) -> None:
     """Have the timer look a scene over at once, for another of its rigs is active."""
     if scene.session_uid in _looked:
         _looked[scene.session_uid].asked, _looked[scene.session_uid].rests_until = True, 0.0
@@ -113,7 +113,7 @@ def look_now(context: bpy.types.Context) -> list[Entry]:
 
 def read_to_solve(context: bpy.types.Context) -> Any:
     """The scene as it is read, with its fingerprint for the result, and findings in the notes."""
-    kept = Kept()
+    kept = ShapeCache()
     reading = work.read(context, kept)
     notes = tuple(dict.fromkeys([*reading.notes, *findings(context)]))
     return replace(reading, notes=notes, solved_for=work.scene_now(context, kept).as_text())
@@ -158,7 +158,7 @@ def _seen(looked: Looked, scene: bpy.types.Scene) -> Inspection:
         found,
         needed.missing_of(scene, found),
         looked.meshes,
-        watch.is_told_changed(scene),
+        watch.is_reported_changed(scene),
     )
     return replace(look, is_followed=watch.is_followed(scene))
 

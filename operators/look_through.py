@@ -234,7 +234,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
         if scene.kiriko_scene.looking:
             return True
 
-        reasons = list(needed.lacking(scene))
+        reasons = list(needed.missing_parts(scene))
         if not hasattr(scene, "cycles"):
             reasons.insert(0, Message("It needs Cycles: enable the add-on Cycles Render Engine"))
         if view_of(context) is None:
@@ -242,7 +242,7 @@ class KIRIKO_OT_look_through(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             scene = context.scene
             if scene.kiriko_scene.looking:
                 leave(scene)

@@ -58,7 +58,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
         return needed.can_run(cls, [] if is_there else [NOTHING])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             things = [self.found(context)] if self.part else _chosen(context)
             if not things or not all(map(can_be_given, things)):
                 raise RigError("{reason}.", reason=NOTHING)

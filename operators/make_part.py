@@ -7,7 +7,7 @@ import bpy
 
 from ..core.base.errors import KirikoError, RigError
 from ..core.base.messages import Message
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.bench.part_sizes import fit_display, fit_picture
 from ..core.bench.placement import Stand, rectangle, stand_of
 from ..core.blender.data.camera_viewer import is_deleted
@@ -22,7 +22,7 @@ from ..core.blender.lifecycle.rig_objects import (
     make_plate,
     make_viewer,
 )
-from ..core.blender.read.places import KeptPlaces, read_places
+from ..core.blender.read.places import PlaceCache, read_places
 from ..core.rig.rig import ROLES, Display, PicturePlace, Rig
 from . import long_work, needed, telling, work
 from .mend import MendsPart
@@ -50,7 +50,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
     def steps(self, context: bpy.types.Context) -> Generator[float, None, Message]:
         scene, metres = context.scene, length_of_unit(context.scene)
         context.view_layer.update()
-        rig = read_places(context.evaluated_depsgraph_get(), scene, KeptPlaces())
+        rig = read_places(context.evaluated_depsgraph_get(), scene, PlaceCache())
         role = next(role for role in ROLES if role.name == self.role)
         if rig.of(role):
             raise RigError("The rig has a {noun} already.", noun=role.noun)
@@ -61,7 +61,7 @@ class KIRIKO_OT_make_part(long_work.LongWork, bpy.types.Operator):
         yield 0.05
 
         side = width if self.role == "DISPLAY" else stand.side
-        side *= yield from within(self._fitted(scene, rig, stand, pixels, width), 0.05, 1.0)
+        side *= yield from subprogress(self._fitted(scene, rig, stand, pixels, width), 0.05, 1.0)
         thing = self._made(scene, stand, side, pixels, metres)
         context.view_layer.update()
         if self.role == "VIEWER":

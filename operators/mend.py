@@ -43,7 +43,7 @@ class MendsPart(NamesPart):
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             thing = self.found(context)
             if not self.may_be_linked:
                 _check_own(thing, thing)
@@ -282,7 +282,7 @@ class KIRIKO_OT_rescale_scene(bpy.types.Operator):
             length=length_text(context.scene, unit),
             factor=f"{self.factor:g}",
         )
-        with telling.told(self):
+        with telling.errors_reported(self):
             if _keep_bench(context, before, unit):
                 text = joined([text, Message("The rig's own parts keep sizes that can be built.")])
             telling.report(self, "INFO", text)

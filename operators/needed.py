@@ -10,7 +10,7 @@ from ..core.blender.checks.inspect_scene import CHECKED, why_no_own_image, why_n
 from ..core.blender.data.bodies import NO_PART, bodiless, no_part
 from ..core.blender.data.camera_viewer import instanced_viewers, is_deleted, own_images, viewer_of
 from ..core.blender.data.rigs import active_rig, elsewhere, mark_of
-from ..core.blender.data.visibility import Shown, instance_hidden_by, is_visible
+from ..core.blender.data.visibility import VisibleObjects, instance_hidden_by, is_visible
 from ..core.blender.lifecycle.rig_objects import PLATE_NAME
 from ..core.blender.read.scene_parts import LeftOut, hidden_words
 from ..core.blender.result.result_images import lacks_numbers
@@ -99,7 +99,7 @@ def _parts_among(
 ) -> Parts:
     is_left_out = is_left_out or elsewhere(scene)
     found: Parts = {}
-    shown = Shown(scene, layer_of(scene))
+    shown = VisibleObjects(scene, layer_of(scene))
     seen: set[tuple[bpy.types.Object, bool]] = set()
     todo = [(thing, True, "") for thing in candidates]
     while todo:
@@ -229,7 +229,7 @@ def missing_of(scene: bpy.types.Scene, found: Parts) -> dict[str, str]:
     return lacks
 
 
-def lacking(scene: bpy.types.Scene) -> list[str]:
+def missing_parts(scene: bpy.types.Scene) -> list[str]:
     """Missing parts that cannot be there all the same, for modifiers may instance objects from
     anywhere in a file; then parts that are too many, or can be none.
     """

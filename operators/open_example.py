@@ -84,7 +84,7 @@ class KIRIKO_OT_open_example(bpy.types.Operator):
 
     def _open(self, how: str) -> set[str]:
         path = path_of(self.example)
-        with telling.told(self):
+        with telling.errors_reported(self):
             # as a startup file: Save asks for a name, and the example stays as it is
             _asked[:] = [self.example]
             bpy.ops.wm.read_homefile(how, filepath=str(path), load_ui=False)

@@ -53,7 +53,7 @@ class KIRIKO_OT_open_manual(bpy.types.Operator):
         import webbrowser
 
         page = pages() / "index.html"
-        with telling.told(self):
+        with telling.errors_reported(self):
             if not webbrowser.open(page.as_uri()):
                 raise KirikoError("No browser was found: open the file '{page}'.", page=page)
             return {"FINISHED"}

@@ -49,7 +49,7 @@ class KIRIKO_OT_select_part(NamesPart, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             thing = _selectable(context, self.found(context))
 
             for other in context.selected_objects:
@@ -85,7 +85,7 @@ class KIRIKO_OT_show_part(NamesPart, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             thing = self.found(context)
             show(thing, context.scene, context.view_layer)
             text = Message("'{name}' is shown in viewport and renders.", name=thing.name)

@@ -42,7 +42,7 @@ class GivesProduct:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             given = self.given(context, context.active_object)
             work.forget_report(context.scene)
             telling.report(self, "INFO" if given.is_whole else "WARNING", given.text)
@@ -161,7 +161,7 @@ class KIRIKO_OT_glass_preset(bpy.types.Operator):
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             given = give_glass(_chosen(context), GLASSES[self.preset])
             telling.report(self, "INFO", joined([one.text for one in given]))
             return {"FINISHED"}
@@ -270,7 +270,7 @@ class KIRIKO_OT_add_plate_material(bpy.types.Operator):
         metres = length_of_unit(context.scene)
         material = None
 
-        with telling.told(self):
+        with telling.errors_reported(self):
             if not is_new:
                 self._check(thing)
             material = (None if is_new else _own_material(thing, metres)) or _material(

@@ -74,7 +74,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        reasons = needed.linked(scene) + needed.unsolved(scene) + needed.lacking(scene)
+        reasons = needed.linked(scene) + needed.unsolved(scene) + needed.missing_parts(scene)
         if not hasattr(scene, "cycles"):
             reasons.insert(
                 0, Message("The preview needs Cycles: enable the add-on Cycles Render Engine")
@@ -84,7 +84,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self), self._prepare(context) as preview:
+        with telling.errors_reported(self), self._prepare(context) as preview:
             preview.render()
             self._finish(preview)
             return {"FINISHED"}
@@ -115,7 +115,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self._preview is None:
             if event.type == "TIMER":
-                with telling.told(self):
+                with telling.errors_reported(self):
                     self._start(context)
                     return {"RUNNING_MODAL"}
                 self.cancel(context)
@@ -125,7 +125,7 @@ class KIRIKO_OT_preview(EndsWithRig, bpy.types.Operator):
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}
         try:
-            with telling.told(self):
+            with telling.errors_reported(self):
                 if self._preview.is_rendered:
                     self._finish(self._preview)
                     return {"FINISHED"}

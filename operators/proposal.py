@@ -11,7 +11,7 @@ from mathutils import Matrix
 from ..core.base.arrays import Floats
 from ..core.base.errors import RigError
 from ..core.base.messages import Message, as_message, joined
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.base.words import percent
 from ..core.bench.best_place import BestPlace, Limits, best_place, turn_back, turn_of
 from ..core.bench.measured_remedies import shifts_by, way_to_glass
@@ -168,7 +168,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        with telling.told(self):
+        with telling.errors_reported(self):
             proposal = current(context.scene)
             refuse_changed(context, proposal)
             return context.window_manager.invoke_props_dialog(
@@ -184,7 +184,7 @@ class KIRIKO_OT_take_proposal(bpy.types.Operator):
                 self.layout.label(text=line, translate=False)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             proposal = current(context.scene)
             make(context, proposal)
             drop()
@@ -245,7 +245,7 @@ class Proposes(long_work.LongWork):
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "OBJECT":
             return needed.can_run(cls, [needed.LEAVE_EDIT_MODE])
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def proposed(
         self, context: bpy.types.Context
@@ -343,7 +343,7 @@ class KIRIKO_OT_best_place(Proposes, bpy.types.Operator):
         yield 0.02
 
         steps = best_place(rig, lambda rig: work.session().plan(rig, settings), limits)
-        found = yield from within(steps, 0.02, 1.0)
+        found = yield from subprogress(steps, 0.02, 1.0)
         if not found.is_better:
             return Message(
                 "The picture stands in the best place within these limits: {share} of it arrives.",
@@ -417,7 +417,7 @@ class KIRIKO_OT_turn_back(Proposes, bpy.types.Operator):
         yield 0.02
 
         steps = turn_back(rig, lambda rig: work.session().plan(rig, settings), self.limit)
-        found = yield from within(steps, 0.02, 1.0)
+        found = yield from subprogress(steps, 0.02, 1.0)
         values = {
             "angle": np.degrees(found.angle),
             "axis": _axis_words(found.turn, rig.viewer.axes),

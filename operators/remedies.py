@@ -3,10 +3,10 @@
 from collections.abc import Generator
 
 from ..core.base.fingerprint import fingerprint
-from ..core.base.steps import within
-from ..core.bench.measured_remedies import Help, Helps, legible_by, what_helps
+from ..core.base.steps import subprogress
+from ..core.bench.measured_remedies import Help, Remedies, find_remedies, legible_by
 from ..core.blender.checks.checklist import REMEDIES, WORTH
-from ..core.light.mesh_cache import Kept
+from ..core.light.mesh_cache import MeshCache
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from ..core.solve.legibility import READABLE, card_legibility
@@ -18,14 +18,14 @@ SECONDS = 4.0  # that the search may take: most take one
 
 def remedies_for(
     rig: Rig, settings: Settings, solution: Solution
-) -> Generator[float, None, Helps | None]:
+) -> Generator[float, None, Remedies | None]:
     """Remedies for the light that a solution lost, None where it is not worth one; yields
     progress 0..1.
     """
     if not any(solution.misses.get(reason, 0.0) >= WORTH for reason in REMEDIES):
         return None
     session = work.session()
-    return (yield from what_helps(rig, lambda rig: session.plan(rig, settings), SECONDS))
+    return (yield from find_remedies(rig, lambda rig: session.plan(rig, settings), SECONDS))
 
 
 def legible(
@@ -37,11 +37,11 @@ def legible(
     key = fingerprint(rig.light_keys, rig.picture_place, settings.of_optics, is_watched)
     known = work.legible()
     if key not in known:  # another picture in the same place is as legible
-        kept, helps = Kept(), ()
+        kept, helps = MeshCache(), ()
         work.session().lend(kept)
-        found = yield from within(card_legibility(rig, settings, kept), 0.0, 0.2)
+        found = yield from subprogress(card_legibility(rig, settings, kept), 0.0, 0.2)
         if found < READABLE and is_watched:
-            helps = yield from within(legible_by(rig, settings, found, kept), 0.2, 1.0)
+            helps = yield from subprogress(legible_by(rig, settings, found, kept), 0.2, 1.0)
         known.clear()
         known[key] = found, helps
     return known[key]

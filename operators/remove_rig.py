@@ -39,7 +39,7 @@ class KIRIKO_OT_remove_rig(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             rig = rig_to_remove(context)
             refuse_shared(context.scene, rig)
             if context.scene.kiriko_scene.looking:

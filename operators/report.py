@@ -18,7 +18,7 @@ import numpy as np
 
 from ..core.base.errors import ImageError, KirikoError
 from ..core.base.messages import Message, joined
-from ..core.base.steps import at, finish, within
+from ..core.base.steps import hold_progress, run_steps, subprogress
 from ..core.bench.part_sizes import plane_of
 from ..core.blender.data.paths import RELATIVE_PATH, absolute
 from ..core.blender.result.result_numbers import write_ladder
@@ -41,7 +41,7 @@ from ..core.lab.measure.head_range import LEAST, LIMIT, Walk
 from ..core.lab.measure.two_eyes import pair_of, two_eyes
 from ..core.lab.measure.viewer_errors import sharpness, viewer_reports
 from ..core.lab.measure.work_precision import BUDGET, Ladders, WorkPrecision, measure
-from ..core.light.mesh_cache import Kept
+from ..core.light.mesh_cache import MeshCache
 from ..core.rig.rig import Plate, Rig
 from ..core.rig.settings import Disagreement, Settings
 from ..core.solve.picture_coverage import check_seen
@@ -152,7 +152,7 @@ def beside(
     for name, label, is_there, steps, end in parts:
         if is_there:
             try:
-                told, drawings = yield from within(steps, start, end)
+                told, drawings = yield from subprogress(steps, start, end)
             except Exception as error:
                 found.errors[label] = error
                 missing = found.numbers.setdefault("missing", {})
@@ -173,8 +173,8 @@ def _seen_by_each(
     as after a solve; no drawing. Yields progress 0..1.
     """
     settings = work.settings_of(context.scene)
-    solution = yield from within(work.session().solve(rig, settings), 0.0, 0.9)
-    told = yield from within(reports_of(solution, settings), 0.9, 1.0)
+    solution = yield from subprogress(work.session().solve(rig, settings), 0.0, 0.9)
+    told = yield from subprogress(reports_of(solution, settings), 0.9, 1.0)
     found.of_viewers = told.numbers
     if CONFLICT in told.numbers:
         found.numbers[CONFLICT] = told.numbers[CONFLICT]
@@ -185,7 +185,7 @@ def _two_eyes_of(
     context: bpy.types.Context, rig: Rig
 ) -> Generator[float, None, tuple[dict[str, Any], dict[str, str]]]:
     """How a pair of eyes sees the picture: numbers and a drawing. Yields progress 0..1."""
-    kept = Kept()
+    kept = MeshCache()
     work.session().lend(kept)
     eyes = yield from two_eyes(rig, work.settings_of(context.scene), kept=kept)
     return pairs.as_data(eyes), {pairs.FILE: pairs.as_svg(rig, eyes)}
@@ -214,10 +214,10 @@ def ways_to_settle(
     for k, way in enumerate(ways):
         settings = replace(work.settings_of(context.scene), disagreement=way)
         start, half, end = ((k + part) / len(ways) for part in (0.0, 0.5, 1.0))
-        sharp = yield from within(sharpness(session, rig, settings), start, half)
+        sharp = yield from subprogress(sharpness(session, rig, settings), start, half)
         of_viewer = {viewer.name: mtf for viewer, mtf in zip(rig.viewers, sharp, strict=True)}
-        solution = yield from within(session.solve(rig, settings), half, end)
-        reports = yield from within(viewer_reports(solution), end, end)
+        solution = yield from subprogress(session.solve(rig, settings), half, end)
+        reports = yield from subprogress(viewer_reports(solution), end, end)
         told[way] = [{**asdict(one), "mtf50_per_px": of_viewer[one.viewer]} for one in reports]
     return told, {}
 
@@ -228,9 +228,9 @@ def eye_box_of(
     """The eye box of a rig and its curves: numbers and a drawing. Yields progress 0..1."""
     plan = work.session().plan(rig, work.settings_of(context.scene))
     walk = Walk(plan, limit, least)
-    yield from at(0.02, begin(walk))
-    box = yield from within(walk.box(), 0.02, FOUND)
-    curves = yield from within(head_range.curves_of(walk, box), FOUND, 1.0)
+    yield from hold_progress(0.02, begin(walk))
+    box = yield from subprogress(walk.box(), 0.02, FOUND)
+    curves = yield from subprogress(head_range.curves_of(walk, box), FOUND, 1.0)
     viewer = rig.viewer.name
     drawing = head_range.as_svg(box, viewer, curves)
     return head_range.as_data(box, viewer, curves), {head_range.FILE: drawing}
@@ -354,8 +354,8 @@ def measured(
             read=lambda: work.read(context),
             write=save if _can_write() else None,
         )
-        found = yield from within(steps, 0.0, MEASURED)
-    return found, (yield from within(beside(context, rig), MEASURED, 1.0))
+        found = yield from subprogress(steps, 0.0, MEASURED)
+    return found, (yield from subprogress(beside(context, rig), MEASURED, 1.0))
 
 
 def _can_write() -> bool:
@@ -382,7 +382,7 @@ def write(
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
     }
-    view = finish(plate_view(work.session().plan(rig, settings)))
+    view = run_steps(plate_view(work.session().plan(rig, settings)))
     if view is not None:
         about["plate"] = asdict(view)
 
@@ -429,7 +429,7 @@ class KIRIKO_OT_report(long_work.LongWork, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        return needed.can_run(cls, needed.linked(scene) + needed.lacking(scene))
+        return needed.can_run(cls, needed.linked(scene) + needed.missing_parts(scene))
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
         scene = context.scene

@@ -27,7 +27,7 @@ NAMES = re.compile(
 ONE_OF_SEVERAL = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
-class _Found(NamedTuple):
+class _FoundProperty(NamedTuple):
     """A property that can be set: whose it is, its name there, and which of its numbers is meant,
     None where it has but one value.
     """
@@ -123,7 +123,7 @@ def _set(path: str, text: str) -> Message:
     return Message("'{path}' is {value} now", path=path, value=found.value)
 
 
-def _found(path: str) -> _Found:
+def _found(path: str) -> _FoundProperty:
     """The property of a path."""
     place, _, last = NAMES.sub(_in_quotes, path.removeprefix("bpy.data.")).rpartition(".")
     words = ONE_OF_SEVERAL.fullmatch(last)
@@ -147,7 +147,7 @@ def _found(path: str) -> _Found:
             n=n_numbers,
             last=n_numbers - 1,
         )
-    return _Found(owner, name, int(index) if index else None)
+    return _FoundProperty(owner, name, int(index) if index else None)
 
 
 def _in_quotes(found: re.Match[str]) -> str:

@@ -206,7 +206,7 @@ class KIRIKO_OT_show_window(bpy.types.Operator):
         return needed.can_run(cls, reasons)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             image = shown_result(context.scene).source
             for window in show_windows():
                 if size_of(window) == tuple(image.size):
@@ -240,7 +240,7 @@ class KIRIKO_OT_show_image(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         result = context.scene.kiriko.result
-        with telling.told(self):
+        with telling.errors_reported(self):
             found = [image for image in images_of(result) if image.name == self.image]
             if not found:
                 raise RigError(

@@ -41,7 +41,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
-        reasons = needed.unsolved(scene) + needed.lacking(scene) + needed.no_plate(scene)
+        reasons = needed.unsolved(scene) + needed.missing_parts(scene) + needed.no_plate(scene)
         return needed.can_run(cls, reasons)
 
     def steps(self, context: bpy.types.Context) -> Generator[float, None, str]:
@@ -73,7 +73,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         text = Message(
             "The image '{image}' shows what the viewer sees{more}.",
             image=image.name,
-            more=told(found),
+            more=simulation_report(found),
         )
         result.seen_summary = text
         kept = Sentences.read(result.sentences).by_text
@@ -85,7 +85,7 @@ class KIRIKO_OT_simulate(long_work.LongWork, bpy.types.Operator):
         return joined([text, watch.CHANGED])
 
 
-def told(found: Simulation) -> str:
+def simulation_report(found: Simulation) -> str:
     """How much of the light is none of the picture's, and how large the noise is."""
     whole = sum(found.luminance.values())
     if not whole:

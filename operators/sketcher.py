@@ -17,12 +17,12 @@ from bpy.app.handlers import persistent
 from ..core.base.errors import KirikoError
 from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message
-from ..core.base.steps import Pauses
+from ..core.base.steps import Steps
 from ..core.bench.sketch import Sketch, sketching
 from ..core.blender.data.units import length_of_unit
-from ..core.blender.read.places import KeptPlaces, read_places
-from ..core.light.compile_plan import planning
-from ..core.light.mesh_cache import Kept
+from ..core.blender.read.places import PlaceCache, read_places
+from ..core.light.compile_plan import compile_plan_steps
+from ..core.light.mesh_cache import MeshCache
 from ..core.light.plan import Plan
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
@@ -41,7 +41,7 @@ DONE = object()
 
 
 @dataclass(frozen=True, eq=False)
-class Drawing:
+class SketchDrawing:
     """A sketch, as a scene shows it.
 
     metres : length of a Blender unit, m, in which the scene was read
@@ -65,9 +65,9 @@ class Sketched:
     key, plan_key : of all that was drawn last, and of the plan
     """
 
-    kept: KeptPlaces = field(default_factory=KeptPlaces)
-    light: Kept = field(default_factory=Kept)
-    drawing: Drawing | None = None
+    kept: PlaceCache = field(default_factory=PlaceCache)
+    light: MeshCache = field(default_factory=MeshCache)
+    drawing: SketchDrawing | None = None
     changed_at: float | None = field(default_factory=monotonic)
     old_since: float | None = None
     is_faint: bool = False
@@ -129,14 +129,14 @@ class Sketched:
         self.lasted[self.is_short] = max(self.lasted.get(self.is_short, 0.0), seconds)
         self.ended_at = monotonic()
 
-    def planning(self, rig: Rig, settings: Settings) -> Pauses[Plan]:
+    def planning(self, rig: Rig, settings: Settings) -> Steps[Plan]:
         """Make a rig that was checked ready to be traced. Another
         viewer or picture needs nothing made ready.
         """
         key = _key(replace(rig, viewers=(), pictures=()), settings)
         if self.plan is None or key != self.plan_key:
             work.session().lend(self.light)
-            self.plan = yield from planning(rig, settings, self.light)
+            self.plan = yield from compile_plan_steps(rig, settings, self.light)
             self.plan_key = key
         return replace(self.plan, rig=rig, viewer=rig.viewers[0])
 
@@ -144,7 +144,7 @@ class Sketched:
 _sketched: dict[int, Sketched] = {}  # by session uid of the scene
 
 
-def drawing_of(scene: bpy.types.Scene) -> Drawing | None:
+def drawing_of(scene: bpy.types.Scene) -> SketchDrawing | None:
     """What is to be drawn over a scene, as far as it is known by now."""
     sketched = _sketched.get(scene.session_uid)
     return None if sketched is None else sketched.drawing
@@ -191,7 +191,7 @@ def redraw(scene_uid: int) -> None:
 def tick() -> float:
     """Called by the timer."""
     try:
-        return PAUSE if look() else IDLE
+        return PAUSE if draw_next() else IDLE
     except Exception as error:
         telling.sentence(
             error, Message("The overlay")
@@ -200,7 +200,7 @@ def tick() -> float:
         return PATIENCE
 
 
-def look() -> bool:
+def draw_next() -> bool:
     """Do a little for one scene that is looked at, if there is anything to do; is there more?"""
     shown = {window.scene.session_uid for window in windows.all_windows()}
     for gone in set(_sketched) - shown:
@@ -242,7 +242,7 @@ def begin(sketched: Sketched, window: bpy.types.Window) -> None:
             rig = Rig(viewers=(), glasses=(), plates=(), displays=())
 
         settings = work.settings_of(scene)
-        can_be_solved = not needed.lacking(scene)
+        can_be_solved = not needed.missing_parts(scene)
         metres = length_of_unit(scene)
 
     key = _key(rig, settings, can_be_solved, metres)
@@ -281,7 +281,7 @@ def _sketching(
 
     if sketch is None:
         sketch = yield from sketching(rig, None)
-    sketched.drawing = Drawing(sketch, metres)
+    sketched.drawing = SketchDrawing(sketch, metres)
 
 
 def _key(rig: Rig, *others: object) -> str:
@@ -307,7 +307,7 @@ def on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 def on_undo(*_: object) -> None:
     """Meshes that are kept may have been put back."""
     for sketched in _sketched.values():
-        sketched.kept = KeptPlaces()
+        sketched.kept = PlaceCache()
         sketched.touch()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.base.messages import Message
-from ..core.base.steps import within
+from ..core.base.steps import subprogress
 from ..core.blender.result.conflict import write_conflict
 from ..core.blender.result.write_result import (
     write_coarse,
@@ -39,7 +39,7 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
         return needed.can_run(
             cls,
             [
-                *needed.lacking(context.scene),
+                *needed.missing_parts(context.scene),
                 *needed.pictureless(context.scene),
                 *needed.sculpting(context),
             ],
@@ -63,12 +63,14 @@ class KIRIKO_OT_solve(long_work.LongWork, bpy.types.Operator):
             steps = solve_in_sight(work.session(), reading.rig, settings, show)
         else:
             steps = work.session().solve(reading.rig, settings)
-        solution = yield from within(steps, 0.0, SOLVED)
-        reports = yield from within(reports_of(solution, settings), SOLVED, SOLVED)
+        solution = yield from subprogress(steps, 0.0, SOLVED)
+        reports = yield from subprogress(reports_of(solution, settings), SOLVED, SOLVED)
         helps = None
         if self.is_watched:  # a script reads no checklist
-            helps = yield from within(remedies_for(reading.rig, settings, solution), SOLVED, 0.99)
-        seen = yield from within(legible(reading.rig, settings, self.is_watched), 0.99, 1.0)
+            helps = yield from subprogress(
+                remedies_for(reading.rig, settings, solution), SOLVED, 0.99
+            )
+        seen = yield from subprogress(legible(reading.rig, settings, self.is_watched), 0.99, 1.0)
 
         text = write_solution(scene, reading, solution)
         write_viewers(scene, reports.numbers)

@@ -35,7 +35,7 @@ def in_words(text: str, translate: Translate | None = None) -> str:
     A message is told by its translated template; a plain text is one without values.
     """
     translate = translate or interface
-    return text.told(translate) if isinstance(text, Message) else translate(text)
+    return text.sentence(translate) if isinstance(text, Message) else translate(text)
 
 
 def report(operator: bpy.types.Operator, level: str, text: str) -> None:
@@ -114,7 +114,7 @@ def _unforeseen(error: BaseException, label: str, state: Message) -> Message:
 
 
 @contextmanager
-def told(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterator[None]:
+def errors_reported(operator: bpy.types.Operator, stays: Callable[[], str] = str) -> Iterator[None]:
     """Report whatever goes wrong within, and what stays then,
     as one sentence: no traceback reaches an artist.
     """

@@ -90,7 +90,7 @@ class IntoFolder(EndsWithRig, long_work.LongWork):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return needed.can_run(cls, needed.lacking(context.scene))
+        return needed.can_run(cls, needed.missing_parts(context.scene))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.directory or bpy.app.background or context.window is None:
@@ -105,7 +105,7 @@ class IntoFolder(EndsWithRig, long_work.LongWork):
             return super().execute(context)
 
         # an operator of a dialogue cannot go on in steps: another one can
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.end_with(context)
             again = getattr(bpy.ops.kiriko, type(self).__name__.partition("_OT_")[2])
             settings = {name: getattr(self, name) for name in self.in_dialogue}

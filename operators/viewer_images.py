@@ -153,7 +153,7 @@ class KIRIKO_OT_open_pictures(EndsWithRig, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.end_with(context)
             if not is_chosen(self.filepath):
                 raise ImageError("No file is chosen: choose an image.")

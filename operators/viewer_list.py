@@ -10,9 +10,9 @@ from ..core.base.errors import RigError
 from ..core.base.messages import Message
 from ..core.blender.data.camera_viewer import Seat, camera_at, number_shown
 from ..core.blender.data.units import length_of_unit
-from ..core.blender.lifecycle.eyes import Place, heads, make_viewers, two_eyes
+from ..core.blender.lifecycle.eyes import EyePlace, heads, make_viewers, two_eyes
 from ..core.blender.lifecycle.listed_viewers import add, changing
-from ..core.blender.read.places import KeptPlaces, read_places
+from ..core.blender.read.places import PlaceCache, read_places
 from ..core.blender.read.scene import read_seat
 from ..core.lab.atlas.heads import AXES, check_perspective, evenly, middle_of, viewer_about
 from ..core.rig.rig import Viewer
@@ -35,7 +35,7 @@ class _OfList:
         return needed.can_run(cls, [] if is_there else [needed.NEEDED["VIEWER"]])
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        with telling.told(self):
+        with telling.errors_reported(self):
             self.change(context)
             return {"FINISHED"}
         return {"CANCELLED"}
@@ -131,7 +131,7 @@ class KIRIKO_OT_two_eyes(_InPlace, bpy.types.Operator):
 
     def places(
         self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
-    ) -> Iterator[Place]:
+    ) -> Iterator[EyePlace]:
         """Where the eyes are, and how they look; RigError where their distances are none."""
         stereo, metres = camera.data.stereo, length_of_unit(context.scene)
         apart, away = (
@@ -175,7 +175,7 @@ class KIRIKO_OT_viewer_grid(_InPlace, bpy.types.Operator):
 
     def places(
         self, context: bpy.types.Context, camera: bpy.types.Object, viewer: Viewer
-    ) -> Iterator[Place]:
+    ) -> Iterator[EyePlace]:
         """Where the heads are, and how they look; RigError where one is at the picture."""
         n = int(np.prod(self.heads))
         if not 1 < n <= MOST:
@@ -212,7 +212,7 @@ def _looked_at(
                 away=away,
             )
         return viewer.position + away * viewer.axes[2], Message("its Convergence Plane Distance")
-    pictures = read_places(context.evaluated_depsgraph_get(), scene, KeptPlaces()).pictures
+    pictures = read_places(context.evaluated_depsgraph_get(), scene, PlaceCache()).pictures
     if not pictures:
         raise RigError("{reason}.", reason=needed.NEEDED["PICTURE"])
     return middle_of(pictures[0])

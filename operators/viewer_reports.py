@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.base.errors import KirikoError, RigError
 from ..core.base.messages import Message, as_message, joined, quoted
 from ..core.base.numbers import number
-from ..core.base.steps import at
+from ..core.base.steps import hold_progress
 from ..core.base.words import percent
 from ..core.blender.data.camera_viewer import camera_at, seats_of
 from ..core.blender.data.units import length_text
@@ -130,14 +130,14 @@ CONFLICT = "conflict"
 ALL = "all"  # in place of a viewer's name, or a rig's
 
 
-class Told(NamedTuple):
+class ViewerReports(NamedTuple):
     """What is told of several viewers: by the names under which a result keeps it, and an image."""
 
     numbers: dict[str, Any]
     conflict: Conflict | None = None
 
 
-def reports_of(solution: Solution, settings: Settings) -> Generator[float, None, Told]:
+def reports_of(solution: Solution, settings: Settings) -> Generator[float, None, ViewerReports]:
     """What is told of several viewers; nothing where there is one. Yields progress 0..1.
 
     viewers : a report for each, the worst first; of a picture that is no flat rectangle only
@@ -148,7 +148,7 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
     no_pair : why two are none
     """
     if len(solution.channels) < 2:
-        return Told({})
+        return ViewerReports({})
     if solution.settled is None and not solution.rig.has_own_images:
         told = [
             {
@@ -159,7 +159,7 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
             for channel in solution.channels
         ]
         told = sorted(told, key=lambda one: one["coverage"])
-        return Told({"viewers": told, **_of_pair(solution)})
+        return ViewerReports({"viewers": told, **_of_pair(solution)})
 
     off, in_light = yield from conflict_in_light(solution)
     found = yield from viewer_reports(solution, off)
@@ -173,7 +173,7 @@ def reports_of(solution: Solution, settings: Settings) -> Generator[float, None,
         "viewers": [asdict(one) for one in found],
         "conflict": {"largest": conflict.largest, "unit": conflict.unit},
     }
-    return Told({**numbers, **_of_pair(solution)}, conflict)
+    return ViewerReports({**numbers, **_of_pair(solution)}, conflict)
 
 
 def _of_pair(solution: Solution) -> dict[str, Any]:
@@ -262,7 +262,7 @@ def images_of(
             yield from channel.look_beside()
             found[f"ideal {name}"] = channel.ideal()
             seeing = channel.seeing(solution.source, beside=True)
-            found[f"seen {name}"] = yield from at(1.0, seeing)
+            found[f"seen {name}"] = yield from hold_progress(1.0, seeing)
     if asked and conflict is not None:
         found[CONFLICT] = conflict.of_pixel.astype(np.float32)
     return found

@@ -18,7 +18,7 @@ from ..core.base.errors import KirikoError
 from ..core.base.messages import Message
 from ..core.blender.data.image import is_out_of_date
 from ..core.blender.data.rigs import rigs
-from ..core.blender.read.shapes import Kept
+from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result.result_images import images_of, read_images_anew
 from ..core.solve.solved_for import SolvedFor, from_text
 from . import chosen, live, telling, windows, work
@@ -43,7 +43,7 @@ class Watched:
     lasted : s that the last reading took, where only places and settings had changed, and else
     """
 
-    kept: Kept = field(default_factory=Kept)
+    kept: ShapeCache = field(default_factory=ShapeCache)
     ours: frozenset[int] = frozenset()
     polled: chosen.Polled = field(default_factory=chosen.Polled)
     verdicts: dict[str, bool] = field(default_factory=dict)
@@ -74,7 +74,7 @@ class Watched:
 _watched: dict[int, Watched] = {}  # by session uid of the scene
 
 
-def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
+def has_changed(context: bpy.types.Context, kept: ShapeCache | None = None) -> bool:
     """Is the scene, read now, another one than the result was solved for?
 
     A result that does not know its scene is taken as it is. A scene that
@@ -83,16 +83,18 @@ def has_changed(context: bpy.types.Context, kept: Kept | None = None) -> bool:
     return is_another(context.scene.kiriko.result.solved_for, work.scene_now, context, kept)
 
 
-def has_rig_changed(context: bpy.types.Context, made_for: str, kept: Kept | None = None) -> bool:
+def has_rig_changed(
+    context: bpy.types.Context, made_for: str, kept: ShapeCache | None = None
+) -> bool:
     """Is the rig, read now, another one than a surface was made for? As `has_changed`."""
     return is_another(made_for, work.rig_now, context, kept)
 
 
 def is_another(
     text: str,
-    now: Callable[[bpy.types.Context, Kept | None], SolvedFor],
+    now: Callable[[bpy.types.Context, ShapeCache | None], SolvedFor],
     context: bpy.types.Context,
-    kept: Kept | None,
+    kept: ShapeCache | None,
 ) -> bool:
     """Is the scene another one than that of a fingerprint? No, where the text is no fingerprint."""
     before = from_text(text)
@@ -104,7 +106,7 @@ def is_another(
         return True
 
 
-def is_told_changed(scene: bpy.types.Scene) -> bool:
+def is_reported_changed(scene: bpy.types.Scene) -> bool:
     """The panels' verdict, by the last look.
 
     While Live follows the scene its results are of the scene as it is.
@@ -115,7 +117,7 @@ def is_told_changed(scene: bpy.types.Scene) -> bool:
     return watched.verdicts.get(scene.kiriko.result.solved_for, False)
 
 
-def is_told_old(scene: bpy.types.Scene, name: str) -> bool:
+def is_reported_outdated(scene: bpy.types.Scene, name: str) -> bool:
     """The panels' verdict on a surface, by the last look: was it made for another rig?"""
     watched = _watched.get(scene.session_uid)
     made_for = surfaces.made_for(scene, name)
@@ -130,7 +132,7 @@ def is_followed(scene: bpy.types.Scene) -> bool:
 def tick() -> float:
     """Called by the timer."""
     try:
-        look()
+        check_result()
     except Exception as error:
         telling.sentence(
             error, Message("The look at the scene")
@@ -140,7 +142,7 @@ def tick() -> float:
     return TICK
 
 
-def look() -> None:
+def check_result() -> None:
     """Read one scene that is shown, has a result and may have changed; if it is time to."""
     shown = {window.scene.session_uid: window for window in reversed(windows.all_windows())}
     for gone in set(_watched) - set(shown):
@@ -207,7 +209,7 @@ def on_undo(*_: object) -> None:
     """Shapes and pixels that are kept may have been put back."""
     work.forget_written()
     for watched in _watched.values():
-        watched.kept = Kept()
+        watched.kept = ShapeCache()
         watched.touch()
     read_images_anew()
 

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..core.blender.read import scene as blender_scene
-from ..core.blender.read.shapes import Kept
+from ..core.blender.read.shapes import ShapeCache
 from ..core.blender.result import scene_fingerprint as blender_solved_for
 from ..core.blender.result.result_images import lacks_numbers
 from ..core.native import loading
@@ -105,13 +105,13 @@ def is_busy() -> bool:
     return bool(_running) or bpy.app.is_job_running("RENDER")
 
 
-def read(context: bpy.types.Context, kept: Kept | None = None) -> Any:
+def read(context: bpy.types.Context, kept: ShapeCache | None = None) -> Any:
     """The scene, evaluated as it is now, as blender_scene.Reading."""
     context.view_layer.update()
     return blender_scene.read(context.evaluated_depsgraph_get(), context.scene, kept)
 
 
-def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:
+def scene_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> SolvedFor:
     """The fingerprint of the scene as it is now."""
     context.view_layer.update()
     scene = context.scene
@@ -120,7 +120,7 @@ def scene_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor
     )
 
 
-def rig_now(context: bpy.types.Context, kept: Kept | None = None) -> SolvedFor:
+def rig_now(context: bpy.types.Context, kept: ShapeCache | None = None) -> SolvedFor:
     """The fingerprint of the rig as it is now: the same, but for what is painted."""
     context.view_layer.update()
     scene = context.scene

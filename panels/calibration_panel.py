@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.messages import Message, as_message, joined
-from ..core.blender.data.stored_records import Numbers, Offset, Sentences
+from ..core.blender.data.stored_records import Offset, Sentences, StoredNumbers
 from ..operators.calibrate import TELLS, TEXTS
 from ..operators.wrapping import sentence
 from .panel_text import OfRig
@@ -97,11 +97,11 @@ class VIEW3D_PT_kiriko_found(OfRig, bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         found = context.scene.kiriko.calibration.found
-        return super().poll(context) and bool(Numbers.read(found).by_name)
+        return super().poll(context) and bool(StoredNumbers.read(found).by_name)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        found = Numbers.read(context.scene.kiriko.calibration.found).by_name
+        found = StoredNumbers.read(context.scene.kiriko.calibration.found).by_name
         text = Message(
             "'{file}', {n} of {n_all} points: {before:.3g} px off, {after:.2g} with the fit.",
             file=found["measured"],
@@ -154,7 +154,7 @@ class VIEW3D_PT_kiriko_not_told(OfRig, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        found = Numbers.read(context.scene.kiriko.calibration.found).by_name
+        found = StoredNumbers.read(context.scene.kiriko.calibration.found).by_name
         for group in found["alike"]:
             sentence(
                 layout,

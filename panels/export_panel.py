@@ -26,7 +26,7 @@ class VIEW3D_PT_kiriko_export(OfRig, bpy.types.Panel):
             sentence(layout, context, Message("{reason}.", reason=reason), icon="ERROR")
 
         layout.prop(ours, "export_overwrite")
-        if ours.result.source is not None and watch.is_told_changed(context.scene):
+        if ours.result.source is not None and watch.is_reported_changed(context.scene):
             sentence(layout, context, watch.CHANGED, icon="ERROR")
 
         layout.operator("kiriko.export", icon="EXPORT")

@@ -28,27 +28,27 @@ BAR = (160.0, 10.0)  # px at a scale of 1: length and height of the legend
 CORNER = (80.0, 100.0)  # px at a scale of 1, from the lower left: above Blender's own box there
 
 
-class Surface(NamedTuple):
+class DrawnSurface(NamedTuple):
     """A surface that is drawn: its name, the quantity of its colours, the heading of its legend,
-    the same where the rig has changed since, and how a value is told there.
+    the same where the rig has changed since, and how a value is written there.
     """
 
     name: str
     quantity: str
     heading: Message
     heading_if_old: Message
-    told: Callable[[float], str]
+    text: Callable[[float], str]
 
 
 SURFACES = (
-    Surface(
+    DrawnSurface(
         RANGE,
         "brightness",
         Message("Visible range: brightness"),
         Message("Visible range, of the rig as it was: brightness"),
         percent,
     ),
-    Surface(
+    DrawnSurface(
         EYE_BOX,
         DISPLACEMENT,
         Message("Eye box: the picture is off by"),
@@ -62,7 +62,7 @@ STEP = 50.0  # px at a scale of 1, from one legend up to the next
 _batches: dict[str, tuple[int, Any, float]] = {}
 
 
-def shown(context: bpy.types.Context) -> Iterator[tuple[Surface, bpy.types.Object]]:
+def shown(context: bpy.types.Context) -> Iterator[tuple[DrawnSurface, bpy.types.Object]]:
     """The surfaces of the scene that this view shows."""
     for surface in SURFACES:
         thing = surfaces.looked_up(context.scene, surface.name)
@@ -108,17 +108,21 @@ def draw_legend() -> None:
         blf.size(0, LETTERS * scale)
         blf.color(0, 1.0, 1.0, 1.0, 0.9)
         for at, text in (
-            ((x, y - 1.3 * LETTERS * scale), surface.told(0.0)),
-            ((x + length, y - 1.3 * LETTERS * scale), surface.told(most)),
+            ((x, y - 1.3 * LETTERS * scale), surface.text(0.0)),
+            ((x + length, y - 1.3 * LETTERS * scale), surface.text(most)),
             ((x, y + height + 0.4 * LETTERS * scale), heading_of(context.scene, surface)),
         ):
             blf.position(0, *at, 0.0)
             blf.draw(0, in_words(text))
 
 
-def heading_of(scene: bpy.types.Scene, surface: Surface) -> Message:
+def heading_of(scene: bpy.types.Scene, surface: DrawnSurface) -> Message:
     """The heading of a surface's legend."""
-    return surface.heading_if_old if watch.is_told_old(scene, surface.name) else surface.heading
+    return (
+        surface.heading_if_old
+        if watch.is_reported_outdated(scene, surface.name)
+        else surface.heading
+    )
 
 
 def _with_alpha(colours: Floats, alpha: float) -> NDArray[np.float32]:
@@ -128,7 +132,7 @@ def _with_alpha(colours: Floats, alpha: float) -> NDArray[np.float32]:
     return np.column_stack([colours, np.full(len(colours), alpha)]).astype(np.float32)
 
 
-def _batch(surface: Surface, mesh: bpy.types.Mesh) -> tuple[Any, float]:
+def _batch(surface: DrawnSurface, mesh: bpy.types.Mesh) -> tuple[Any, float]:
     """The mesh on the graphics card, in the colours of its values, and the largest of them."""
     uid, *known = _batches.get(surface.name, (0,))
     if uid == mesh.session_uid:

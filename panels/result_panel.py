@@ -7,7 +7,7 @@ import bpy
 from ..core.base.messages import Message, as_message, joined
 from ..core.base.numbers import number
 from ..core.base.words import percent, pixels, shares_in_words
-from ..core.blender.data.stored_records import Numbers, Sentences
+from ..core.blender.data.stored_records import Sentences, StoredNumbers
 from ..core.blender.result.result_images import images_of, lacks_numbers
 from ..core.solve.legibility import READABLE
 from ..operators import live, needed, proposal, watch, work
@@ -60,7 +60,7 @@ class VIEW3D_PT_kiriko_result(OfRig, bpy.types.Panel):
             return
 
         # numbers of the scene or the image before stay where they are until the new ones, but faint
-        is_changed = watch.is_told_changed(context.scene)
+        is_changed = watch.is_reported_changed(context.scene)
         of_shown = not (result.is_coarse or is_changed or live.is_ahead(context.scene))
         column = layout.column()
         column.active = of_shown
@@ -103,7 +103,7 @@ class VIEW3D_MT_kiriko_result_images(bpy.types.Menu):
 def draw_legibility(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """How legible the picture is, by the image that is shown."""
     result = context.scene.kiriko.result
-    found = Numbers.read(result.details).by_name.get("legibility")
+    found = StoredNumbers.read(result.details).by_name.get("legibility")
     if found is not None and not result.is_coarse:  # a result of an animation's frame has none
         icon = "INFO" if found >= READABLE else "ERROR"
         sentence(layout, context, Message("Legibility: {share}", share=percent(found)), icon=icon)
@@ -117,7 +117,9 @@ def icons_across(context: bpy.types.Context) -> float:
 
 def notes_of(result: bpy.types.PropertyGroup) -> tuple[list[str], list[str]]:
     """Notes on light that is lost or goes another way, and all others."""
-    warnings = Numbers.read(result.details).by_name.get("warnings", ())  # earlier versions: none
+    warnings = StoredNumbers.read(result.details).by_name.get(
+        "warnings", ()
+    )  # earlier versions: none
     notes = result.notes.splitlines()
     return [n for n in notes if n in warnings], [n for n in notes if n not in warnings]
 
@@ -189,7 +191,7 @@ class VIEW3D_PT_kiriko_details(OfRig, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         result = context.scene.kiriko.result
-        details = Numbers.read(result.details).by_name
+        details = StoredNumbers.read(result.details).by_name
         said = Sentences.read(result.sentences)
         for note in notes_of(result)[1]:
             sentence(layout, context, said.message(note), icon="INFO")

@@ -119,7 +119,7 @@ def draw_eye_box(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 def draw_if_old(layout: bpy.types.UILayout, context: bpy.types.Context, name: str) -> None:
     """A sentence where the rig is another than a surface was made for."""
-    if watch.is_told_old(context.scene, name):
+    if watch.is_reported_outdated(context.scene, name):
         text = Message(
             "The scene has changed since '{label}' looked at it: press it again.",
             label=LABELS[name],

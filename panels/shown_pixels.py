@@ -21,7 +21,7 @@ from ..operators.export import gamma_of
 TOP = 255  # of 8 bits
 
 
-class Shown(NamedTuple):
+class DrawnPixels(NamedTuple):
     """An image as it was drawn last.
 
     pixels : (h, w, 4) float32, as Blender holds them
@@ -33,7 +33,7 @@ class Shown(NamedTuple):
     texture: object
 
 
-_shown: list[Shown] = []  # the last one is enough
+_shown: list[DrawnPixels] = []  # the last one is enough
 _shaders: list[object] = []
 
 
@@ -102,7 +102,7 @@ def _texture(image: bpy.types.Image, gamma: float | None) -> object:
     numbers = numbers_of(pixels, gamma)
     buffer = gpu.types.Buffer("FLOAT", numbers.size, np.ascontiguousarray(numbers).ravel())
     texture = gpu.types.GPUTexture(tuple(image.size), format="RGBA8", data=buffer)
-    _shown[:] = [Shown(image.session_uid, gamma, pixels, texture)]
+    _shown[:] = [DrawnPixels(image.session_uid, gamma, pixels, texture)]
     return texture
 
 

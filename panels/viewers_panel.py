@@ -6,7 +6,7 @@ import bpy
 
 from ..core.base.messages import Message
 from ..core.blender.data.camera_viewer import camera_at, number_shown, own_images, seats_of
-from ..core.blender.data.stored_records import Numbers, Sentences
+from ..core.blender.data.stored_records import Sentences, StoredNumbers
 from ..operators import viewer_reports
 from ..operators.telling import in_words
 from ..operators.wrapping import sentence
@@ -157,4 +157,4 @@ class VIEW3D_PT_kiriko_seen_by(OfRig, bpy.types.Panel):
 
 def told_of(context: bpy.types.Context, name: str = "viewers") -> Any:
     """What the last result tells of each of several viewers, or of two eyes; None for nothing."""
-    return Numbers.read(context.scene.kiriko.result.details).by_name.get(name)
+    return StoredNumbers.read(context.scene.kiriko.result.details).by_name.get(name)

@@ -24,10 +24,10 @@ import numpy as np
 
 from build_kernel import TARGETS, Target, compile_for, compile_library, provide
 from environments import ROOT, clean_environment
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.light import kernel_tracer
-from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.kernel_tracer import made_of, making_whole
+from kiriko.core.light.compile_plan import compile_plan
+from kiriko.core.light.kernel_tracer import made_of, plan_steps
 from kiriko.core.light.rays import Rays
 from kiriko.core.native import loading
 from kiriko.core.native.structures import Made
@@ -126,12 +126,12 @@ def write_case(a_rig: Rig, path: Path) -> bytes:
 
     What its outputs have to be, which the library of this machine has made.
     """
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     viewer = a_rig.viewer
     xy = np.random.default_rng(0).random((N_RAYS, 2)) * [viewer.width, viewer.height]
     rays = Rays(*viewer.rays(xy), None, False)
     made = kernel_tracer.state_of(rays)
-    finish(making_whole(plan))
+    run_steps(plan_steps(plan))
     of_plan = made_of(plan)
     memory = Memory()
     memory.add(of_plan)

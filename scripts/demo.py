@@ -21,8 +21,8 @@ from paper.lattice import shift_in_cycles
 
 registered()
 
-from kiriko.core.base.steps import finish  # noqa: E402
-from kiriko.core.blender.data.stored_records import Numbers  # noqa: E402
+from kiriko.core.base.steps import run_steps  # noqa: E402
+from kiriko.core.blender.data.stored_records import StoredNumbers  # noqa: E402
 from kiriko.core.files import disk, image_io  # noqa: E402 - the operators have to be there first
 from kiriko.core.image.seen_image import LatticeShift, lattice_shift  # noqa: E402
 from kiriko.core.rig.settings import Settings  # noqa: E402
@@ -82,8 +82,8 @@ def run(name: str, out: Path) -> list[str]:
     solve_seconds = perf_counter() - solve_started
 
     reading = work.read(context)
-    solution = finish(work.session().solve(reading.rig, work.settings_of(scene)))
-    plain = finish(
+    solution = run_steps(work.session().solve(reading.rig, work.settings_of(scene)))
+    plain = run_steps(
         Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
     ).source
     ideal = solution.ideal()
@@ -123,7 +123,7 @@ def run(name: str, out: Path) -> list[str]:
         "displacement_in_cycles_viewer_px_across_lattice": 1165,
         "solve_seconds": solve_seconds,
         "seconds": seconds,
-        **Numbers.read(scene.kiriko.result.details).by_name,
+        **StoredNumbers.read(scene.kiriko.result.details).by_name,
         "misses": solution.misses,
         "notes": scene.kiriko.result.notes.splitlines(),
     }

@@ -14,7 +14,7 @@ import numpy as np
 import kiriko
 from bench.brought_glass import made
 from demo import RIGS
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.blender.preview.cycles_preview import render_preview
 from kiriko.core.files import image_io
 from kiriko.core.rig.settings import Settings
@@ -90,8 +90,8 @@ def run(name: str, folder: Path) -> None:
     display.kiriko.resolution = (2048, 2048)
     bpy.ops.kiriko.solve()
     reading = work.read(bpy.context)
-    solution = finish(work.session().solve(reading.rig, work.settings_of(scene)))
-    plain = finish(
+    solution = run_steps(work.session().solve(reading.rig, work.settings_of(scene)))
+    plain = run_steps(
         Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
     ).source
     light_the_glass()
@@ -114,7 +114,7 @@ def run_glare(folder: Path) -> None:
     mesh = replace(made("vase"), surface="automatic")
     a_rig = glass_rig(mesh, image=pattern, pixels=PIXELS)
     for what, weight in (("seen", 0.0), ("suppressed", 1.0)):
-        solution = finish(Session().solve(a_rig, Settings(suppress_glare=weight)))
+        solution = run_steps(Session().solve(a_rig, Settings(suppress_glare=weight)))
         image_io.write(
             folder / f"glare_{what}.png", solution.seen(beside=True), "PNG8", overwrite=True
         )

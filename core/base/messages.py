@@ -57,7 +57,7 @@ class Message(str):
             self.template, **{name: settled(value) for name, value in self.values.items()}
         )
 
-    def told(
+    def sentence(
         self,
         translate: Callable[[str], str] = str,
         length_text: Callable[[float], str] = millimetres,
@@ -71,7 +71,7 @@ class Message(str):
             value = getattr(value, "message", value)  # of an error
             if isinstance(value, Length):
                 value = length_text(value.metres)
-            return value.told(translate, length_text) if isinstance(value, Message) else value
+            return value.sentence(translate, length_text) if isinstance(value, Message) else value
 
         return template.format(**{name: words(value) for name, value in self.values.items()})
 

@@ -8,10 +8,10 @@ from collections.abc import Generator
 from typing import TypeVar
 
 Result = TypeVar("Result")
-Pauses = Generator[int, None, Result]
+Steps = Generator[int, None, Result]
 
 
-def finish(steps: Generator[object, None, Result]) -> Result:
+def run_steps(steps: Generator[object, None, Result]) -> Result:
     """Run long work, such as a solve, to its end and return its result."""
     while True:
         try:
@@ -25,7 +25,7 @@ def between(start: float, stop: float, part: float) -> float:
     return min(start + (stop - start) * part, stop)
 
 
-def within(
+def subprogress(
     work: Generator[float, None, Result], start: float, stop: float
 ) -> Generator[float, None, Result]:
     """Hand on the progress of one part of the work, from start to stop of the whole."""
@@ -36,7 +36,7 @@ def within(
             return done.value
 
 
-def at(progress: float, work: Pauses[Result]) -> Generator[float, None, Result]:
+def hold_progress(progress: float, work: Steps[Result]) -> Generator[float, None, Result]:
     """Hand on the pauses of a part of the work during which no progress is told."""
     while True:
         try:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats
 from ..base.errors import RigError
-from ..base.steps import at, within
+from ..base.steps import hold_progress, subprogress
 from ..base.vectors import normalise
 from ..glass.motion import Motion
 from ..rig.rig import ROLES, Rig
@@ -126,16 +126,16 @@ def best_place(rig: Rig, plan_of: PlanOf, limits: Limits) -> Generator[float, No
     RigError : the picture has no plane of its own, or is no flat rectangle
     """
     plane_of(rig)  # refuses
-    before = yield from within(traced(rig, plan_of), 0.0, 0.1)
-    still = yield from within(_placed(rig, plan_of, limits, before, np.zeros(3)), 0.1, 0.3)
+    before = yield from subprogress(traced(rig, plan_of), 0.0, 0.1)
+    still = yield from subprogress(_placed(rig, plan_of, limits, before, np.zeros(3)), 0.1, 0.3)
     if not limits.glass:
         return still
 
-    turn = yield from within(_glass_turn(rig, plan_of, limits.glass), 0.3, 0.8)
+    turn = yield from subprogress(_glass_turn(rig, plan_of, limits.glass), 0.3, 0.8)
     if not turn.any():
         return still
     changed = with_glass_turned(rig, turn)
-    other = yield from within(_placed(changed, plan_of, limits, before, turn), 0.8, 1.0)
+    other = yield from subprogress(_placed(changed, plan_of, limits, before, turn), 0.8, 1.0)
     return other if other.after - still.after > WORTH_TURNING else still
 
 
@@ -147,11 +147,11 @@ def _placed(
     """
     plane = plane_of(rig)
     best = None
-    places = yield from within(_candidates(rig, plan_of, plane, limits), 0.0, 0.4)
+    places = yield from subprogress(_candidates(rig, plan_of, plane, limits), 0.0, 0.4)
     for n, place in enumerate(places):
         motion = _motion(plane, place)
         changed = replace(rig, pictures=(moved(rig.picture_place, motion),))
-        after = yield from within(traced(changed, plan_of), 0.4 + 0.2 * n, 0.6 + 0.2 * n)
+        after = yield from subprogress(traced(changed, plan_of), 0.4 + 0.2 * n, 0.6 + 0.2 * n)
         gain = WORTH_TURNING if place[2] else WORTH_MOVING
         if best is None or after.share > best.after + gain:
             best = BestPlace(
@@ -231,12 +231,12 @@ def _glass_turn(rig: Rig, plan_of: PlanOf, limit: float) -> Generator[float, Non
         return light.share - MOTION_WEIGHT * float(np.linalg.norm(turn)) / limit
 
     best = np.zeros(3)
-    most = yield from at(0.0, score(best))
+    most = yield from hold_progress(0.0, score(best))
     ways = axes_around()
     for n in range(N_HALVINGS):
         for k, way in enumerate(ways):
             turn = best + limit / 2 ** (n + 1) * way
-            value = yield from at((n + k / len(ways)) / N_HALVINGS, score(turn))
+            value = yield from hold_progress((n + k / len(ways)) / N_HALVINGS, score(turn))
             if value > most:
                 best, most = turn, value
     return best
@@ -311,9 +311,9 @@ def turn_back(
     while not best.does_it and angle < limit * (1 - ROUNDING):
         angle = min(angle + STEP_RAD, limit)
         done = 0.7 * angle / limit
-        there = yield from at(done, tried(axes_around(), angle))
+        there = yield from hold_progress(done, tried(axes_around(), angle))
         for tilt in TILTS_RAD:
-            tilted = yield from at(done, tried(_tilted(there.turn / angle, tilt), angle))
+            tilted = yield from hold_progress(done, tried(_tilted(there.turn / angle, tilt), angle))
             there = max(there, tilted, key=lambda one: one.gain)
         best = max(best, there, key=lambda one: one.gain)
 
@@ -324,7 +324,7 @@ def turn_back(
             angle = float(np.linalg.norm(turn))
             if angle < best.angle:
                 done = 0.7 + 0.3 * n / N_HALVINGS
-                smaller = yield from at(done, tried([turn / angle], angle))
+                smaller = yield from hold_progress(done, tried([turn / angle], angle))
                 best = smaller if smaller.does_it else best
         step /= 2
     return best

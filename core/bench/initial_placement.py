@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.steps import within
+from ..base.steps import subprogress
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..rig.rig import Rig, Viewer
@@ -38,7 +38,7 @@ ROOM = 0.98  # a picture's side, of the largest that gets through: benches are o
 N_ROUNDS = 4  # in which a picture is made smaller and traced again, at the most
 
 
-class Standing(NamedTuple):
+class InitialPlacement(NamedTuple):
     """Where a picture stands: its middle (3,), m, and its side, m."""
 
     middle: Floats
@@ -52,7 +52,7 @@ def _half_size(bounds: Floats, axes: Floats) -> Floats:
 
 def seek(
     plan: Plan, bounds: Floats, proposal: Proposal, side: float = 0.0
-) -> Generator[float, None, Standing]:
+) -> Generator[float, None, InitialPlacement]:
     """The best place for a picture in glass within bounds (2, 3); yields progress 0..1.
 
     Parameters
@@ -83,7 +83,7 @@ def seek(
     # the plane's own place and size, nearer to the viewer or farther than the glass's middle
     scale = 1 - depth / proposal.viewer_distance
     across = frame[:3, :2] @ place * scale
-    return Standing(middle + across + depth * frame[:3, 2], float(side * scale))
+    return InitialPlacement(middle + across + depth * frame[:3, 2], float(side * scale))
 
 
 def _best(bundle: Bundle, side: float) -> tuple[Floats, float]:
@@ -145,10 +145,10 @@ def settle(
     """
     wishes = request.wishes
     if proposal.placement.plate is None:  # the picture is where the display is
-        standing = Standing(proposal.placement.picture[:3, 3], proposal.picture)
+        standing = InitialPlacement(proposal.placement.picture[:3, 3], proposal.picture)
     else:
         steps = seek(plan_of(request.rig(proposal)), request.bounds, proposal, wishes.picture)
-        standing = yield from within(steps, 0.0, 0.3)
+        standing = yield from subprogress(steps, 0.0, 0.3)
 
     least = 2 * LEAST * float(_half_of_view(request.bounds, proposal).min())
 
@@ -157,14 +157,16 @@ def settle(
         plan = plan_of(request.rig(proposal))
         points, uv, area = points_of(plan.rig.picture_place)
         start = 0.3 + 0.7 * n / N_ROUNDS
-        light = yield from within(light_of(plan, points), start, start + 0.7 / N_ROUNDS)
+        light = yield from subprogress(light_of(plan, points), start, start + 0.7 / N_ROUNDS)
 
         spread = spread_in(light, uv, area, proposal.placement.display)
         is_whole = sum(spread.lost.values()) <= 1 - ENOUGH
         if wishes.picture or is_whole or standing.side <= least:
             break
         share = largest_about(np.full(2, 0.5), uv, light.is_seen & ~light.has_arrived, area)
-        standing = Standing(standing.middle, max(least, ROOM * standing.side * min(share, 1.0)))
+        standing = InitialPlacement(
+            standing.middle, max(least, ROOM * standing.side * min(share, 1.0))
+        )
 
     return proposal, spread
 
@@ -174,7 +176,7 @@ def _half_of_view(bounds: Floats, proposal: Proposal) -> Floats:
     return _half_size(bounds, proposal.placement.picture[:3, :2].T)
 
 
-def stood(proposal: Proposal, standing: Standing, wishes: Wishes) -> Proposal:
+def stood(proposal: Proposal, standing: InitialPlacement, wishes: Wishes) -> Proposal:
     """The proposal with its picture elsewhere, the display at the
     picture's image in the plate, or with the picture where there is none.
     """

@@ -18,11 +18,11 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.errors import RigError
 from ..base.messages import Message
-from ..base.steps import within
+from ..base.steps import subprogress
 from ..base.words import percent
 from ..glass.meshes import geometric_normals
 from ..glass.smoothed import smoothed
-from ..light.mesh_cache import Kept
+from ..light.mesh_cache import MeshCache
 from ..light.optics import reflect
 from ..light.rays import REASON_WORDS, Reason
 from ..rig.rig import Display, PicturePlace, Rig
@@ -115,7 +115,7 @@ class Help:
     after: float
     part: str = ""
 
-    def told(self, length_text: Callable[[float], str]) -> Message:
+    def sentence(self, length_text: Callable[[float], str]) -> Message:
         """A clause, as "make the plate 20 mm larger", with the share where some is still lost.
 
         length_text : a length, m, in words
@@ -133,7 +133,7 @@ class Help:
 
 
 @dataclass(frozen=True)
-class Helps:
+class Remedies:
     """The share of the picture that arrives, shares that do not by
     reason, and what helps, the most helpful first.
 
@@ -146,16 +146,18 @@ class Helps:
     is_whole: bool = True
 
 
-def what_helps(rig: Rig, plan_of: PlanOf, seconds: float = inf) -> Generator[float, None, Helps]:
+def find_remedies(
+    rig: Rig, plan_of: PlanOf, seconds: float = inf
+) -> Generator[float, None, Remedies]:
     """Find what brings lost light of the picture back to the first viewer, within about so many
     seconds; yields progress 0..1.
     """
     rig = replace(rig, viewers=rig.viewers[:1])
     end = perf_counter() + seconds
-    before = yield from within(traced(rig, plan_of, N_GRID), 0.0, 0.1)
+    before = yield from subprogress(traced(rig, plan_of, N_GRID), 0.0, 0.1)
     lost = {reason: share for reason, share in before.lost.items() if share > WORTH_IT}
     if not lost:
-        return Helps(before.share, lost, ())
+        return Remedies(before.share, lost, ())
 
     misses_display, misses_plate = (
         lost.get(REASON_WORDS[reason], 0.0)
@@ -171,7 +173,7 @@ def what_helps(rig: Rig, plan_of: PlanOf, seconds: float = inf) -> Generator[flo
     is_whole = True
     for n, remedy in enumerate(remedies):
         start = 0.1 + 0.9 * n / len(remedies)
-        steps = within(remedy(rig, plan_of), start, start + 0.9 / len(remedies))
+        steps = subprogress(remedy(rig, plan_of), start, start + 0.9 / len(remedies))
         try:
             help = yield from _until(end, steps)
         except RigError:
@@ -183,7 +185,7 @@ def what_helps(rig: Rig, plan_of: PlanOf, seconds: float = inf) -> Generator[flo
             helps.append(help)
 
     helps.sort(key=lambda help: -help.after)
-    return Helps(before.share, lost, tuple(helps), is_whole)
+    return Remedies(before.share, lost, tuple(helps), is_whole)
 
 
 def _until(end: float, steps: Generator[float, None, Help]) -> Generator[float, None, Help | None]:
@@ -230,7 +232,7 @@ def _by_place(rig: Rig, plan_of: PlanOf) -> Generator[float, None, Help]:
 
 
 def legible_by(
-    rig: Rig, settings: Settings, before: float, kept: Kept | None = None
+    rig: Rig, settings: Settings, before: float, kept: MeshCache | None = None
 ) -> Generator[float, None, tuple[Help, ...]]:
     """Remedies that raise the legibility for the first viewer by WORTH_READING, the most helpful
     first. Each is measured on a changed copy of the rig; yields progress 0..1.
@@ -246,7 +248,7 @@ def legible_by(
         if best is not None and best.after >= READABLE:
             continue
         steps = card_legibility(with_help(rig, help), settings, kept)
-        after = yield from within(steps, k / len(tried), (k + 1) / len(tried))
+        after = yield from subprogress(steps, k / len(tried), (k + 1) / len(tried))
         if after >= max(before + WORTH_READING, best.after if best else 0.0):
             found[help.operator] = replace(help, after=after)
     return tuple(sorted(found.values(), key=lambda help: -help.after))

@@ -16,7 +16,7 @@ import numpy as np
 from ..base.arrays import Bools, Floats
 from ..base.errors import RigError
 from ..base.messages import Message
-from ..base.steps import within
+from ..base.steps import subprogress
 from ..image.flat_picture import not_flat, way_to_mesh
 from ..light.display import affine_fit
 from ..light.plan import Plan
@@ -111,7 +111,7 @@ def fit_display(
     sizing = _Sizing(rig, plan_of, wanted, "displays", 0, outline)
     most = max(1.0, wanted.most or _most_display(rig, outline))
     large = sizing.rig_with(most)
-    there = yield from within(traced_by_all(large, plan_of, wanted.n_grid), 0.0, 0.4)
+    there = yield from subprogress(traced_by_all(large, plan_of, wanted.n_grid), 0.0, 0.4)
     arrived = there.light.has_arrived
     if not arrived.any():
         raise RigError(
@@ -146,7 +146,7 @@ def fit_plate(
     screen = _screen_for(rig.display, plate)
     sizes = max(1.0, _most_display(rig, screen))
     large = _Sizing(large, plan_of, wanted, "displays", 0, screen).rig_with(sizes)
-    there = yield from within(traced_by_all(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
+    there = yield from subprogress(traced_by_all(large, plan_of, wanted.n_grid, outline), 0.0, 0.4)
     meets = there.light.has_arrived & np.isfinite(there.light.at_plate[:, 0])
     if not meets.any():
         raise RigError(
@@ -218,7 +218,7 @@ class _Sizing:
             ROOM_SPARE * float(reach[order[np.argmax(within_reach >= share * (1 - ROUNDING))]])
             for share in (wanted.share, MOST)
         )
-        before = yield from within(self._traced(self.rig), 0.4, 0.7)
+        before = yield from subprogress(self._traced(self.rig), 0.4, 0.7)
         if wanted.share >= 1 - ROUNDING:
             # whatever arrives stays, also where no point of the coarser grid was
             now = float(self.outline.reach(self._met(before), about).max(initial=0.0))
@@ -227,7 +227,7 @@ class _Sizing:
         farthest = float(self.outline.reach(across, np.zeros(2)).max())
         width = 2 * float(self.outline.half[0])
 
-        after = yield from within(self._traced(self.rig_with(size, shift)), 0.7, 1.0)
+        after = yield from subprogress(self._traced(self.rig_with(size, shift)), 0.7, 1.0)
         return Fitted(
             size=size,
             width=width * size,
@@ -309,14 +309,16 @@ def fit_picture(
 
     # about which place, and about how large
     at, step = grid_over(np.full(2, most / 2), N_RAYS)
-    arrives = yield from within(_arrives(plan, plane.middle + at @ plane.sides), 0.0, 0.3)
+    arrives = yield from subprogress(_arrives(plan, plane.middle + at @ plane.sides), 0.0, 0.3)
     bundle = Bundle(at, at, arrives, step, np.full(2, most / 2), wanted.share)
     about = best_place(bundle, most)[0] if wanted.moves else np.zeros(2)
     size = min(most, float(bundle.largest(about[None], most)[0]) + 2 * step)
     shift = about @ plane.sides
 
-    before = yield from within(traced_by_all(rig, plan_of, wanted.n_grid, is_fine=True), 0.3, 0.5)
-    whole = yield from within(_of_size(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
+    before = yield from subprogress(
+        traced_by_all(rig, plan_of, wanted.n_grid, is_fine=True), 0.3, 0.5
+    )
+    whole = yield from subprogress(_of_size(rig, plan_of, wanted, plane, size, shift), 0.5, 0.8)
     size *= _part_that_arrives(whole, wanted.share)
     if size <= ROOM_SPARE and before.share >= wanted.share * (1 - ROUNDING):
         size, shift = 1.0, np.zeros(3)  # it arrives as it is, with no more room than is spared
@@ -327,7 +329,7 @@ def fit_picture(
             name=rig.picture_place.name,
         )
 
-    after = yield from within(_of_size(rig, plan_of, wanted, plane, size, shift), 0.8, 1.0)
+    after = yield from subprogress(_of_size(rig, plan_of, wanted, plane, size, shift), 0.8, 1.0)
     return Fitted(
         size=size,
         width=float(np.linalg.norm(plane.sides[0])) * size,
@@ -362,6 +364,6 @@ def _arrives(plan: Plan, points: Floats) -> Generator[float, None, Bools]:
     arrives = np.ones(len(points), bool)
     for k, viewer in enumerate(viewers):
         steps = light_of(plan.seen_by(viewer), points)
-        light = yield from within(steps, k / len(viewers), (k + 1) / len(viewers))
+        light = yield from subprogress(steps, k / len(viewers), (k + 1) / len(viewers))
         arrives &= light.has_arrived
     return arrives

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Bools, Floats, Ints
 from ..base.errors import RigError
 from ..base.messages import Message
-from ..base.steps import at, within
+from ..base.steps import hold_progress, subprogress
 from ..base.vectors import cross_2d, normalise
 from ..glass.meshes import areas_of, geometric_normals
 from ..light.plan import Plan
@@ -189,7 +189,7 @@ def light_of(
     for first in range(0, len(seen), RAYS_AT_ONCE):
         some = slice(first, first + RAYS_AT_ONCE)
         steps: list[Step] = []
-        found = yield from at(
+        found = yield from hold_progress(
             first / len(seen), tracing(plan, origins[some], directions[some], steps=steps)
         )
         of = seen[some]
@@ -485,7 +485,7 @@ def traced_by_all(
     for k, viewer in enumerate(rig.viewers):
         place = place_in_sight(rig.picture_place, viewer)
         steps = _light_over(plan.seen_by(viewer), place, n_grid, plate, is_fine)
-        light, uv, area = yield from within(steps, k / n, (k + 1) / n)
+        light, uv, area = yield from subprogress(steps, k / n, (k + 1) / n)
         seen = float(area[light.is_seen].sum())
         lights.append(light)
         uvs.append(uv)
@@ -502,7 +502,7 @@ def _light_over(
     n = n_grid or N_GRID
     points, uv, area = points_of(place, n)
     small = small_triangles(n, len(place.mesh.triangles))
-    light = yield from within(light_of(plan, points, plate), 0.0, 0.4 if is_fine else 1.0)
+    light = yield from subprogress(light_of(plan, points, plate), 0.0, 0.4 if is_fine else 1.0)
     lights, uvs, areas = [light], [uv], [area]
     for level in range(MOST_DIVISIONS if is_fine else 0):
         parts = small[_part(light, small)]
@@ -514,7 +514,7 @@ def _light_over(
         points, uv, area = points_over(points[parts], uv[parts], times)
         small = small_triangles(times, len(parts))
         steps = light_of(plan, points, plate)
-        light = yield from within(steps, 0.4 + 0.2 * level, 0.6 + 0.2 * level)
+        light = yield from subprogress(steps, 0.4 + 0.2 * level, 0.6 + 0.2 * level)
         lights.append(light)
         uvs.append(uv)
         areas.append(area)

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.messages import Message
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import length_of, normalise
 from ..light.display import affine_fit, uv_area
-from ..light.light_paths import NOTHING, Tails, Way, following
+from ..light.light_paths import NOTHING, LightPath, Tails, following
 from ..light.optics import reflect
 from ..light.plan import Plan
 from ..light.rays import REASON_WORDS, Reason, main_landings
@@ -247,7 +247,7 @@ class Dimension:
         return float(np.linalg.norm(self.end - self.start))
 
 
-def stations_of(rig: Rig, plan: Plan | None, way: Way | None) -> list[Station]:
+def stations_of(rig: Rig, plan: Plan | None, way: LightPath | None) -> list[Station]:
     """The stations of a rig: the glass that light leaves last, plates and mirrors, the display.
 
     way : of light that has arrived, best of the picture's middle, by which they and their places
@@ -375,7 +375,7 @@ class SketchedLight:
     hatch : (h, 2, 3) lines on the part of the picture that is lost
     """
 
-    ways: tuple[Way, ...] = ()
+    ways: tuple[LightPath, ...] = ()
     notes: tuple[Note, ...] = ()
     hatch: Floats = field(default_factory=lambda: np.empty((0, 2, 3)))
 
@@ -393,7 +393,7 @@ class Sketch:
     dimensions: tuple[Dimension, ...] = ()
 
 
-def sketching(rig: Rig, plan: Plan | None) -> Pauses[Sketch]:
+def sketching(rig: Rig, plan: Plan | None) -> Steps[Sketch]:
     """Sketch a rig, by a few rays where there is a plan of it."""
     glasses = [glass.mesh.bounds for glass in rig.glasses if is_placed(glass.mesh)]
     middle = np.mean(glasses, axis=(0, 1)) if glasses else np.zeros(3)
@@ -435,7 +435,7 @@ def _aerial_plane(rig: Rig, stations: list[Station]) -> Floats:
     return nowhere if seen is None else seen
 
 
-def _following_picture(plan: Plan, canvas: Canvas) -> Pauses[SketchedLight]:
+def _following_picture(plan: Plan, canvas: Canvas) -> Steps[SketchedLight]:
     """Follow the light of a picture: of its corners and its middle, and of parts all over it."""
     extent = [part.mesh.bounds for part in (*plan.rig.glasses, *plan.rig.plates, plan.rig.display)]
     size = float(np.linalg.norm(np.ptp(np.concatenate(extent), axis=0)))
@@ -469,9 +469,9 @@ def _following_picture(plan: Plan, canvas: Canvas) -> Pauses[SketchedLight]:
     return SketchedLight(tuple(way for way, _ in marks), tuple(notes), ends.reshape(-1, 2, 3))
 
 
-def _up_to(origin: Floats, point: Floats) -> Way:
+def _up_to(origin: Floats, point: Floats) -> LightPath:
     """A straight way that is not followed any further."""
-    return Way(np.stack([origin, point]), np.full(2, NOTHING), Reason.MISSED_GLASS)
+    return LightPath(np.stack([origin, point]), np.full(2, NOTHING), Reason.MISSED_GLASS)
 
 
 def _notes_on_parts(points: Floats, words: Ints, is_lost: Bools, told: set[str]) -> list[Note]:

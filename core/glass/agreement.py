@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
-from ..base.steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, take
+from ..base.steps import Steps
 from ..base.vectors import length_of, normalise
 from ..native import loading
 from . import native_fit
@@ -68,7 +68,7 @@ class Agreed(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class FaceNeighbours:
     """The faces across the edges of p curved faces.
 
     row (t,) of each triangle's curved face, -1 where it has none; triangle (p, 3) where the surface
@@ -81,7 +81,7 @@ class Beside:
     is_drawn: Bools
 
     @classmethod
-    def of(cls, chosen: Ints, n_triangles: int, edges: Edges, is_joined: Bools) -> "Beside":
+    def of(cls, chosen: Ints, n_triangles: int, edges: Edges, is_joined: Bools) -> "FaceNeighbours":
         """Of the chosen triangles (p,), of n."""
         row = np.full(n_triangles, -1, np.int32)
         row[chosen] = np.arange(len(chosen))
@@ -107,7 +107,9 @@ class Beside:
         return cls(row, triangle, edge, is_drawn)
 
 
-def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> Pauses[Agreed]:
+def agreeing(
+    own: Floats, at_corners: Floats, area: Floats, beside: FaceNeighbours
+) -> Steps[Agreed]:
     """Normals that neighbours agree on.
 
     On an edge it is the mean of both sides, and a facet's own where it runs on as drawn; inside it
@@ -151,7 +153,7 @@ def agreeing(own: Floats, at_corners: Floats, area: Floats, beside: Beside) -> P
             other = beside.row[triangle]
             # it runs the other way there
             first = other * len(AT) + 3 * beside.edge[some, edge]
-            theirs = taken(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
+            theirs = take(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
 
             # a mean, in which each weighs by its area squared
             both = squared[some] + squared[other]
@@ -238,7 +240,7 @@ class Trial(NamedTuple):
 
 def on_trial(
     corners: Floats, coefficients: Floats, at_corners: Floats, given: Floats, agreed: Agreed
-) -> Pauses[Trial]:
+) -> Steps[Trial]:
     """Curved faces on trial, as far as the fit can tell by itself.
 
     The jump of normals between neighbours is about their error. The gain of a face is the angle by

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.products import combine
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import dot, length_of
 from .curved import HIGHER, CurvedFaces
 from .quartics import N_TERMS, monomials
@@ -49,7 +49,7 @@ _AT = np.stack(np.meshgrid(*2 * [np.arange(2 * UNITS + 1)], indexing="ij"), axis
 _TERMS = monomials(*np.moveaxis(_AT / (2 * UNITS), -1, 0))
 
 
-class Hull(NamedTuple):
+class BoundingShell(NamedTuple):
     """Triangles (p, 3, 3), m, that lie just in front of curved faces.
 
     triangle (p,) whose face each is in front of; places (p, 3, 2): u, v of its corners there. Next
@@ -71,7 +71,7 @@ def _edges_of(faces: CurvedFaces) -> tuple[Floats, Floats]:
     at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
     middles = combine(at_middles, faces.coefficient_table.reshape(N_TERMS, -1))
     middles = np.ascontiguousarray(middles.reshape(3, 3, -1).transpose(2, 0, 1))
-    corners = taken(faces.corners, faces.triangle)
+    corners = take(faces.corners, faces.triangle)
     chords = np.roll(corners, -1, axis=1) - corners
     heights = _heights(middles, chords)
     return _turn(middles, chords, heights), heights
@@ -94,7 +94,7 @@ def _heights(middles: Floats, chords: Floats) -> Floats:
     return length_of(middles - along[..., None] * chords)
 
 
-def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
+def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
     """Make the hull of curved faces, with pauses."""
     # vertices and edges that are shared with flat faces stay
     on_edge = faces.neighbour < 0
@@ -115,7 +115,7 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
         is_cut = halvings[some].any(axis=1)
         face = some.start + np.flatnonzero(~is_cut)
         places = np.broadcast_to(CORNERS, (len(face), 3, 2))
-        points = taken(faces.corners, faces.triangle[face])
+        points = take(faces.corners, faces.triangle[face])
         sag[face] = heights[face].max(axis=1)
 
         if is_cut.any():
@@ -140,11 +140,13 @@ def making_hull(faces: CurvedFaces) -> Pauses[Hull]:
 
     # put together bit by bit: of many faces that takes most of a second
     n = sum(len(face) for face, _, _ in portions)
-    hull = Hull(np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32))
+    hull = BoundingShell(
+        np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32)
+    )
     last = 0
     for face, places, points in portions:
         vertex = faces.vertex[face]
-        raised = taken(lifted, vertex)
+        raised = take(lifted, vertex)
         if halvings[face[0] : face[-1] + 1].any():
             weights = _weights(places)
             raised = np.matmul(weights, raised)
@@ -185,7 +187,7 @@ def _cut(faces: CurvedFaces, some: Ints, halvings: Ints, at_edge: Bools) -> tupl
     that parts of both sides do the same; at_edge (f,) as for `_count_halvings`.
     """
     n_faces = len(halvings)
-    corners = taken(faces.corners, faces.triangle[some])
+    corners = take(faces.corners, faces.triangle[some])
     sides = (corners[:, 1:] - corners[:, :1]) / UNITS
     face = np.arange(n_faces)
     places = np.broadcast_to(CORNERS, (n_faces, 3, 2))

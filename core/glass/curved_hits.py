@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.products import combine
 from ..base.vectors import dot
 from .curved import EDGE, FACES_AT_ONCE, CurvedFaces
@@ -61,17 +61,17 @@ class RootKnobs:
 ROOTS = RootKnobs()
 
 
-class Lines(NamedTuple):
+class RayLines(NamedTuple):
     """Rays: origins (n, 3) m, and unit directions (n, 3)."""
 
     origins: Floats
     directions: Floats
 
-    def at(self, i: Ints | Bools | slice) -> "Lines":
+    def at(self, i: Ints | Bools | slice) -> "RayLines":
         """Some of the rays."""
         if isinstance(i, slice):
-            return Lines(self.origins[i], self.directions[i])
-        return Lines(taken(self.origins, i), taken(self.directions, i))
+            return RayLines(self.origins[i], self.directions[i])
+        return RayLines(take(self.origins, i), take(self.directions, i))
 
 
 class Spots(NamedTuple):
@@ -112,7 +112,7 @@ class Roots(NamedTuple):
             mine[rays] = theirs[chosen]
 
 
-def follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
+def follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roots:
     """Roots of whichever side, each followed over so many faces."""
     n = max(len(spots.triangle), 1)
     some = [slice(first, first + FACES_AT_ONCE) for first in range(0, n, FACES_AT_ONCE)]
@@ -122,7 +122,7 @@ def follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
     return Roots(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _follow(faces: CurvedFaces, spots: Spots, lines: Lines, walks: int) -> Roots:
+def _follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roots:
     # near a turning point the matrix is singular: such
     # rays do not converge, and count as no hit
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -145,7 +145,7 @@ class _Way:
     of few takes nearly as long as one of many. Steps and range are limited.
     """
 
-    def __init__(self, faces: CurvedFaces, spots: Spots, lines: Lines) -> None:
+    def __init__(self, faces: CurvedFaces, spots: Spots, lines: RayLines) -> None:
         self.faces, self.lines = faces, lines
         self.k = k = spots.triangle.copy()
         self.c, self.away = _seen_from(faces, k, lines.origins)
@@ -282,7 +282,7 @@ def _goes_on(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
 def find_roots(
     faces: CurvedFaces,
     spots: Spots,
-    lines: Lines,
+    lines: RayLines,
     leaves: Bools | None,
     least: float,
     is_last: bool = False,
@@ -337,7 +337,7 @@ def find_roots(
     return found
 
 
-def pass_by(spheres: tuple[Floats, Floats], lines: Lines) -> tuple[Ints, Ints]:
+def pass_by(spheres: tuple[Floats, Floats], lines: RayLines) -> tuple[Ints, Ints]:
     """Rays (m,) and the spheres (m,) that their lines enter, by number,
     of spheres with centres (t, 3) and radii (t,).
     """
@@ -361,14 +361,14 @@ def pass_by(spheres: tuple[Floats, Floats], lines: Lines) -> tuple[Ints, Ints]:
     return np.nonzero(apart <= (1 + 1e-5) * radius**2 + 1e-12 * squares.max())
 
 
-def are_in_boxes(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
+def are_in_boxes(faces: CurvedFaces, k: Ints, lines: RayLines) -> Bools:
     """As seen along each of n rays, is it in the box around the curved face of triangle k (n,)?"""
     parts = [slice(first, first + FACES_AT_ONCE) for first in range(0, len(k), FACES_AT_ONCE)]
     holds = [_is_in_box(faces, k[some], lines.at(some)) for some in parts]
     return np.concatenate([np.zeros(0, bool), *holds])
 
 
-def _is_in_box(faces: CurvedFaces, k: Ints, lines: Lines) -> Bools:
+def _is_in_box(faces: CurvedFaces, k: Ints, lines: RayLines) -> Bools:
     """As seen along each ray, does the box around the Bezier
     points of the curved face of triangle k hold it?
 
@@ -406,7 +406,7 @@ def _search_around(
     faces: CurvedFaces,
     found: Roots,
     around: _Around,
-    lines: Lines,
+    lines: RayLines,
     leaves: Bools,
 ) -> None:
     """Put the nearest roots on the right side on each of the faces around."""

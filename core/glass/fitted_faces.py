@@ -5,9 +5,9 @@ from math import comb
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.products import combine, solve_symmetric
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import dot, length_of, normalise
 from ..native import loading
 from . import native_fit
@@ -28,7 +28,7 @@ from .quartics import (
     tangents,
     value,
 )
-from .subdivided import Known
+from .subdivided import ExactLimit
 from .vertices import Vertices
 
 # squared, of neighbours, in units of their mean distance: nearer ones would weigh all
@@ -81,7 +81,7 @@ def tangent_planes(v: Vertices) -> Fields:
         along = v.rim[is_rim]
         axis_x[is_rim] = along = normalise(along - dot(along, normal)[:, None] * normal)
         axis_y[is_rim] = np.cross(normal, along)
-    away = taken(v.at, v.end) - taken(v.at, v.start)
+    away = take(v.at, v.end) - take(v.at, v.start)
     distance = length_of(away)
     size = np.bincount(v.start, distance, len(v.at)) / np.maximum(np.diff(v.first), 1)
     return Fields(axis_x, axis_y, size, np.zeros((len(v.at), N_TERMS)), is_rim)
@@ -95,7 +95,7 @@ def _around(
     Are they of use.
     """
     end = v.end[pairs]
-    away = (taken(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
+    away = (take(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
     x = dot(away, fields.axis_x[some, None])
     y = dot(away, fields.axis_y[some, None])
     return x, y, dot(away, v.normal[some, None]), dot(away, away), v.is_known[end]
@@ -107,7 +107,7 @@ def gradients(
     """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of
     their vertex.
     """
-    theirs = taken(normal, v.end[pairs])
+    theirs = take(normal, v.end[pairs])
     upright = np.maximum(dot(theirs, v.normal[some, None]), LEAST_UPRIGHT)
     return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(
         theirs, fields.axis_y[some, None]
@@ -146,7 +146,7 @@ def system(
     return rows, weights, matrix, z
 
 
-def fitting_fields(v: Vertices, wanted: Bools) -> Pauses[Fields]:
+def fitting_fields(v: Vertices, wanted: Bools) -> Steps[Fields]:
     """Fields with the vertex's own place and slope, through its neighbours, by least squares;
     with pauses.
     """
@@ -210,8 +210,8 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
 
     # numpy's way, corner by corner: the field around each, in its own frame
     offsets = np.zeros((N_NODES, 3, len(corner)))
-    at = taken(v.at, corner)
-    normal = taken(v.normal, corner)
+    at = take(v.at, corner)
+    normal = take(v.normal, corner)
 
     for i in range(3):
         own = corner[:, i]
@@ -342,8 +342,8 @@ def fit_faces(
     corners: Floats,
     facets: Floats,
     chosen: Ints,
-    known: Known | None,
-) -> Pauses[tuple[Faces, Bools]]:
+    known: ExactLimit | None,
+) -> Steps[tuple[Faces, Bools]]:
     """Faces over chosen triangles (n,), and which of them stay near their facets."""
     coefficients = np.empty((len(chosen), N_TERMS, 3))
     own = np.empty((len(chosen), len(AT), 3))
@@ -352,7 +352,7 @@ def fit_faces(
 
     for k in range(0, len(chosen), FACES_AT_ONCE):
         some = slice(k, k + FACES_AT_ONCE)
-        at = taken(corners, chosen[some])
+        at = take(corners, chosen[some])
         of_corner = v.of_corner[chosen[some]]
 
         if known is None:
@@ -367,7 +367,7 @@ def fit_faces(
             if len(which) < len(at):
                 offsets[..., ~is_known] = _node_offsets(v, fields, of_corner[~is_known])
 
-        over = at, taken(v.normal, of_corner), taken(facets, chosen[some])
+        over = at, take(v.normal, of_corner), take(facets, chosen[some])
         into = coefficients[some], own[some], is_whole[some], is_swollen[some]
         _make_faces(offsets, *over, into)
 
@@ -381,8 +381,8 @@ def fit_faces(
     return Faces(chosen, coefficients, own, meant, is_swollen), is_whole
 
 
-def made_to_meet(
-    faces: Faces, known: Known, edges: Edges, corners: Floats, facets: Floats
+def match_edges(
+    faces: Faces, known: ExactLimit, edges: Edges, corners: Floats, facets: Floats
 ) -> Bools:
     """Let faces (n,) whose neighbours are better known take places on the edges between from them.
 
@@ -409,7 +409,7 @@ def made_to_meet(
     there = there[np.arange(len(better))[:, None], 3 * theirs[:, None] + 2 - along]
     offsets[place[:, None], 3 * mine[:, None] + along] = there
 
-    at = taken(corners, faces.chosen[which])
+    at = take(corners, faces.chosen[which])
     faces.coefficients[which] = np.matmul(FROM_NODES, offsets)
     own = _normals_at_nodes(np.ascontiguousarray(offsets.transpose(1, 2, 0)), at)
     is_own = rank[which] == 0
@@ -417,6 +417,6 @@ def made_to_meet(
     faces.meant[which[is_own]] = own[is_own]
     is_whole = np.ones(len(faces.chosen), bool)
     is_whole[which] = _is_whole(
-        offsets.transpose(1, 2, 0), at, own, taken(facets, faces.chosen[which])
+        offsets.transpose(1, 2, 0), at, own, take(facets, faces.chosen[which])
     )
     return is_whole

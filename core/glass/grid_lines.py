@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints, taken
-from ..base.steps import Pauses
+from ..base.arrays import Floats, Ints, take
+from ..base.steps import Steps
 from ..base.vectors import dot, length_of
 from .vertices import Vertices
 
@@ -66,7 +66,7 @@ class Lines(NamedTuple):
     phase: Floats
 
 
-def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
+def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
     """How smooth and how coarse lines are, of sizes (f,).
 
     The scatter is the highest difference along the line (rms 1 for vertices that are off by 1 at
@@ -87,17 +87,17 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     back = _find_back(v)
     onward = across[back]
     to_poles = [(spokes, back[spokes], _half_on(spokes.shape[1])) for spokes in poles]
-    at = taken(v.at, v.start)
+    at = take(v.at, v.start)
     is_line = np.ones(len(at), bool)
     differences = np.zeros((4, len(at), 3))
     for k, weights in enumerate(np.stack([second, *fourths], axis=1)):
         if k == 1:
-            at = taken(v.at, v.end)
+            at = take(v.at, v.end)
         elif k:
             # what is one vertex nearer in the line that goes on from the end of the pair
             before, was_line = at, is_line
-            at = taken(before, onward)
-            is_line = taken(was_line, onward) & (onward >= 0)
+            at = take(before, onward)
+            is_line = take(was_line, onward) & (onward >= 0)
             for spokes, ends, half_on in to_poles:
                 at[ends] = np.matmul(half_on, before[spokes])
                 is_line[ends] = was_line[spokes].all(axis=1)[:, None]
@@ -109,7 +109,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Pauses[Lines]:
     # a vertex in one place with all its neighbours has no line
     bend = length_of(differences[0])
     bends = length_of(differences[2])
-    least = LINES.straight * taken(size, v.start)
+    least = LINES.straight * take(size, v.start)
     phase = np.divide(bends, np.maximum(bend, least), out=np.zeros(len(least)), where=least > 0)
     off = np.where(is_line, off_lines(differences[1:], SMOOTH), np.inf)
     yield 0
@@ -162,8 +162,8 @@ def _find_across(v: Vertices) -> tuple[Ints, list[Ints]]:
     """The pair (p,) on the other side of its vertex that each goes on from, -1 where none is; and
     the spokes of poles with no edge on the other side: their pairs (n, m), in order around.
     """
-    away = taken(v.at, v.end) - taken(v.at, v.start)
-    normal = taken(v.normal, v.start)
+    away = take(v.at, v.end) - take(v.at, v.start)
+    normal = take(v.normal, v.start)
     away -= dot(away, normal)[:, None] * normal
 
     across = np.full(len(v.start), -1)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, columns_of, greatest, in_order, taken
+from ..base.arrays import Bools, Floats, Ints, greatest, stable_argsort, take, transpose_rows
 from ..base.vectors import dot, normalise
 from ..rig.mesh import SAME_NORMAL
 
@@ -63,7 +63,7 @@ def find_edges(triangles: Ints) -> Edges:
     start = triangles.astype(np.int64).ravel()
     end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
     key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
-    order = in_order(key)
+    order = stable_argsort(key)
     ordered = key[order]
     begins = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
     counts = np.diff(np.r_[begins, len(ordered)])
@@ -82,7 +82,7 @@ def box_of(corners: Floats) -> Floats:
 
 def boxes_of(corners: Floats) -> Floats:
     """Lower and upper corners (t, 2, 3) of the axis-aligned box of each triangle (t, 3, 3)."""
-    by_corner = columns_of(corners)
+    by_corner = transpose_rows(corners)
     return np.stack([of.reduce(by_corner) for of in (np.minimum, np.maximum)]).transpose(2, 0, 1)
 
 
@@ -166,8 +166,8 @@ def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
     of_corner = values.reshape(-1, values.shape[2])
     first, second = 3 * edges.first[:, None], 3 * edges.second[:, None]
     return (
-        taken(of_corner, first + np.stack([i, next_i], axis=1)),
-        taken(of_corner, second + np.stack([start, end], axis=1)),
+        take(of_corner, first + np.stack([i, next_i], axis=1)),
+        take(of_corner, second + np.stack([start, end], axis=1)),
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..native.loading import loaded, n_threads
 from ..native.structures import FitStructure, Made
 from .vertices import Vertices
@@ -59,7 +59,7 @@ class Fit:
 
     def settling_normals(
         self, wanted: Bools, ridge: Floats, normals: Floats, n_sweeps: int, settled: float
-    ) -> Pauses[Floats]:
+    ) -> Steps[Floats]:
         """Let the wanted (f,) of normals (f, 3) agree with those of their neighbours, with pauses,
         by so many sweeps at the most. Returns by how much the last one changed each (f, 3).
         """
@@ -143,7 +143,8 @@ def agree(
     how far these are off, (p, 9), as `agreement.agreeing`.
 
     faces : their normals (p, 15, 3), those of their vertices (p, 3, 3), and areas (p,)
-    neighbours : row (t,), triangle (p, 3), edge (p, 3) and is_drawn (p, 3) of `agreement.Beside`
+    neighbours : row (t,), triangle (p, 3), edge (p, 3) and is_drawn (p, 3) of
+        `agreement.FaceNeighbours`
     weights : (9, 3) of corners, in normals at nodes on edges; (3, 15) of changes at nodes and
         corners, in those inside
     least : changes inside that are less are none

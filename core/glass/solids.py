@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, in_order, taken
-from ..base.steps import Pauses, finish
+from ..base.arrays import Bools, Floats, Ints, stable_argsort, take
+from ..base.steps import Steps, run_steps
 from ..base.vectors import dot
 from ..rig.rig import Mesh
 from .inner_faces import without_inner
 from .meshes import Edges, box_of, components, find_edges, volume_of
-from .surfaces import Surface, making_surface
+from .surfaces import Surface, surface_steps
 
 # of a shell: by less than this a shell is not larger than another in the same place
 SAME_VOLUME = 1e-6
@@ -78,7 +78,7 @@ def _split(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
         is_flipped = as_drawn >= turned
 
     label = components(n, edges.first, edges.second)
-    order = in_order(label)
+    order = stable_argsort(label)
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     return [(drawn[chosen], is_flipped[chosen]) for chosen in np.split(order, cuts)], edges
 
@@ -110,11 +110,11 @@ def turned_beside(triangles: Ints) -> Bools:
 
 
 def solids_from_mesh(mesh: Mesh) -> list[Surface]:
-    """Solids of a glass object, as by `making_solids`."""
-    return finish(making_solids(mesh))
+    """Solids of a glass object, as by `solid_steps`."""
+    return run_steps(solid_steps(mesh))
 
 
-def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
+def solid_steps(mesh: Mesh) -> Steps[list[Surface]]:
     """Solids of a glass object: each outer shell with the
     cavities in it, all facing out of the glass.
 
@@ -133,7 +133,7 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
     yield 0
     for chosen, is_flipped in split:
         index = np.where(is_flipped[:, None], mesh.triangles[chosen, ::-1], mesh.triangles[chosen])
-        corners = taken(mesh.vertices, index)
+        corners = take(mesh.vertices, index)
         if len(split) > 1 or is_flipped.any():
             edges = find_edges(index)
         is_closed = edges.n_open == 0
@@ -169,6 +169,6 @@ def making_solids(mesh: Mesh) -> Pauses[list[Surface]]:
         chosen = np.concatenate([shells[i][0] for i in group])
         turned = np.concatenate([shells[i][1] ^ (i != outer) for i in group])
         edges = edges_of[outer] if len(group) == 1 else None
-        solids.append((yield from making_surface(mesh, chosen, turned, edges)))
+        solids.append((yield from surface_steps(mesh, chosen, turned, edges)))
 
     return solids

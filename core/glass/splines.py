@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.products import combine
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import length_of, normalise
 from .grid_lines import off_lines
 from .meshes import Edges
@@ -199,15 +199,15 @@ def _at_corners(s: Splines, triangles: Ints) -> Floats:
     return data.reshape(-1, 16, 3)
 
 
-def looking_for_splines(v: Vertices, lines: QuadLines) -> Pauses[Splines | None]:
+def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     """Where a mesh of such lines lies on such a surface; None where it does nowhere."""
     if not len(lines.pair):
         return None
 
     # places along lines, as far as they go, and which of these are on splines
     start = v.start[lines.pair]
-    at = taken(v.at, start)
-    end = taken(v.at, v.end[lines.pair])
+    at = take(v.at, start)
+    end = take(v.at, v.end[lines.pair])
     steps = _steps(lines)
     ahead = [_at(end, step) for step in steps[:3]]
     places = np.stack([*(there[lines.back] for there in ahead[::-1]), at, *ahead])

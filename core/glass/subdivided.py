@@ -17,8 +17,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
-from ..base.steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, take
+from ..base.steps import Steps
 from ..base.vectors import length_of, normalise
 from .meshes import Edges, components
 from .quartics import AT
@@ -70,7 +70,7 @@ class Quads:
         """Sums (n, 3) of the values (n, 3) of the neighbours, and of the corners opposite."""
         next_to = self.start[self.after]
         opposite = next_to[self.after]
-        return self._sum(taken(values, next_to)), self._sum(taken(values, opposite))
+        return self._sum(take(values, next_to)), self._sum(take(values, opposite))
 
     def _sum(self, by_loop: Floats) -> Floats:
         return np.stack([np.bincount(self.start, x, self.n) for x in by_loop.T], axis=1)
@@ -128,7 +128,7 @@ class Quads:
         return Quads(np.stack(start, axis=1).ravel(), len(places)), places
 
 
-def finding_points(quads: Quads, places: Floats, is_inner: Bools) -> Pauses[Floats]:
+def finding_points(quads: Quads, places: Floats, is_inner: Bools) -> Steps[Floats]:
     """Control points (n, 3) whose limit are places (n, 3), at inner vertices; others stay."""
     middle, half = (1 + LEAST_EIGENVALUE) / 2, (1 - LEAST_EIGENVALUE) / 2
     points = places.copy()
@@ -209,7 +209,7 @@ class Subdivided:
 
 def looking_for_subdivided(
     v: Vertices, lines: QuadLines, polygon: Ints, asked: Bools
-) -> Pauses[Subdivided | None]:
+) -> Steps[Subdivided | None]:
     """Where the triangles (t,) that are asked for lie on such a surface; None if nowhere."""
     faces, halves = _faces(v, lines, polygon)
     n = len(v.at)
@@ -341,9 +341,7 @@ def _are_divided(quads: Quads, points: Floats, is_tested: Bools, group: Ints) ->
     return (by_edge[:n] != by_edge[n:]) & (best <= ROUNDING * edge) & is_clear
 
 
-def _divided_twice(
-    quads: Quads, points: Floats, kept: Bools
-) -> Pauses[tuple[Ints, Floats, Floats]]:
+def _divided_twice(quads: Quads, points: Floats, kept: Bools) -> Steps[tuple[Ints, Floats, Floats]]:
     """The vertices (64 q,) at the loops of the quads that are kept, divided twice, and places and
     unit normals on the limit (n, 3) of all.
     """
@@ -372,7 +370,7 @@ MOST_TRIANGLES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class ExactLimit:
     """Triangles (t,) over which it is known, as parts tell; the unit normals (f, 3) of the vertices
     at their corners, NaN elsewhere; and rank (t,): where two parts tell of the edge between two
     triangles, that of the higher is believed; 0 where none does.
@@ -393,9 +391,9 @@ class Known:
         return places, normals
 
 
-def looking_for_known(
+def exact_limit_steps(
     v: Vertices, edges: Edges, polygon: Ints, asked: Bools
-) -> Pauses[Known | None]:
+) -> Steps[ExactLimit | None]:
     """Where it is known of a mesh whose triangles are parts of polygons (t,), of those that are
     asked for (t,); None where it is nowhere, and for a mesh of more than MOST_TRIANGLES.
     """
@@ -420,4 +418,4 @@ def looking_for_known(
     for part in reversed(parts):
         rank[part.is_face] = 2 if part is splines else 1
 
-    return Known(tuple(parts), rank > 0, normal, rank)
+    return ExactLimit(tuple(parts), rank > 0, normal, rank)

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, greatest, taken
+from ..base.arrays import Bools, Floats, Ints, greatest, take
 from ..base.products import solve_symmetric
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import dot, length_of, normalise
 from ..native import loading
-from .agreement import AGREEMENT, Agreed, Beside, agreeing, on_trial
+from .agreement import AGREEMENT, Agreed, FaceNeighbours, agreeing, on_trial
 from .curved import CurvedFaces
 from .fitted_faces import (
     RIDGE,
@@ -29,14 +29,14 @@ from .fitted_faces import (
     fit_faces,
     fitting_fields,
     gradients,
-    made_to_meet,
+    match_edges,
     system,
     tangent_planes,
 )
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, N_TERMS, NODES, by_term
-from .subdivided import Known, looking_for_known
-from .trust import Doubts, Parts, how_far_trusted, in_parts
+from .subdivided import ExactLimit, exact_limit_steps
+from .trust import FlatFaces, FlatParts, how_far_trusted, in_parts
 from .vertices import Vertices, find_vertices, seen_across
 
 
@@ -77,7 +77,7 @@ class NormalKnobs:
 NORMALS = NormalKnobs()
 
 
-def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]:
+def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
     """Normals (f, 3) of the surface through the vertices, where
     the given ones are only means of the faces around, by those that are exact, NaN elsewhere.
 
@@ -121,7 +121,7 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Pauses[Floats]
 
 def _turns(v: Vertices, normal: Floats) -> Floats:
     """By how much, rad, normals (f, 3) turn to a neighbour's at most, per vertex (f,)."""
-    turn = length_of(taken(normal, v.end) - taken(normal, v.start))
+    turn = length_of(take(normal, v.end) - take(normal, v.start))
     return np.maximum.reduceat(turn, v.first[:-1])
 
 
@@ -150,14 +150,14 @@ def _bend(v: Vertices, normal: Floats) -> Floats:
 
     Of a parabola a chord has the mean of the slopes at its ends.
     """
-    chord = normalise(taken(v.at, v.end) - taken(v.at, v.start))
-    unlike = dot(taken(normal, v.end) + taken(normal, v.start), chord) / 2
+    chord = normalise(take(v.at, v.end) - take(v.at, v.start))
+    unlike = dot(take(normal, v.end) + take(normal, v.start), chord) / 2
     return np.sqrt(np.bincount(v.start, unlike**2, len(v.at)) / np.maximum(np.diff(v.first), 1))
 
 
 def _settling_normals(
     v: Vertices, fields: Fields, ridge: Floats, wanted: Bools, normal: Floats
-) -> Pauses[Floats]:
+) -> Steps[Floats]:
     """Let the wanted ones of normals (f, 3) agree with those of their neighbours, with pauses.
 
     Returns by how much the last sweep changed each (f, 3).
@@ -213,10 +213,10 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
     Curvature changes little from one edge to the next one straight on. Where it jumps
     up on a much shorter edge, the normal between them belongs to that edge.
     """
-    away = taken(v.at, v.end) - taken(v.at, v.start)
+    away = take(v.at, v.end) - take(v.at, v.start)
     length = length_of(away)
     direction = away / np.maximum(length, 1e-300)[:, None]
-    turn = np.abs(dot(taken(normal, v.end) - taken(normal, v.start), direction))
+    turn = np.abs(dot(take(normal, v.end) - take(normal, v.start), direction))
 
     is_bad = np.zeros(len(v.start), bool)
     suspect = wanted & (np.bincount(v.start, turn > NORMALS.bulge, len(v.at)) > 0)
@@ -273,7 +273,7 @@ class Drawn:
 
 def make_curved(
     drawn: Drawn, wanted: Bools, has_mean_normals: bool, is_automatic: bool = False
-) -> Pauses[tuple[CurvedFaces | None, Doubts]]:
+) -> Steps[tuple[CurvedFaces | None, FlatFaces]]:
     """Curved faces over those of the wanted triangles whose
     normals agree with their shape; and how many are doubted.
 
@@ -292,7 +292,7 @@ def make_curved(
     n_triangles = len(drawn.triangles)
 
     # the vertices, with normals that may be found from their places
-    corners = taken(drawn.vertices, drawn.triangles)
+    corners = take(drawn.vertices, drawn.triangles)
     asked = wanted
     found = yield from _find_normals(drawn, wanted, has_mean_normals)
     v = found.v
@@ -309,27 +309,27 @@ def make_curved(
         faces = faces.at(is_whole)
         yield 0
 
-    beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
+    beside = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
     yield 0
 
     # normals that agree at the edges, and faces that are trusted for it
     area = areas_of(corners)
-    at_corners = taken(v.normal, v.of_corner[faces.chosen])
+    at_corners = take(v.normal, v.of_corner[faces.chosen])
     agreed = yield from agreeing(faces.meant, at_corners, area[faces.chosen], beside)
     yield 0
-    doubts = Doubts()
+    doubts = FlatFaces()
 
     if is_automatic:
-        at, given = taken(corners, faces.chosen), taken(found.given, v.of_corner[faces.chosen])
+        at, given = take(corners, faces.chosen), take(found.given, v.of_corner[faces.chosen])
         trial = yield from on_trial(at, faces.coefficients, at_corners, given, agreed)
         yield 0
         is_known = np.zeros(n_triangles, bool) if found.known is None else found.known.is_face
-        parts = Parts(flat_face, is_known[faces.chosen])
+        parts = FlatParts(flat_face, is_known[faces.chosen])
         trusted = yield from how_far_trusted(v, size, faces, trial, parts)
         if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
             doubts = trusted.doubts
             v, faces = in_parts(v, faces.at(trusted.is_kept), found.given, trusted.weight)
-            beside = Beside.of(faces.chosen, n_triangles, edges, is_joined)
+            beside = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
 
     if not len(faces.chosen):
         return None, doubts
@@ -340,7 +340,7 @@ def make_curved(
 
     if len(faces.chosen) < n_triangles:
         yield 0
-        agreed = yield from agreeing(faces.meant, taken(normal, vertex), area[faces.chosen], beside)
+        agreed = yield from agreeing(faces.meant, take(normal, vertex), area[faces.chosen], beside)
 
     yield 0
     return _put_together(corners, vertex, normal, faces, agreed, beside), doubts
@@ -356,10 +356,10 @@ class _Meant(NamedTuple):
     given: Floats
     wanted: Bools
     is_used: Bools
-    known: Known | None
+    known: ExactLimit | None
 
 
-def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses[_Meant]:
+def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[_Meant]:
     """Vertices whose normals are found where they were means; wanted are those they fit."""
     asked = wanted
     least = np.einsum("tij,tj->ti", drawn.corner_normals, drawn.facets).min(axis=1)
@@ -379,11 +379,11 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses
     known = None
     if has_mean_normals:
         if drawn.polygon is not None:
-            known = yield from looking_for_known(v, drawn.edges, drawn.polygon, asked)
+            known = yield from exact_limit_steps(v, drawn.edges, drawn.polygon, asked)
         exact = np.full_like(given, np.nan) if known is None else known.normal
         v = replace(v, normal=(yield from finding_normals(v, is_used, exact)))
         yield 0
-        cosine = np.einsum("tij,tj->ti", taken(v.normal, v.of_corner), drawn.facets)
+        cosine = np.einsum("tij,tj->ti", take(v.normal, v.of_corner), drawn.facets)
         wanted &= (cosine > FIT.least_cosine).all(axis=1)
         if known is not None:
             wanted |= asked & known.is_face
@@ -394,7 +394,7 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Pauses
 
 def _fit(
     found: _Meant, drawn: Drawn, corners: Floats, wanted: Bools
-) -> Pauses[tuple[Floats, Faces, Bools]]:
+) -> Steps[tuple[Floats, Faces, Bools]]:
     """The sizes (f,) of vertices' fields, faces over wanted triangles (t,), with corners (t, 3, 3)
     of all, and which of them stay near their facets.
     """
@@ -407,7 +407,7 @@ def _fit(
     fields = yield from fitting_fields(v, _are_corners(v, wanted & ~known.is_face))
     faces, is_whole = yield from fit_faces(v, fields, corners, drawn.facets, chosen, known)
     joined = drawn.edges.at(drawn.is_joined)
-    is_whole &= made_to_meet(faces, known, joined, corners, drawn.facets)
+    is_whole &= match_edges(faces, known, joined, corners, drawn.facets)
     yield 0
     return fields.size, faces, is_whole
 
@@ -447,7 +447,7 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
 
     # a flat face in parts is curved as a whole or not at all
     first, second = drawn.edges.first, drawn.edges.second
-    turn = greatest(np.abs(taken(drawn.facets, first) - taken(drawn.facets, second)))
+    turn = greatest(np.abs(take(drawn.facets, first) - take(drawn.facets, second)))
     is_flat = drawn.is_joined & (turn < FIT.coplanar)
     flat_face = components(len(wanted), first[is_flat], second[is_flat])
     wanted = wanted & ~np.isin(flat_face, flat_face[asked & ~wanted])
@@ -459,7 +459,12 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
 
 
 def _put_together(
-    corners: Floats, vertex: Ints, normal: Floats, faces: Faces, agreed: Agreed, beside: Beside
+    corners: Floats,
+    vertex: Ints,
+    normal: Floats,
+    faces: Faces,
+    agreed: Agreed,
+    beside: FaceNeighbours,
 ) -> CurvedFaces:
     """The curved faces, with straight edges and terms of their normals where they need them."""
     # faces with straight edges, and what they would be without
@@ -474,7 +479,7 @@ def _put_together(
     coefficients[held] = np.matmul(FROM_NODES, offsets)
 
     # terms of normals that are not the faces' own
-    at_corners = taken(normal, vertex)
+    at_corners = take(normal, vertex)
     meant = agreed.normals, at_corners
     own = np.split(faces.own, [agreed.normals.shape[1]], axis=1)
     off = np.maximum(*(greatest(length_of(a - b)) for a, b in zip(meant, own, strict=True)))

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, greatest, taken
-from ..base.steps import Pauses, finish
+from ..base.arrays import Bools, Floats, Ints, greatest, take
+from ..base.steps import Steps, run_steps
 from ..base.vectors import normalise
 from ..rig.mesh import SAME_NORMAL
 from ..rig.rig import Mesh
@@ -22,7 +22,7 @@ from .meshes import (
 )
 from .motion import Motion
 from .surface_fit import Drawn, make_curved
-from .trust import Doubts
+from .trust import FlatFaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Surface:
 
 def make_surface(mesh: Mesh) -> Surface:
     """Surface of a mesh."""
-    return finish(making_surface(mesh))
+    return run_steps(surface_steps(mesh))
 
 
 def _bent_normals(
@@ -109,12 +109,12 @@ def _bent_normals(
     return by_corner, is_bent, int((is_smooth & ~is_usable).sum())
 
 
-def making_surface(
+def surface_steps(
     mesh: Mesh,
     triangles: Ints | None = None,
     is_flipped: Bools | None = None,
     edges: Edges | None = None,
-) -> Pauses[Surface]:
+) -> Steps[Surface]:
     """Surface of a mesh, or of some of its triangles
     (indices), some of them with the winding turned.
 
@@ -131,7 +131,7 @@ def making_surface(
                 is_flipped[:, None, None], -corner_normals[:, ::-1], corner_normals
             )
 
-    corners = taken(mesh.vertices, index)
+    corners = take(mesh.vertices, index)
     normals = geometric_normals(corners)
     if edges is None:
         edges = find_edges(index)
@@ -139,7 +139,7 @@ def making_surface(
 
     by_corner, is_bent, n_contradicted = _bent_normals(mesh, chosen, corner_normals, normals)
     curved = None
-    doubts = Doubts()
+    doubts = FlatFaces()
 
     # curved faces over them, where they turn further than rounding
     is_joined = find_joined(by_corner, edges)

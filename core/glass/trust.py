@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
-from ..base.steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, take
+from ..base.steps import Steps
 from ..base.vectors import normalise
 from .agreement import AGREEMENT, Trial
 from .fitted_faces import Faces
@@ -32,8 +32,8 @@ class PartKnobs:
 
     Parameters
     ----------
-    told : the square of a curved face's error, in those of the jumps of its normals, where vertices
-        are off at random: 6.8 to 8.8 on balls, ellipsoids and tori with noise, whatever its size
+    squared_error : of a curved face, in squared errors of the jumps of its normals, if vertices are
+        off at random: 6.8 to 8.8 on balls, ellipsoids and tori with noise, whatever its size
     least : weights below count for nothing: they would take less than a fifth off the error, and
         make faces curved that are as good as drawn
     irregular : times the gain, rms: faces whose vertices are further off smooth lines are such. On
@@ -43,7 +43,7 @@ class PartKnobs:
         spoils the gain, and 0.09 on scans and voxels: a piece in which no more are is not blended
     """
 
-    told: float = 7.3
+    squared_error: float = 7.3
     least: float = 0.36
     irregular: float = 2.0
     chance: float = 0.15
@@ -66,7 +66,7 @@ def weights(n_vertices: int, vertex: Ints, trial: Trial, is_trusted: Bools) -> F
         np.bincount(vertex.ravel(), np.repeat(x, 3), n_vertices)
         for x in (trial.unsure, trial.gained)
     )
-    weight = 1 - PART.told * unsure / (gained + AGREEMENT.agree**2)
+    weight = 1 - PART.squared_error * unsure / (gained + AGREEMENT.agree**2)
     weight[weight < PART.least] = 0.0
     is_whole = np.ones(n_vertices, bool)
     is_whole[vertex[~is_trusted]] = False
@@ -82,19 +82,19 @@ def in_parts(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[
 
     vertex = v.of_corner[faces.chosen]
     some = np.flatnonzero((weight[vertex] < 1).any(axis=1))
-    by_corner = taken(part, vertex[some])
+    by_corner = take(part, vertex[some])
     offsets = np.matmul(NODES, by_corner) * np.matmul(AT_NODES, faces.coefficients[some])
     coefficients = faces.coefficients.copy()
     coefficients[some] = np.matmul(FROM_NODES, offsets)
 
     part = np.matmul(AT, by_corner)
-    facets = normalise(np.matmul(AT, taken(given, vertex[some])))
+    facets = normalise(np.matmul(AT, take(given, vertex[some])))
     meant = faces.meant.copy()
     meant[some] = normalise(part * meant[some] + (1 - part) * facets)
     return replace(v, normal=normal), replace(faces, coefficients=coefficients, meant=meant)
 
 
-class Doubts(NamedTuple):
+class FlatFaces(NamedTuple):
     """How many smooth triangles are left flat because their curved faces would be no nearer to the
     surface meant, and how many of these because they are coarse, not uneven.
     """
@@ -113,11 +113,11 @@ class Trusted(NamedTuple):
     is_coarse: Bools
 
     @property
-    def doubts(self) -> Doubts:
-        return Doubts(int((~self.is_kept).sum()), int((~self.is_kept & self.is_coarse).sum()))
+    def doubts(self) -> FlatFaces:
+        return FlatFaces(int((~self.is_kept).sum()), int((~self.is_kept & self.is_coarse).sum()))
 
 
-class Parts(NamedTuple):
+class FlatParts(NamedTuple):
     """The flat face (t,) that each triangle is part of, and whether each curved face (n,) is known
     to be the surface meant (subdivided.py).
     """
@@ -127,8 +127,8 @@ class Parts(NamedTuple):
 
 
 def how_far_trusted(
-    v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: Parts
-) -> Pauses[Trusted]:
+    v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: FlatParts
+) -> Steps[Trusted]:
     """Which faces (n,) are to be trusted, and how far.
 
     All parts of a flat face, or none. size (f,) of the vertices' fields.

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, each_once, in_order, taken
+from ..base.arrays import Bools, Floats, Ints, stable_argsort, take, unique_inverse
 from ..base.vectors import dot
 from .curved import FACES_AT_ONCE
 from .meshes import Edges, components
@@ -81,10 +81,10 @@ def find_vertices(
         of_corner.reshape(-1)[chosen] = len(vertices) + label
 
     # each once, with its place and normal
-    used, of_corner = each_once(of_corner)
+    used, of_corner = unique_inverse(of_corner)
     normal = np.zeros((len(used), 3))
     at = np.empty((len(used), 3))
-    at[of_corner] = taken(vertices, triangles)
+    at[of_corner] = take(vertices, triangles)
     normal[of_corner[is_usable]] = corner_normals[is_usable]
 
     # each joined edge is met from both sides, once in each
@@ -95,7 +95,7 @@ def find_vertices(
     start = np.concatenate([a, b[lone]])
     end = np.concatenate([b, a[lone]])
 
-    order = in_order(start)
+    order = stable_argsort(start)
     start = start[order]
     end = end[order]
     first = np.searchsorted(start, np.arange(len(used) + 1))
@@ -143,7 +143,7 @@ def seen_across(v: Vertices) -> Vertices:
     start, end = np.divmod(np.setdiff1d((start * n + end)[further], v.start[pairs] * n + middle), n)
 
     start = np.concatenate([v.start, start])
-    order = in_order(start)
+    order = stable_argsort(start)
     start = start[order]
     return replace(
         v,

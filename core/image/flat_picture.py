@@ -23,7 +23,7 @@ LEAST = 1e-100  # picture px: a footprint that is narrower is a point
 
 
 @dataclass(frozen=True, eq=False)
-class FlatWay:
+class FlatMapping:
     """From the viewer's pixels to the UV of a flat picture.
 
     Parameters
@@ -37,13 +37,13 @@ class FlatWay:
     high: Floats
 
 
-def flat_way(place: PicturePlace, viewer: Viewer) -> FlatWay | None:
+def flat_mapping(place: PicturePlace, viewer: Viewer) -> FlatMapping | None:
     """The way from viewer pixels to the UV of a flat picture, or of
     the viewer's own image, which has no borders.
     """
     if place.mesh is None:
         own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
-        return FlatWay(own, np.full(2, -np.inf), np.full(2, np.inf))
+        return FlatMapping(own, np.full(2, -np.inf), np.full(2, np.inf))
     return way_to_mesh(place.mesh, viewer)
 
 
@@ -55,7 +55,7 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
     ------
     RigError : the picture is no flat rectangle, or is seen edge-on
     """
-    way = flat_way(place, viewer)
+    way = flat_mapping(place, viewer)
     if way is None:
         raise not_flat(place)
     if np.linalg.cond(way.matrix / np.abs(way.matrix).max(axis=0)) > EDGE_ON:
@@ -94,7 +94,7 @@ def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
     return lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), LEAST)
 
 
-def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
+def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatMapping | None:
     """The way from viewer pixels to the UV of a flat rectangle.
 
     None when the mesh is not flat, its UV is not one affine
@@ -112,7 +112,7 @@ def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatWay | None:
         return None
     point, w, sign = seen
     matrix = np.vstack([fit[:2].T @ (axes[:2] @ point) + np.outer(fit[2], w), w])
-    return FlatWay((sign or 1.0) * matrix, low, high)
+    return FlatMapping((sign or 1.0) * matrix, low, high)
 
 
 class _Rectangle(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import cross_2d
 from ..map.pieces import Piece
 from ..map.shares import ShareBatches, Shares
@@ -30,7 +30,7 @@ def paths_of(piece: Piece) -> NDArray[np.uint64]:
     return piece.branch ^ (turns[0] != turns[1])
 
 
-class Paths:
+class SeenPaths:
     """How strongly each display pixel (H, W) is seen by each
     path: sums over shares of area * throughput^2.
 
@@ -98,11 +98,11 @@ class Paths:
         return whole.reshape(height, width), contested.reshape(height, width)
 
 
-def strongest_paths(batches: ShareBatches) -> Pauses[NDArray[np.uint64]]:
+def strongest_paths(batches: ShareBatches) -> Steps[NDArray[np.uint64]]:
     """The path (H * W,) that most of each display pixel is seen by."""
     width, height = batches.display_size
     found = np.full(width * height, NO_PATH)
-    parts = [Paths((len(found[k::N_PARTS]), 1)) for k in range(N_PARTS)]
+    parts = [SeenPaths((len(found[k::N_PARTS]), 1)) for k in range(N_PARTS)]
 
     for shares in batches.pausing():
         yield 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints
 from ..base.messages import Message, joined
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import dot
 from ..light.plan import Plan
 from ..light.trace import tracing
@@ -32,7 +32,7 @@ class Glare(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class LightBeside:
+class StrayLight:
     """Rays of a sample that come from the display, by way of the glass and beside it.
 
     view : (n, 2) viewer px; pixel : (n,) of the display, row
@@ -79,7 +79,7 @@ def looking_beside(plan: Plan) -> Plan:
     return replace(plan, settings=replace(plan.settings, suppress_glare=1.0))
 
 
-def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
+def trace_stray_light(plan: Plan, seed: int = 0) -> Steps[StrayLight]:
     """Follow a sample of the viewer's rays, spread evenly over its image."""
     viewer = plan.viewer
     along = np.arange(N_RAYS_A_SIDE)
@@ -92,7 +92,7 @@ def look_beside(plan: Plan, seed: int = 0) -> Pauses[LightBeside]:
     is_through, pixel = landings.pixels(*size)
     is_beside, beside = landings.pixels_beside(*size)
     is_seen = is_through | is_beside
-    return LightBeside(
+    return StrayLight(
         view[landings.sample[is_seen]],
         (pixel + beside)[is_seen],
         landings.throughput[is_seen],

@@ -13,7 +13,7 @@ from ..base.arrays import Floats
 from ..map.shares import Shares, add_at
 from ..rig.rig import PicturePlace
 from ..rig.viewer import Viewer
-from .flat_picture import flat_way
+from .flat_picture import flat_mapping
 
 # times the weight of a share within the picture: one beside it
 # tells the place only in pixels that show nothing of the picture
@@ -22,7 +22,7 @@ REACH = 1.0  # sides of the picture beside it: a place further off is taken to b
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class PlaneMapping:
     """The way from a viewer's image to pixels of a flat picture, and back.
 
     there, back : (3, 3), projective maps of (x, y, 1); x right, y down on both sides
@@ -35,9 +35,9 @@ class Way:
     high: Floats
 
 
-def way_of(place: PicturePlace, viewer: Viewer) -> Way | None:
+def plane_mapping(place: PicturePlace, viewer: Viewer) -> PlaneMapping | None:
     """None where the picture is no flat rectangle, or is seen edge-on."""
-    flat = flat_way(place, viewer)
+    flat = flat_mapping(place, viewer)
     if flat is None or np.linalg.matrix_rank(flat.matrix / np.abs(flat.matrix).max()) < 3:
         return None
 
@@ -45,7 +45,7 @@ def way_of(place: PicturePlace, viewer: Viewer) -> Way | None:
     in_pixels = np.array([[size[0], 0, 0], [0, -size[1], size[1]], [0, 0, 1]])
     there = in_pixels @ flat.matrix
     low, high = (flat.low, flat.high) if place.mesh is not None else (np.zeros(2), np.ones(2))
-    return Way(
+    return PlaneMapping(
         there=there,
         back=np.linalg.inv(there),
         low=size * [low[0], 1 - high[1]],
@@ -61,14 +61,14 @@ def mapped(matrix: Floats, xy: Floats) -> tuple[Floats, Floats]:
         return np.stack([u / w, v / w]), w
 
 
-class Asked:
+class InverseLookup:
     """The places of the picture that a viewer asks display pixels for: sums over its shares, all of
     which are added before it is asked.
     """
 
     def __init__(self, place: PicturePlace, viewer: Viewer, display_size: tuple[int, int]) -> None:
         width, height = display_size
-        self._way = way_of(place, viewer)
+        self._way = plane_mapping(place, viewer)
         self._sum = np.zeros((2, height, width))
         self._weight = np.zeros((height, width))
         self._area = np.zeros((2, height, width))
@@ -116,7 +116,7 @@ def moved_in_view(shares: Shares, place: PicturePlace, viewer: Viewer, step: Flo
     if not len(number):
         return shares
 
-    way = way_of(place, viewer)
+    way = plane_mapping(place, viewer)
     xy, w = mapped(way.there, shares.view_xy[number])
     back, _ = mapped(way.back, (xy + step[:, shares.display_index[number]]).T)
     can_move = (w > 0) & np.isfinite(back).all(axis=0)

@@ -14,14 +14,14 @@ from ..map.shares import Shares
 from ..native.image_passes import of_levels
 from ..native.loading import loaded, n_threads
 from ..native.structures import TAP, Made, StrokesStructure
-from .flat_picture import FlatWay
+from .flat_picture import FlatMapping
 
 STRIPE = 1024  # display pixels that a thread paints before it looks for others
 MOST_PIXELS = 1 << 31  # of a display whose taps are kept
 STAYS_FREE = 1 << 30  # bytes that stay free: taps are kept to save time alone
 
 
-class FlatStrokes:
+class FlatTaps:
     """Shares and the way from the viewer's image to a flat picture.
 
     The first painting finds where they are read, and forgets it. Who paints once more paints
@@ -33,7 +33,7 @@ class FlatStrokes:
     size : (width, height) of the picture, px
     """
 
-    def __init__(self, shares: Shares, way: FlatWay, size: tuple[int, int]) -> None:
+    def __init__(self, shares: Shares, way: FlatMapping, size: tuple[int, int]) -> None:
         self.made = made = Made(StrokesStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
@@ -66,7 +66,7 @@ class FlatStrokes:
         )
 
 
-def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatStrokes) -> None:
+def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatTaps) -> None:
     """Add area * throughput * colour of shares to the sums (3, H, W) of display pixels.
 
     The sums are the same bits whether taps are kept by now or not.
@@ -91,7 +91,7 @@ def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatStr
         loaded().kiriko_paint_taps(strokes.taps.ctypes.data, *first, at, *canvas)
 
 
-def _keep_taps(strokes: FlatStrokes, structures: ctypes.Array, n_pixels: int) -> None:
+def _keep_taps(strokes: FlatTaps, structures: ctypes.Array, n_pixels: int) -> None:
     """Find the taps of shares, by the sizes of levels, those of a display pixel one after another
     in the order of its shares; let go of the shares.
     """

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, take
 from ..base.products import turn
 from ..map import native_divide
 from ..map.pieces import Piece
@@ -88,7 +88,7 @@ def _across(lines: Floats, view: Floats) -> Ints:
         is_near |= np.abs(a * x + b * y + c) <= abs(a) * reach[0] + abs(b) * reach[1] + ON_LINE
 
     near = np.flatnonzero(is_near)
-    side = _sides(lines, taken(view, near))
+    side = _sides(lines, take(view, near))
     least = side.min(axis=1)
     most = side.max(axis=1)
     is_beside = (most <= 0).any(axis=1)

@@ -12,7 +12,7 @@ from ..light.hits import Hits
 from ..light.layer_hits import first_hits
 from ..light.ray_engine import Layer
 from ..rig.rig import PicturePlace, Viewer
-from .flat_picture import LEAST, FlatWay, flat_way, outline_in_view
+from .flat_picture import LEAST, FlatMapping, flat_mapping, outline_in_view
 
 POINTS_AT_ONCE = 1 << 16  # their arrays stay in the cache
 MESH_STEP_PX = 1e-3  # viewer px over which a mesh's map is differentiated
@@ -75,7 +75,7 @@ def picture_from_view(
     """
     n = len(view_xy)
     covariance = np.broadcast_to(covariance, (3, n))
-    way = flat_way(place, viewer)
+    way = flat_mapping(place, viewer)
     if way is None:
         return _by_tracing(place, viewer, view_xy, covariance)
 
@@ -166,7 +166,7 @@ def _set_flat(
     view_xy: Floats,
     covariance: Floats,
     size: Floats,
-    way: FlatWay,
+    way: FlatMapping,
 ) -> None:
     """Set some points of a flat picture of a size (2,), px.
 

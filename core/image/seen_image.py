@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..map.shares import ShareBatches, add_at
 from ..rig.rig import Picture, Viewer
 from .picture import POINTS_AT_ONCE, of_square, picture_from_view
@@ -41,7 +41,7 @@ class DotKnobs:
 DOT_KNOBS = DotKnobs()
 
 
-def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Pauses[NDArray[np.float32]]:
+def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
     """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with
     the shares. Pauses while these are made, and after each batch.
     """

@@ -17,11 +17,11 @@ from ..map.shares import Shares, add_at
 from ..native import image_passes, loading
 from ..rig.rig import PicturePlace, Viewer
 from . import native_paint
-from .flat_picture import flat_way
+from .flat_picture import flat_mapping
 from .picture import picture_from_view
 from .pyramid import Pyramid, Taps, find_taps, pyramids_of
 
-Strokes = Taps | native_paint.FlatStrokes
+Strokes = Taps | native_paint.FlatTaps
 
 # Viewer px^2, times throughput^2: display pixels that are seen by less count as not covered. Taps
 # are float32, which below its least normal number holds no digits. It is no part of the largest
@@ -48,8 +48,8 @@ class Painting:
         self._total.fill(0)
 
     def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
-        """Add shares by their strokes (`find_strokes`)."""
-        if isinstance(strokes, native_paint.FlatStrokes):
+        """Add shares by their strokes (`find_filter_taps`)."""
+        if isinstance(strokes, native_paint.FlatTaps):
             native_paint.paint(self._total, pyramid.levels, strokes)
             return
         for total, values in zip(self._total, pyramid.read(strokes), strict=True):
@@ -86,7 +86,7 @@ class Painting:
         return grow(image, covered, margin, is_free)
 
 
-def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
+def find_filter_taps(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
     """How the sums area * T * colour of display pixels are read
     from a picture in its place: taps whose points are display pixels.
 
@@ -94,9 +94,9 @@ def find_strokes(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes
     wholly. For a flat picture the compiled kernel takes the shares as they are, and finds where
     they are read whenever it paints.
     """
-    way = flat_way(place, viewer) if loading.library() is not None else None
+    way = flat_mapping(place, viewer) if loading.library() is not None else None
     if way is not None:
-        return native_paint.FlatStrokes(shares, way, (place.width, place.height))
+        return native_paint.FlatTaps(shares, way, (place.width, place.height))
 
     points = picture_from_view(place, viewer, shares.view_xy, shares.covariance)
     weight = np.where(points.cover >= 0.5, shares.area, 0.0)

@@ -10,8 +10,8 @@ import numpy as np
 from ..base.arrays import FLOAT32, Bools, Floats, Ints
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message
-from ..base.steps import Pauses, finish
-from ..glass.bounding_shell import making_hull
+from ..base.steps import Steps, run_steps
+from ..glass.bounding_shell import bounding_shell_steps
 from ..glass.curved import CurvedFaces
 from ..glass.surfaces import Surface
 from ..rig.rig import Kind, Rig
@@ -19,19 +19,19 @@ from ..rig.settings import Settings
 from .display import display_plane
 from .engines import engine_kind
 from .interaction_display import NEAR
-from .interactions import LAWS
+from .interactions import INTERACTIONS
 from .kernel_tracer import Kernel
 from .media import Media, boxes_touch, find_touching, grown, make_media
-from .mesh_cache import Kept
+from .mesh_cache import MeshCache
 from .near_misses import Packing, ThinParts
-from .plan import Aside, OpenPart, Plan, PlannedDisplay, PlannedLayer
+from .plan import DeferredObjects, OpenPart, Plan, PlannedDisplay, PlannedLayer
 from .plate import ArrayFrame
 from .ray_engine import FEW_TRIANGLES, Layer
 from .rig_parts import (
     RigParts,
     find_clear,
-    read_sheets,
     read_solids,
+    read_thin_surfaces,
 )
 from .trace import EventByEvent
 
@@ -81,7 +81,7 @@ def group_parts(surfaces: list[Surface], touch: Bools) -> list[list[int]]:
     return groups
 
 
-def making_layer(surfaces: list[Surface]) -> Pauses[Layer]:
+def layer_steps(surfaces: list[Surface]) -> Steps[Layer]:
     """Make the layer of several surfaces, with pauses."""
     corners, curved = surfaces[0].corners, surfaces[0].curved
     if len(surfaces) > 1:
@@ -89,7 +89,7 @@ def making_layer(surfaces: list[Surface]) -> Pauses[Layer]:
         corners = np.concatenate(of_each)
         curved = CurvedFaces.join([surface.curved for surface in surfaces], of_each)
 
-    hull = None if curved is None else (yield from making_hull(curved))
+    hull = None if curved is None else (yield from bounding_shell_steps(curved))
     yield 0
     return Layer(corners, curved, hull)
 
@@ -103,33 +103,33 @@ def triangles_of_boxes(boxes: Floats) -> Floats:
     return corners[:, triangles].reshape(-1, 3, 3)
 
 
-def make_plan(
-    rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()
+def compile_plan(
+    rig: Rig, settings: Settings, kept: MeshCache | None = None, aside: tuple[int, ...] = ()
 ) -> Plan:
-    """Make a rig ready to be traced, as by `planning`, after its own checks."""
+    """Make a rig ready to be traced, as by `compile_plan_steps`, after its own checks."""
     rig.check()
-    return finish(planning(rig, settings, kept, aside))
+    return run_steps(compile_plan_steps(rig, settings, kept, aside))
 
 
-def planning(
-    rig: Rig, settings: Settings, kept: Kept | None = None, aside: tuple[int, ...] = ()
-) -> Pauses[Plan]:
+def compile_plan_steps(
+    rig: Rig, settings: Settings, kept: MeshCache | None = None, aside: tuple[int, ...] = ()
+) -> Steps[Plan]:
     """Make a rig that was checked ready to be traced.
 
     Parameters
     ----------
     kept : solids and layers of an earlier plan, to be used again where nothing has changed
     aside : numbers of glasses to leave out until a ray comes near
-        them: tracing such a ray raises rays.ReachedError
+        them: tracing such a ray raises rays.DeferredObjectError
 
     Raises
     ------
     RigError, MeshError
         One sentence on the fault of the rig.
     """
-    kept = kept or Kept()
+    kept = kept or MeshCache()
     boxes_aside = grown(np.array([rig.glasses[i].mesh.bounds for i in aside]).reshape(-1, 2, 3))
-    parts = RigParts((yield from read_solids(rig, kept, aside)), read_sheets(rig, kept))
+    parts = RigParts((yield from read_solids(rig, kept, aside)), read_thin_surfaces(rig, kept))
     solids = [solid.surface for solid in parts.solids]
 
     # vertices and places are float32: faces of glass that are closer than their rounding touch
@@ -164,7 +164,7 @@ def planning(
         layers=layers,
         thin_parts=thin_parts,
         display=PlannedDisplay(int(parts.starts[-2]), plane, bool(by_display.any())),
-        aside=Aside(aside, boxes_aside),
+        aside=DeferredObjects(aside, boxes_aside),
         merge_distance=merge_distance,
         used=tuple(name for name, (is_used, _) in rules.items() if is_used),
         left_out=(
@@ -180,13 +180,13 @@ def planning(
         ),
         counts=parts.counts(rig),
         tracers=TRACERS,
-        n_copies=MOST_COPIES * any(LAWS[kind].splits for kind in parts.kind),
+        n_copies=MOST_COPIES * any(INTERACTIONS[kind].splits for kind in parts.kind),
     )
 
 
 def _make_layers(
-    parts: RigParts, media: Media, touch: Bools, kept: Kept
-) -> Pauses[tuple[PlannedLayer, ...]]:
+    parts: RigParts, media: Media, touch: Bools, kept: MeshCache
+) -> Steps[tuple[PlannedLayer, ...]]:
     """Layers and their contents; one of solids that were moved together is moved as a whole."""
     layers = []
     n_solids = len(parts.solids)
@@ -202,7 +202,7 @@ def _make_layers(
             members = [parts.surfaces[i] for i in group]
             names = [parts.keys[i] for i in group]
 
-        layer = yield from kept.making("+".join(names), partial(making_layer, members))
+        layer = yield from kept.making("+".join(names), partial(layer_steps, members))
         yield 0
 
         # its solids' bits in the masks of their clusters
@@ -222,7 +222,9 @@ def _make_layers(
     return tuple(layers)
 
 
-def _kept_thin_parts(parts: RigParts, boxes_aside: Floats, kept: Kept) -> Callable[[], ThinParts]:
+def _kept_thin_parts(
+    parts: RigParts, boxes_aside: Floats, kept: MeshCache
+) -> Callable[[], ThinParts]:
     """Gives all that rays may pass near: all triangles, and
     the boxes (a, 2, 3) of glass that stands aside.
     """

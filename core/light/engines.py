@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Ints
-from ..base.steps import Pauses, finish
+from ..base.steps import Steps, run_steps
 from ..glass.meshes import Frames
 
 # components of a direction up to here are 0 to the boxes of Blender's BVH
 ALONG_AXIS = 1.01 * 2.0**-23
 
 
-class Found(NamedTuple):
+class EngineHits(NamedTuple):
     """The first triangles that n rays meet.
 
     triangle (n,), -1 for nothing, where the rest says nothing either; distance (n,);
@@ -47,9 +47,9 @@ class Embree:
         self._scene = rtcore_scene.EmbreeScene()
         TriangleMesh(self._scene, corners)
 
-    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
         found = self._scene.run(origins, directions, output=True)
-        return Found(*(found[name] for name in ("primID", "tfar", "u", "v", "Ng")))
+        return EngineHits(*(found[name] for name in ("primID", "tfar", "u", "v", "Ng")))
 
 
 class BlenderBvh:
@@ -67,7 +67,7 @@ class BlenderBvh:
             corners.reshape(-1, 3).tolist(), triangles.tolist(), all_triangles=True
         )
 
-    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
         cast = self._tree.ray_cast
         # or its triangles would be asked along another way than
         # its boxes, and edges where boxes end be missed
@@ -80,7 +80,7 @@ class BlenderBvh:
         frames = Frames.of(self._corners[triangle].astype(float))
         u, v = frames.barycentric(slice(None), origins + distance[:, None] * directions)
 
-        return Found(triangle, distance, u, v, frames.normal)
+        return EngineHits(triangle, distance, u, v, frames.normal)
 
 
 Engine = Embree | BlenderBvh
@@ -103,10 +103,10 @@ def engine_kind() -> type[Engine]:
 
 def make_engine(corners: NDArray[np.float32]) -> Engine:
     """An engine for triangles with corners (t, 3, 3); ImportError where there is none."""
-    return finish(making_engine(corners))
+    return run_steps(engine_steps(corners))
 
 
-def making_engine(corners: NDArray[np.float32]) -> Pauses[Engine]:
+def engine_steps(corners: NDArray[np.float32]) -> Steps[Engine]:
     """Make an engine as `make_engine`, with pauses."""
     engine = engine_kind()(corners)
     yield 0

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..glass.curved import EDGE, CurvedFaces
-from ..glass.curved_hits import Lines
+from ..glass.curved_hits import RayLines
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,7 @@ class Hits:
 
     def at(self, rays: Ints | Bools) -> "Hits":
         """The hits of some rays."""
-        return Hits(
-            *(None if column is None else taken(column, rays) for column in self._columns())
-        )
+        return Hits(*(None if column is None else take(column, rays) for column in self._columns()))
 
     def without_normals(self) -> "Hits":
         """The same hits without the normals of curved faces."""
@@ -101,7 +99,7 @@ Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
 TIMES_FEW = 4  # rays of an event for each that is put off, at the least
 
 
-class Search:
+class LayerSearch:
     """How far a layer was searched for the first hits of n rays.
 
     An answer of the engine costs as much for one ray as for many. So where few rays of an event are
@@ -163,11 +161,11 @@ class Question:
     search : how far the layer was searched before
     """
 
-    lines: Lines
+    lines: RayLines
     accept: Accept
     is_inside: Bools | None = None
     leaves: Bools | None = None
-    search: Search | None = None
+    search: LayerSearch | None = None
 
     def leaves_at(self, rays: Ints) -> Bools | None:
         """Which of some rays leave; None where not all are solids."""

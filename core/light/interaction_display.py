@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.products import turn
 from ..base.vectors import dot
 from ..glass.curved import EDGE
@@ -19,8 +19,8 @@ from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Display, Kind
 from .display import uv_islands
 from .hits import Hits
-from .meetings import Law, key_of_facets
-from .mesh_cache import Kept
+from .meetings import Interaction, key_of_facets
+from .mesh_cache import MeshCache
 from .plan import Plan
 from .rays import LAND, Rays, Reason
 
@@ -30,7 +30,7 @@ def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
     (n, 2), distance (n,) m, and do they meet its front?
     """
     plane = plan.display.plane
-    origins, directions = taken(rays.positions, i), taken(rays.directions, i)
+    origins, directions = take(rays.positions, i), take(rays.directions, i)
     slope = dot(directions, plane.normal)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = dot(plane.corner - origins, plane.normal) / slope
@@ -47,7 +47,7 @@ def is_on_image(plan: Plan, xy: Floats) -> Bools:
 
 def land(plan: Plan, rays: Rays, i: Ints, place: Floats) -> None:
     """Give rays (n,) their landing at places (n, 2) of the display, px."""
-    rays.xy[i] = plan.rig.display.pixel(place, taken(rays.directions, i))
+    rays.xy[i] = plan.rig.display.pixel(place, take(rays.directions, i))
 
 
 def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
@@ -124,7 +124,7 @@ def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
     rays.add_to_branch(i[is_front], plan.triangles.patch[-1], LAND)
 
 
-def surface(part: Display, kept: Kept) -> tuple[Surface, str]:
+def surface(part: Display, kept: MeshCache) -> tuple[Surface, str]:
     """Its triangles, each flat; a patch for each piece of its UV map."""
 
     def make() -> Surface:
@@ -150,7 +150,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     land(plan, rays, i[lands], place[lands])
 
 
-LAW = Law(meet, surface, ends=True)
+LAW = Interaction(meet, surface, ends=True)
 
 
 # times the plan's merge distance: glass and display that differ by rounding are that near

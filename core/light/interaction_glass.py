@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Ints, taken
+from ..base.arrays import Ints, take
 from ..base.vectors import dot, normalise
 from .hits import Hits
-from .meetings import Law, shading_normals
+from .meetings import Interaction, shading_normals
 from .optics import refract
 from .plan import Plan
 from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
@@ -33,7 +33,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     if not len(i):
         return
 
-    directions = taken(rays.directions, i)
+    directions = take(rays.directions, i)
     geometric, shading, is_own = shading_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1, n2)
 
@@ -87,4 +87,4 @@ def _cross_faces(
     return before, after, patch
 
 
-LAW = Law(meet, None, crosses=True)
+LAW = Interaction(meet, None, crosses=True)

@@ -7,14 +7,14 @@ from ..base.vectors import dot, normalise
 from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Mirror
 from .hits import Hits
-from .meetings import Law, shading_normals
-from .mesh_cache import Kept
+from .meetings import Interaction, shading_normals
+from .mesh_cache import MeshCache
 from .optics import reflect
 from .plan import Plan
 from .rays import FACE_MIRROR, MIRROR, Rays
 
 
-def surface(part: Mirror, kept: Kept) -> tuple[Surface, str]:
+def surface(part: Mirror, kept: MeshCache) -> tuple[Surface, str]:
     """A surface that may be curved."""
     key = part.mesh.fingerprint
     return kept.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
@@ -34,4 +34,4 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     rays.add_to_branch(i, plan.triangles.patch[hits.triangle], event)
 
 
-LAW = Law(meet, surface)
+LAW = Interaction(meet, surface)

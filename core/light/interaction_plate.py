@@ -11,8 +11,8 @@ from ..glass.surfaces import Surface, make_surface
 from ..rig.rig import Plate
 from .hits import Hits
 from .interaction_display import end_beyond_plate
-from .meetings import Law, key_of_facets
-from .mesh_cache import Kept
+from .meetings import Interaction, key_of_facets
+from .mesh_cache import MeshCache
 from .optics import plane_symmetry
 from .plan import Plan
 from .plate import ArrayFrame, PlatePath, array_frame
@@ -22,7 +22,7 @@ from .rays import PLATE, Rays
 PLATE_FLATNESS = 1e-6
 
 
-def surface(plate: Plate, kept: Kept) -> tuple[Surface, str]:
+def surface(plate: Plate, kept: MeshCache) -> tuple[Surface, str]:
     """A plate's triangles as one patch of one plane; RigError when they do not lie in one."""
     key = key_of_facets(plate.mesh)
     return kept.get(f"plate {key}", lambda: _plane(plate)), key
@@ -96,4 +96,4 @@ def _meet_array(plan: Plan, array: ArrayFrame, rays: Rays, i: Ints) -> None:
             rays.throughput[some] *= crossing.throughput
 
 
-LAW = Law(meet, surface, element=element)
+LAW = Interaction(meet, surface, element=element)

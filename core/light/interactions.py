@@ -5,10 +5,10 @@ from importlib import import_module
 import numpy as np
 
 from ..rig.rig import MET_ROLES
-from .meetings import Law
+from .meetings import Interaction
 
-LAWS: dict[int, Law] = {
+INTERACTIONS: dict[int, Interaction] = {
     role.kind: import_module(f".interaction_{role.name.lower()}", __package__).LAW
     for role in MET_ROLES
 }
-ENDS = np.array([LAWS[kind].ends for kind in range(len(LAWS))])
+ENDS = np.array([INTERACTIONS[kind].ends for kind in range(len(INTERACTIONS))])

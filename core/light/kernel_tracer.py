@@ -9,9 +9,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, take
 from ..base.messages import Message
-from ..base.steps import Pauses, finish
+from ..base.steps import Steps, run_steps
 from ..glass.curved import CurvedFaces
 from ..glass.quartics import LOWER, TO_BEZIER
 from ..native.loading import MOST_LAYERS, library, loaded, n_threads
@@ -25,12 +25,12 @@ from ..native.structures import (
     RayStateStructure,
 )
 from ..rig.viewer import Viewer
-from .kernel_trees import frames_of, has_face_tree, kept, making_face_tree, making_hull
+from .kernel_trees import face_tree_steps, frames_of, has_face_tree, kept, making_hull
 from .layer_hits import count_starts
 from .plan import Ends, Halving, Plan, PlannedLayer
 from .plate import ArrayFrame
 from .ray_engine import Layer
-from .rays import Rays, ReachedError, Step
+from .rays import DeferredObjectError, Rays, Step
 from .trace import by_events
 
 _faces: WeakKeyDictionary[CurvedFaces, Made] = WeakKeyDictionary()
@@ -62,19 +62,19 @@ def _make_curved(curved: CurvedFaces) -> Made:
     return made
 
 
-def growing_trees(layer: Layer) -> Pauses[None]:
+def growing_trees(layer: Layer) -> Steps[None]:
     """Make the trees that every ray asks for in a layer."""
     if layer.has_engine and has_face_tree(layer):
-        yield from making_face_tree(layer)
+        yield from face_tree_steps(layer)
         yield 0
     if layer.curved is not None:
         yield from making_hull(layer.asked)
         yield 0
 
 
-def growing_faces(layer: Layer, made: Made) -> Pauses[None]:
+def growing_faces(layer: Layer, made: Made) -> Steps[None]:
     """Let a layer point to the tree over its faces, which is made if need be."""
-    tree, facets = yield from making_face_tree(layer)
+    tree, facets = yield from face_tree_steps(layer)
     made.set(over_faces=tree.structure)
     made.point("facets", facets, float)
     made.keep(tree)
@@ -112,11 +112,11 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
     )
 
     if layer.has_engine and has_face_tree(layer):
-        finish(growing_faces(layer, made))
+        run_steps(growing_faces(layer, made))
 
     if curved is not None:
         faces = _make_curved(curved)
-        hull = finish(making_hull(layer.asked))
+        hull = run_steps(making_hull(layer.asked))
         made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
         made.keep(faces, hull)
 
@@ -260,14 +260,14 @@ def _point_to_layers(made: Made, plan: Plan) -> None:
     made.point("order", order, np.int64)
 
 
-def making(plan: Plan) -> Pauses[None]:
+def making(plan: Plan) -> Steps[None]:
     """Make a plan ready as `made_of` does, but with pauses."""
     if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
         for held in plan.layers:
             yield from growing_trees(held.layer)
 
 
-def making_whole(plan: Plan) -> Pauses[None]:
+def plan_steps(plan: Plan) -> Steps[None]:
     """Make the trees that only lost rays ask for, and let a plan that is made point to them."""
     made = made_of(plan)
     structures = (LayerStructure * len(made.layers)).from_address(made.structure.layers)
@@ -368,7 +368,7 @@ class Kernel:
         """
         return min(most, max(1, MOST_RECORDED // (PLACE * (plan.settings.max_events + 1))))
 
-    def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
+    def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
         """Follow rays to their ends, all of which are under way."""
         yield from making(plan)
         has_ways = steps is not None
@@ -401,7 +401,7 @@ class Kernel:
             kernel.kiriko_follow(*structures, first, last, n_threads())
             if is_unready[0]:
                 # a ray was lost behind a hull: all of them go once more, with all faces to ask
-                yield from making_whole(plan)
+                yield from plan_steps(plan)
                 rays.begin_again(some, *begun)
                 if ways is not None:
                     ways.begin_again(some)
@@ -411,11 +411,11 @@ class Kernel:
 
         rays.live = rays.live[:0]
         if is_reached.any():
-            raise ReachedError(set(np.flatnonzero(is_reached).tolist()))
+            raise DeferredObjectError(set(np.flatnonzero(is_reached).tolist()))
         if has_ways:
             steps += _steps_of(plan, rays, ways)
 
-    def bisect(self, plan: Plan, edges: Halving) -> Pauses[Ends]:
+    def bisect(self, plan: Plan, edges: Halving) -> Steps[Ends]:
         """Bisect edges; yields how many rays were traced since.
 
         Raises
@@ -440,7 +440,7 @@ class Kernel:
             loaded().kiriko_bisect(*structures, some.start, some.stop, n_threads())
             if is_unready[0]:
                 # a ray was lost behind a hull: all go once more, with all faces to ask
-                yield from making_whole(plan)
+                yield from plan_steps(plan)
                 for values, before in zip(ends, edges.begun, strict=True):
                     values[some] = before[some]
                 is_unready[0] = 0
@@ -448,7 +448,7 @@ class Kernel:
             yield int(ends.n_tried[some].sum())
 
         if is_reached.any():
-            raise ReachedError(set(np.flatnonzero(is_reached).tolist()))
+            raise DeferredObjectError(set(np.flatnonzero(is_reached).tolist()))
         return ends
 
 
@@ -463,12 +463,12 @@ def _steps_of(plan: Plan, rays: Rays, ways: Ways) -> Iterator[Step]:
         triangle = met[some] - 1
         yield Step(
             rays=some,
-            place=taken(places, some),
+            place=take(places, some),
             patch=plan.triangles.patch[triangle],
             triangle=triangle,
             left=left,
-            start=taken(rays.positions, left),
-            direction=taken(rays.directions, left),
+            start=take(rays.positions, left),
+            direction=take(rays.directions, left),
         )
 
 

@@ -9,17 +9,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, taken
+from ..base.arrays import Floats, take
 from ..base.products import combine
-from ..base.steps import Pauses, finish
+from ..base.steps import Steps, run_steps
 from ..base.vectors import length_of
 from ..glass.curved import CurvedFaces
 from ..glass.meshes import Frames, boxes_of
 from ..glass.quartics import LOWER, N_TERMS, TO_BEZIER
 from ..native.loading import loaded, n_threads
 from ..native.structures import NODE, GrowthStructure, HullStructure, Made, TreeStructure
-from .engines import Found
-from .ray_engine import Asked, Layer
+from .engines import EngineHits
+from .ray_engine import EngineTriangles, Layer
 
 LARGE = 1 << 17  # boxes: a tree over more, which takes over 0.06 s, has a thread of its own
 PAUSE_S = 0.005
@@ -35,7 +35,7 @@ BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.v
 # made once of each, however many plans there are
 _frames: WeakKeyDictionary[Frames, Floats] = WeakKeyDictionary()
 _trees: WeakKeyDictionary[Frames | CurvedFaces, tuple[Made, Floats]] = WeakKeyDictionary()
-_hulls: WeakKeyDictionary[Asked, Made] = WeakKeyDictionary()
+_hulls: WeakKeyDictionary[EngineTriangles, Made] = WeakKeyDictionary()
 
 
 def kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
@@ -45,9 +45,7 @@ def kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
     return cache[key]
 
 
-def keeping(
-    cache: WeakKeyDictionary, key: object, making: Callable[[], Pauses[Any]]
-) -> Pauses[Any]:
+def keeping(cache: WeakKeyDictionary, key: object, making: Callable[[], Steps[Any]]) -> Steps[Any]:
     """What a cache keeps of a key, made once, with pauses."""
     if key not in cache:
         made = yield from making()
@@ -55,7 +53,7 @@ def keeping(
     return cache[key]
 
 
-def making_tree(boxes: Floats) -> Pauses[tuple[Made, NDArray[np.int32]]]:
+def making_tree(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
     """Make a tree over boxes (n, 2, 3), which are about 1 in size, with pauses.
 
     And the box (n,) that stands at each position.
@@ -107,7 +105,7 @@ def _grown(boxes: Floats) -> Floats:
     return boxes
 
 
-def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Pauses[Floats]:
+def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Steps[Floats]:
     """Boxes (t, 2, 3) that hold a layer's faces, curved ones of
     lower degrees too, in its radii from its centre.
     """
@@ -130,16 +128,16 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Pauses[Floats]:
     return _grown((boxes - layer.centre) / layer.radius)
 
 
-def _making_face_tree(layer: Layer, curved: CurvedFaces | None) -> Pauses[tuple[Made, Floats]]:
+def _making_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[Made, Floats]]:
     """Make a tree over a layer's faces.
 
     And the frames (t, 4, 3) of the facets, in the order of its positions.
     """
     tree, items = yield from making_tree((yield from _face_boxes(layer, curved)))
-    return tree, taken(stack_frames(layer.frames), items)
+    return tree, take(stack_frames(layer.frames), items)
 
 
-def _making_hull(asked: Asked) -> Pauses[Made]:
+def _making_hull(asked: EngineTriangles) -> Steps[Made]:
     boxes = np.empty((len(asked.corners), 2, 3))
     for first in range(0, len(boxes), BOXES_AT_ONCE):
         some = slice(first, first + BOXES_AT_ONCE)
@@ -161,7 +159,7 @@ def frames_of(frames: Frames) -> Floats:
     return kept(_frames, frames, lambda: stack_frames(frames))
 
 
-def making_face_tree(layer: Layer) -> Pauses[tuple[Made, Floats]]:
+def face_tree_steps(layer: Layer) -> Steps[tuple[Made, Floats]]:
     """Make a tree over a layer's faces; and their frames in its order."""
     whole = None if layer.curved is None else layer.curved.whole
     return keeping(_trees, whole or layer.frames, lambda: _making_face_tree(layer, whole))
@@ -175,20 +173,20 @@ def has_face_tree(layer: Layer) -> bool:
     return layer.curved is None or layer.curved.whole in _trees
 
 
-def making_hull(asked: Asked) -> Pauses[Made]:
+def making_hull(asked: EngineTriangles) -> Steps[Made]:
     """Make triangles that are asked for hits known to the kernel, with a tree over them."""
     return keeping(_hulls, asked, lambda: _making_hull(asked))
 
 
-class HullEngine:
+class BoundingShellEngine:
     """The kernel's tree over triangles that are asked for hits, as a ray engine of numpy's way."""
 
     name = "the kernel's tree"
 
-    def __init__(self, asked: Asked) -> None:
-        self._made = finish(making_hull(asked))
+    def __init__(self, asked: EngineTriangles) -> None:
+        self._made = run_steps(making_hull(asked))
 
-    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Found:
+    def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
         origins, directions = (
             np.ascontiguousarray(rays, np.float32) for rays in (origins, directions)
         )
@@ -200,4 +198,4 @@ class HullEngine:
             ctypes.addressof(self._made.structure), *arrays, len(origins), *results, n_threads()
         )
 
-        return Found(triangle, *found[:, :3].T, found[:, 3:])
+        return EngineHits(triangle, *found[:, :3].T, found[:, 3:])

@@ -13,31 +13,31 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import FLOAT32, Bools, Floats, Ints, taken
+from ..base.arrays import FLOAT32, Bools, Floats, Ints, take
 from ..base.products import combine
-from ..base.steps import Pauses, finish
+from ..base.steps import Steps, run_steps
 from ..base.vectors import dot
 from ..glass.curved import FACES_AT_ONCE
-from ..glass.curved_hits import ROOTS, Lines, Spots, are_in_boxes, pass_by
+from ..glass.curved_hits import ROOTS, RayLines, Spots, are_in_boxes, pass_by
 from ..glass.meshes import spheres_of
-from .engines import Found
-from .hits import Accept, Hits, Question, Search, is_within, slab
+from .engines import EngineHits
+from .hits import Accept, Hits, LayerSearch, Question, is_within, slab
 from .ray_engine import Layer
 
 
 def first_hits(layer: Layer, origins: Floats, directions: Floats, *arguments: Any) -> Hits:
     """First true hits of rays, found at once; parameters as for `find_first_hits`."""
-    return finish(find_first_hits(layer, Lines(origins, directions), *arguments))
+    return run_steps(find_first_hits(layer, RayLines(origins, directions), *arguments))
 
 
 def find_first_hits(
     layer: Layer,
-    lines: Lines,
+    lines: RayLines,
     is_inside: Bools,
     accept: Accept,
     leaves: Bools | None = None,
-    search: Search | None = None,
-) -> Pauses[Hits]:
+    search: LayerSearch | None = None,
+) -> Steps[Hits]:
     """First true hits of rays; pauses as often as work may be stopped.
 
     Parameters
@@ -49,9 +49,9 @@ def find_first_hits(
         behind can be; None where not all are solids
     search : how far the layer was searched before; None where all hits are to be found now
     """
-    search = search or Search(len(lines.origins))
+    search = search or LayerSearch(len(lines.origins))
     if layer.motion is not None:
-        lines = Lines(*layer.motion.back(*lines))
+        lines = RayLines(*layer.motion.back(*lines))
     question = Question(lines, accept, is_inside, leaves, search)
     hits = yield from _first_hits(layer, question)
     if layer.motion is None:
@@ -64,7 +64,7 @@ def find_first_hits(
     return replace(hits, **turned)
 
 
-def _first_hits(layer: Layer, question: Question) -> Pauses[Hits]:
+def _first_hits(layer: Layer, question: Question) -> Steps[Hits]:
     # rays that may meet the layer's box
     lines = question.lines
     hits = Hits.none(len(lines.origins), layer.curved)
@@ -84,7 +84,7 @@ def _first_hits(layer: Layer, question: Question) -> Pauses[Hits]:
     start = np.maximum(enter[rays], 0.0)
     lost = yield from _ask_engine(layer, question, rays, start, hits)
     if len(lost):
-        yield from rescue(layer, question, lost, hits)
+        yield from find_missed_hits(layer, question, lost, hits)
     return hits
 
 
@@ -110,7 +110,7 @@ def _test_all(
         t[~is_met] = np.inf
 
     # the nearest of each ray, then the next one for those where it is no true one
-    passed = Passed(question.is_inside, layer.tolerance)
+    passed = SelfIntersections(question.is_inside, layer.tolerance)
     todo = np.arange(len(rays))
     while len(todo):
         nearest = (t if len(todo) == len(rays) else t[:, todo]).argmin(axis=0)
@@ -131,9 +131,9 @@ def _test_all(
 
 def _ask_engine(
     layer: Layer, question: Question, rays: Ints, start: Floats, hits: Hits
-) -> Pauses[Ints]:
+) -> Steps[Ints]:
     """Put the hits that the engine finds; return the rays that must have hit something else."""
-    ended, passed = [], Passed(question.is_inside, layer.tolerance)
+    ended, passed = [], SelfIntersections(question.is_inside, layer.tolerance)
     # far rays begin a little before the box, near ones ahead, beyond the face they come from
     step = np.full(len(rays), 3 * FLOAT32 * layer.radius)
     start = np.where(start > 0, start - 2 * layer.tolerance, step)
@@ -179,7 +179,7 @@ def _ask_engine(
     return question.search.lost(asked_of, passed.lost(ended))
 
 
-class Passed:
+class SelfIntersections:
     """The faces of such shells that rays have passed, met one after the other."""
 
     def __init__(self, is_inside: Bools, tolerance: float) -> None:
@@ -252,9 +252,9 @@ def enter_again(
     layer: Layer,
     question: Question,
     rays: Ints,
-    shot: tuple[Found, Bools, Floats],
+    shot: tuple[EngineHits, Bools, Floats],
     hits: tuple[Hits, Bools],
-    passed: Passed,
+    passed: SelfIntersections,
 ) -> None:
     """Put hits where rays (m,) within the glass enter it, beside those where they leave it.
 
@@ -265,7 +265,7 @@ def enter_again(
         return
     found, chosen, far = shot
     some, is_met = hits
-    enters = dot(taken(question.lines.directions, rays), taken(found.normal, chosen)) < 0
+    enters = dot(take(question.lines.directions, rays), take(found.normal, chosen)) < 0
     enters &= question.leaves[rays] & question.is_inside[rays]
     # what is entered lies behind the hull: not where the ray leaves before
     asked = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))
@@ -346,7 +346,7 @@ class _Nearest:
         return self.rays[~is_found]
 
 
-def rescue(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
+def find_missed_hits(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Steps[None]:
     """Put hits that the engine missed, found in float64, for lost rays (n,)."""
     o, d = question.lines.at(rays)
 
@@ -363,9 +363,7 @@ def rescue(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Pauses[N
     yield from ask_all_triangles(layer, question, left, hits)
 
 
-def _ask_beside(
-    layer: Layer, question: Question, beside: Floats, nearest: _Nearest
-) -> Pauses[None]:
+def _ask_beside(layer: Layer, question: Question, beside: Floats, nearest: _Nearest) -> Steps[None]:
     """Keep the nearest true hit of rays among all triangles
     that rays beside them (m n, 3), m of each, meet.
     """
@@ -375,7 +373,7 @@ def _ask_beside(
     start = -2 * step
 
     while len(row):
-        found, far = layer.shoot(Lines(beside, lines.directions[row]), start)
+        found, far = layer.shoot(RayLines(beside, lines.directions[row]), start)
         met = found.triangle >= 0
         beside, row, start, step, far = (x[met] for x in (beside, row, start, step, far))
 
@@ -388,7 +386,7 @@ def _ask_beside(
         yield 0
 
 
-def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Pauses[None]:
+def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Steps[None]:
     """Test rays (n,) against every triangle, as far as the budget goes."""
     if not len(rays):
         return
@@ -415,7 +413,7 @@ def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) 
     nearest.put_into(hits)
 
 
-def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints) -> Pauses[None]:
+def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints) -> Steps[None]:
     """Keep the nearest true hits of rays of numbers i (m,) among these on triangles k (m,)."""
     lines = question.lines.at(nearest.rays)
     if layer.curved is not None:
@@ -434,7 +432,7 @@ def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints)
 
 def _test_curved(
     layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints
-) -> Pauses[None]:
+) -> Steps[None]:
     """Keep the nearest true hits of rays of numbers i (m,) among these on curved faces k (m,)."""
     lines = question.lines.at(nearest.rays)
     leaves = question.leaves_at(nearest.rays)

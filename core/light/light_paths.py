@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.vectors import dot
 from ..rig.rig import Kind, Mesh
 from .interactions import ENDS
@@ -35,7 +35,7 @@ class Tails:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class LightPath:
     """The way of a ray.
 
     points : (k, 3) m, world: the start, each surface met, the end
@@ -54,7 +54,7 @@ class Way:
 
 def following(
     plan: Plan, origins: Floats, directions: Floats, aims: Floats, tails: Tails
-) -> Pauses[list[Way]]:
+) -> Steps[list[LightPath]]:
     """Follow rays, and return their ways, in the same order.
 
     Parameters
@@ -82,7 +82,7 @@ def following(
         points = [origins[i : i + 1], place[events], ends[i : i + 1][is_more[i : i + 1]]]
         parts = plan.triangles.part[triangle[events]]
         of_end = end_parts[i : i + 1][is_more[i : i + 1]]
-        way = Way(
+        way = LightPath(
             points=np.concatenate(points),
             parts=np.concatenate([[NOTHING], parts, of_end]).astype(np.int64),
             reason=Reason(int(landings.reason[i])),
@@ -91,7 +91,7 @@ def following(
     return ways
 
 
-def _passing_by(way: Way, direction: Floats, length: float) -> Way:
+def _passing_by(way: LightPath, direction: Floats, length: float) -> LightPath:
     """A way that missed the glass, cut off where it has passed by;
     any other, or one that meets something before, as it is.
     """
@@ -101,7 +101,7 @@ def _passing_by(way: Way, direction: Floats, length: float) -> Way:
     if len(way.points) > 2 and np.linalg.norm(way.points[1] - start) < length:
         return way
     points = np.stack([start, start + length * direction])
-    return Way(points, np.full(2, NOTHING), way.reason)
+    return LightPath(points, np.full(2, NOTHING), way.reason)
 
 
 def _ends(

@@ -5,19 +5,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.fingerprint import fingerprint
 from ..base.vectors import dot, normalise
 from ..glass.meshes import interpolate
 from ..glass.surfaces import Surface
 from ..rig.rig import Mesh
 from .hits import Hits
-from .mesh_cache import Kept
+from .mesh_cache import MeshCache
 from .plan import Plan
 from .rays import Rays
 
 
-class Law(NamedTuple):
+class Interaction(NamedTuple):
     """The effect of a kind of part on light, as its file `interaction_<role>.py` has it.
 
     meet : takes the plan, the rays, the numbers of those that meet such a part, their hits, and the
@@ -33,7 +33,7 @@ class Law(NamedTuple):
     """
 
     meet: Callable[[Plan, Rays, Ints, Hits, list[Hits]], None]
-    surface: Callable[[Any, Kept], tuple[Surface, str]] | None
+    surface: Callable[[Any, MeshCache], tuple[Surface, str]] | None
     ends: bool = False
     crosses: bool = False
     splits: bool = False
@@ -50,17 +50,17 @@ def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats,
     own normal is kept, because the bent one looks away.
     """
     # those of curved faces
-    geometric = taken(plan.triangles.normals, hits.triangle)
+    geometric = take(plan.triangles.normals, hits.triangle)
     shading = geometric
 
     if hits.facing is not None:
         curved = np.flatnonzero(_is_set(hits.facing))
-        geometric[curved] = normalise(taken(hits.facing, curved))
+        geometric[curved] = normalise(take(hits.facing, curved))
 
     if hits.normal is not None:
         curved = np.flatnonzero(_is_set(hits.normal))
         shading = geometric.copy()
-        shading[curved] = normalise(taken(hits.normal, curved))
+        shading[curved] = normalise(take(hits.normal, curved))
 
     if plan.triangles.corner_normals is not None:
         bent = np.flatnonzero(plan.triangles.is_bent[hits.triangle])

@@ -7,16 +7,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..glass.motion import Motion, find_motion, size_of
-from ..glass.solids import making_solids
+from ..glass.solids import solid_steps
 from ..glass.surfaces import Surface
 from ..rig.rig import Mesh
 
 Thing = TypeVar("Thing")
 
 
-class Kept:
+class MeshCache:
     """Results that can be used again from one plan to the next, by fingerprint of their sources.
 
     Those asked for between two calls of `forget` stay; the rest is dropped.
@@ -39,13 +39,13 @@ class Kept:
             self._now[key] = self._old[key] if key in self._old else make()
         return self._now[key]
 
-    def making(self, key: str, make: Callable[[], Pauses[Thing]]) -> Pauses[Thing]:
+    def making(self, key: str, make: Callable[[], Steps[Thing]]) -> Steps[Thing]:
         """The result made before under this key, else one that is made now, with pauses."""
         if key not in self._now:
             self._now[key] = self._old[key] if key in self._old else (yield from make())
         return self._now[key]
 
-    def get_solids(self, mesh: Mesh) -> Pauses[tuple[str, list[Surface], Motion | None]]:
+    def get_solids(self, mesh: Mesh) -> Steps[tuple[str, list[Surface], Motion | None]]:
         """Key and solids of a mesh, or those of an earlier one, and
         the motion that takes them to this one's place.
         """
@@ -56,7 +56,7 @@ class Kept:
         _, solids = self._now.setdefault(key, self._old.get(key))
         return key, solids, motion
 
-    def _place(self, mesh: Mesh) -> Pauses[tuple[str, Motion | None]]:
+    def _place(self, mesh: Mesh) -> Steps[tuple[str, Motion | None]]:
         """Key of a mesh's solids, and the motion from there; made where there are none."""
         key = mesh.fingerprint
         if key not in self._old and key not in self._now:
@@ -64,7 +64,7 @@ class Kept:
                 motion = find_motion(self._old[other][0], mesh)
                 if motion is not None:
                     return other, motion
-            self._now[key] = mesh, (yield from making_solids(mesh))
+            self._now[key] = mesh, (yield from solid_steps(mesh))
 
         return key, None
 
@@ -79,7 +79,7 @@ class Kept:
         is_alike = np.abs(sizes[:, 0] - size) <= sizes[:, 1] + loss
         return [keys[i] for i in np.flatnonzero(is_alike)]
 
-    def borrow(self, other: "Kept") -> None:
+    def borrow(self, other: "MeshCache") -> None:
         """Take over what another keeps, which stays as it is."""
         self._old, self._sizes = {**other._old, **other._now, **self._old}, None
 

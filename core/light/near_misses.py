@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, each_once, taken
-from ..base.steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, take, unique_inverse
+from ..base.steps import Steps
 from ..glass.meshes import Frames, boxes_of
 from ..native.loading import library, loaded, n_threads
 from ..native.structures import Made, PathsStructure, ThinPartsStructure
@@ -55,7 +55,7 @@ class Packing:
 
 def _pack(corners: Floats, patch: Ints, part: Ints) -> Packed:
     n = len(patch)
-    _, unit = each_once(patch)
+    _, unit = unique_inverse(patch)
     unit = unit if unit.max() < MOST_PATCHES else part
     unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
     unit_of_patch[patch] = unit
@@ -148,7 +148,7 @@ class _KernelBoxes:
         """Can the kernel tell of bundles of such rays (s, k)?"""
         return 0 < rays.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
 
-    def touch(self, places: Floats, met: Ints, rays: Ints, widest: float) -> Pauses[Bools]:
+    def touch(self, places: Floats, met: Ints, rays: Ints, widest: float) -> Steps[Bools]:
         """Which bundles (s,) come near a patch that none of their rays met: as
         `ThinParts.touch`.
         """
@@ -217,7 +217,7 @@ class ThinParts:
     ) -> None:
         packed = (packing or Packing()).of(corners, patch, part)
         self._unit_of_patch, self._starts = packed.unit_of_patch, packed.starts
-        self._corners = taken(corners, packed.order)
+        self._corners = take(corners, packed.order)
         self.n_units = len(packed.starts[0]) - 1
 
         low, high = (sides.copy() for sides in boxes_of(self._corners).transpose(1, 2, 0))
@@ -241,7 +241,7 @@ class ThinParts:
         boxes = [np.stack(sides).transpose(2, 0, 1) for sides in self._boxes]
         return _KernelBoxes(boxes, self._starts, self._frames, self._unit_of_patch)
 
-    def touch(self, places: Floats, met: Ints, rays: Ints) -> Pauses[Bools]:
+    def touch(self, places: Floats, met: Ints, rays: Ints) -> Steps[Bools]:
         """Which bundles (s,) of k rays come near a patch that
         none of them met? Pauses now and then.
 
@@ -257,7 +257,7 @@ class ThinParts:
         if library() is not None and self._of_kernel.knows(rays):
             return (yield from self._of_kernel.touch(places, met, rays, widest))
 
-        places, met = taken(places, rays), taken(met, rays)
+        places, met = take(places, rays), take(met, rays)
         is_met = np.zeros((len(places), self.n_units), bool)
         is_there = met >= 0
         is_met[np.nonzero(is_there)[0], self._unit_of_patch[met[is_there]]] = True
@@ -272,7 +272,7 @@ class ThinParts:
 
     def _look_into(
         self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools
-    ) -> Pauses[None]:
+    ) -> Steps[None]:
         """Mark the owners of bundles i (n,) that come near a
         triangle in boxes `node` (n,) of a level.
 

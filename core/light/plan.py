@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bools, Floats, Ints
 from ..base.messages import Message
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
@@ -106,7 +106,7 @@ class PlannedDisplay:
 
 
 @dataclass(frozen=True, eq=False)
-class Aside:
+class DeferredObjects:
     """Glasses that are not in the plan, by number, and their boxes (a, 2, 3) m, which rays may not
     enter.
     """
@@ -115,7 +115,7 @@ class Aside:
     boxes: Floats
 
     @classmethod
-    def none(cls) -> "Aside":
+    def none(cls) -> "DeferredObjects":
         """Nothing stands aside."""
         return cls((), np.empty((0, 2, 3)))
 
@@ -176,7 +176,7 @@ class Tracer(Protocol):
         None if the map has to bisect all edges together, by `follow`
     """
 
-    bisect: Callable[["Plan", Halving], Pauses[Ends]] | None
+    bisect: Callable[["Plan", Halving], Steps[Ends]] | None
 
     def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> Message | None:
         """Why it traces no rays among these layers and parts of kinds (p,); None if it does."""
@@ -186,7 +186,7 @@ class Tracer(Protocol):
         recorded.
         """
 
-    def follow(self, plan: "Plan", rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
+    def follow(self, plan: "Plan", rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
         """Follow rays to their ends; yields how many ended since. `steps` is filled if given.
 
         Raises
@@ -218,7 +218,7 @@ class Plan:
     layers: tuple[PlannedLayer, ...]
     thin_parts: Callable[[], ThinParts]
     display: PlannedDisplay
-    aside: Aside
+    aside: DeferredObjects
     merge_distance: float
     used: tuple[str, ...]
     left_out: tuple[str, ...]

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import FLOAT32, Bools, Floats, Ints, taken
-from ..base.steps import Pauses, finish
+from ..base.arrays import FLOAT32, Bools, Floats, Ints, take
+from ..base.steps import Steps, run_steps
 from ..base.vectors import dot, normalise
-from ..glass.bounding_shell import Hull, making_hull
+from ..glass.bounding_shell import BoundingShell, bounding_shell_steps
 from ..glass.curved import CurvedFaces
-from ..glass.curved_hits import Lines, Spots, find_roots
+from ..glass.curved_hits import RayLines, Spots, find_roots
 from ..glass.meshes import Frames, box_of, interpolate
 from ..glass.motion import Motion
 from ..glass.quartics import product
-from .engines import Engine, Found, make_engine, making_engine
+from .engines import Engine, EngineHits, engine_steps, make_engine
 from .hits import Hits, is_within
 
 
@@ -44,7 +44,7 @@ LEAVING = LeavingKnobs()
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class EngineTriangles:
     """Triangles that are asked for hits: n_whole whole ones of a
     layer, then the others in parts.
 
@@ -63,22 +63,22 @@ class Asked:
         """The ray engine, made when it is first asked."""
         return make_engine(self.corners) if self.given is None else self.given
 
-    def making_engine(self) -> Pauses[None]:
+    def making_engine(self) -> Steps[None]:
         """Make the ray engine, with pauses, unless it is there."""
         if self.given is None and "engine" not in vars(self):
-            vars(self)["engine"] = yield from making_engine(self.corners)
+            vars(self)["engine"] = yield from engine_steps(self.corners)
 
-    def spots(self, found: Found, chosen: Bools) -> Spots:
+    def spots(self, found: EngineHits, chosen: Bools) -> Spots:
         """Places (n,) on the layer's triangles, of the chosen ones that the engine found."""
         prim = found.triangle[chosen].astype(np.int64)
         u, v = (column[chosen].astype(float) for column in (found.u, found.v))
         in_parts = np.flatnonzero(prim >= self.n_whole)
         if len(in_parts):
-            part = taken(self.places, prim[in_parts] - self.n_whole).astype(float)
+            part = take(self.places, prim[in_parts] - self.n_whole).astype(float)
             u[in_parts], v[in_parts] = interpolate(part, u[in_parts], v[in_parts]).T
         return Spots(self.owner[prim], u, v)
 
-    def are_left(self, found: Found, directions: Floats, far: Floats) -> Bools:
+    def are_left(self, found: EngineHits, directions: Floats, far: Floats) -> Bools:
         """Do the triangles found tell that rays (n,) only come out of the hull, having left the
         faces just behind it?
 
@@ -107,7 +107,7 @@ class Layer:
     """
 
     def __init__(
-        self, corners: Floats, curved: CurvedFaces | None = None, hull: Hull | None = None
+        self, corners: Floats, curved: CurvedFaces | None = None, hull: BoundingShell | None = None
     ) -> None:
         """A layer of triangles (t, 3, 3), m; the hull of its curved faces may be there already."""
         self.motion: Motion | None = None
@@ -121,7 +121,7 @@ class Layer:
         n_whole = len(corners)
         places = np.empty((0, 3, 2), np.float32)
         if curved is not None:
-            hull = hull or finish(making_hull(curved))
+            hull = hull or run_steps(bounding_shell_steps(curved))
             flat = np.flatnonzero(curved.row < 0)
             owner = np.concatenate([flat, hull.triangle])
             places = hull.places
@@ -133,7 +133,7 @@ class Layer:
         self.centre = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
         self.tolerance = 4 * FLOAT32 * self.radius
-        self.asked = Asked(
+        self.asked = EngineTriangles(
             ((corners - self.centre) / self.radius).astype(np.float32), owner, n_whole, places
         )
 
@@ -163,7 +163,7 @@ class Layer:
         return Hits(t, k, u, v, enters=slope < 0, cosine=np.abs(slope))
 
     def on_curved(
-        self, spots: Spots, lines: Lines, leaves: Bools | None, is_last: bool = False
+        self, spots: Spots, lines: RayLines, leaves: Bools | None, is_last: bool = False
     ) -> tuple[Hits, Bools]:
         """Where rays meet curved faces, beginning at places on them; and whether they do."""
         found = find_roots(self.curved, spots, lines, leaves, self.tolerance, is_last)
@@ -182,7 +182,7 @@ class Layer:
             return is_flat_hit
         return is_flat_hit | (self.curved.row[hits.triangle] >= 0)
 
-    def shoot(self, lines: Lines, start: Floats) -> tuple[Found, Floats]:
+    def shoot(self, lines: RayLines, start: Floats) -> tuple[EngineHits, Floats]:
         """The triangles that the engine finds from `start` on,
         and its distance as the engine has it.
         """
@@ -192,7 +192,7 @@ class Layer:
         return found, start + found.distance.astype(float) * self.radius
 
     def refine(
-        self, found: Found, chosen: Bools, lines: Lines, leaves: Bools | None
+        self, found: EngineHits, chosen: Bools, lines: RayLines, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
         """Hits (n,) in float64 of what the engine has found, some of which may come to nothing."""
         spots = self.asked.spots(found, chosen)

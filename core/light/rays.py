@@ -166,7 +166,7 @@ def main_landings(landings: Landings, n_rays: int, expected: Words | None = None
 PlateLight = Literal["imaged", "folded", "reflected"]
 
 
-class ReachedError(Exception):
+class DeferredObjectError(Exception):
     """A ray comes near glass that stands aside, not in the
     plan: `boxes`, numbers in the plan's `aside`.
     """

@@ -11,19 +11,19 @@ import numpy as np
 from ..base.arrays import FLOAT32, Bools, Floats, Ints
 from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..glass.motion import Motion
 from ..glass.solids import contains
 from ..glass.surfaces import Surface
 from ..rig.rig import MET_ROLES, Glass, Kind, Rig, Role, Viewer
 from .hits import slab
-from .interactions import LAWS
+from .interactions import INTERACTIONS
 from .media import BULGE, Media, Solid
-from .mesh_cache import Kept
+from .mesh_cache import MeshCache
 from .plan import Counts, Parts, Triangles
 
 
-class Sheet(NamedTuple):
+class ThinSurface(NamedTuple):
     """A part that is no solid, with its surface; the key tells the surface from others."""
 
     role: Role
@@ -32,7 +32,7 @@ class Sheet(NamedTuple):
     key: str
 
 
-def find_sheets(surfaces: list[Surface], kind: Ints) -> Ints:
+def find_thin_surfaces(surfaces: list[Surface], kind: Ints) -> Ints:
     """For each part (p,) the first one in whose plane it lies if both are plates, else itself.
 
     Light that has met one plate is beyond all of its plane: where plates overlap they act as one.
@@ -74,12 +74,12 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
     return is_clear
 
 
-def read_sheets(rig: Rig, kept: Kept) -> list[Sheet]:
+def read_thin_surfaces(rig: Rig, kept: MeshCache) -> list[ThinSurface]:
     """Everything that is no solid, the display last."""
-    laws = [(role, LAWS[role.kind].surface) for role in MET_ROLES]
+    laws = [(role, INTERACTIONS[role.kind].surface) for role in MET_ROLES]
     laws.sort(key=lambda pair: pair[0].kind == Kind.DISPLAY)
     return [
-        Sheet(role, part, *surface(part, kept))
+        ThinSurface(role, part, *surface(part, kept))
         for role, surface in laws
         if surface is not None
         for part in rig.of(role)
@@ -91,7 +91,7 @@ class RigParts:
     """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
 
     solids: list[Solid]
-    sheets: list[Sheet]
+    sheets: list[ThinSurface]
 
     @cached_property
     def surfaces(self) -> list[Surface]:
@@ -140,7 +140,7 @@ class RigParts:
     @cached_property
     def elements(self) -> tuple[Any, ...]:
         """Each part (p,) as its interaction knows it."""
-        laws = (LAWS[sheet.role.kind] for sheet in self.sheets)
+        laws = (INTERACTIONS[sheet.role.kind] for sheet in self.sheets)
         return (
             *(solid.glass for solid in self.solids),
             *(law.element(s.part, s.surface) for law, s in zip(laws, self.sheets, strict=True)),
@@ -177,7 +177,7 @@ class RigParts:
             is_closed=self.is_closed,
             cluster=np.concatenate([media.cluster, np.full(n_sheets, -1)]),
             bit=np.concatenate([media.bit, np.zeros(n_sheets, np.uint64)]),
-            sheet=find_sheets(self.surfaces, self.kind),
+            sheet=find_thin_surfaces(self.surfaces, self.kind),
             owner=self.owner(rig),
             is_clear=is_clear,
             elements=self.elements,
@@ -206,14 +206,14 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
     ])  # fmt: skip
 
 
-def _moved(key: str, made: list[Surface], motion: Motion, kept: Kept) -> list[Surface]:
+def _moved(key: str, made: list[Surface], motion: Motion, kept: MeshCache) -> list[Surface]:
     """Solids elsewhere, the same as long as they stay there: a viewer alone may move."""
     return kept.get(
         f"{key} moved by {fingerprint(motion)}", lambda: [one.moved(motion) for one in made]
     )
 
 
-def read_solids(rig: Rig, kept: Kept, aside: tuple[int, ...]) -> Pauses[list[Solid]]:
+def read_solids(rig: Rig, kept: MeshCache, aside: tuple[int, ...]) -> Steps[list[Solid]]:
     """All solids of a rig but those of glasses with these numbers."""
     solids = []
     for number, glass in enumerate(rig.glasses):

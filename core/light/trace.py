@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
-from ..base.steps import Pauses, finish
-from ..glass.curved_hits import Lines
+from ..base.arrays import Bools, Floats, Ints, take
+from ..base.steps import Steps, run_steps
+from ..glass.curved_hits import RayLines
 from ..rig.rig import Kind
 from . import layer_hits
-from .hits import Accept, Hits, Search, slab
+from .hits import Accept, Hits, LayerSearch, slab
 from .interaction_display import NEAR, end_beneath_glass, end_without_hit, in_order
-from .interactions import ENDS, LAWS
+from .interactions import ENDS, INTERACTIONS
 from .plan import Plan, PlannedLayer
-from .rays import Landings, PlateLight, Rays, ReachedError, Step, Words, join
+from .rays import DeferredObjectError, Landings, PlateLight, Rays, Step, Words, join
 
 
 class _Sides:
@@ -82,16 +82,16 @@ class _Sides:
 
 
 def find_first_hits(
-    plan: Plan, rays: Rays, searches: list[Search]
-) -> Pauses[tuple[Hits, list[Hits], Bools]]:
+    plan: Plan, rays: Rays, searches: list[LayerSearch]
+) -> Steps[tuple[Hits, list[Hits], Bools]]:
     """First hits of the live rays (n,), those of each layer that are no further, without normals,
     and the rays (n,) of which the search is put off. Triangles are the plan's.
 
     searches : how far each layer was searched for all rays
     """
     live = rays.live
-    origins = taken(rays.positions, live)
-    directions = taken(rays.directions, live)
+    origins = take(rays.positions, live)
+    directions = take(rays.directions, live)
     sides = _Sides(plan, rays)
     by_layer = [None] * len(plan.layers)
     nearest, cosine = np.full(len(live), np.inf), np.ones(len(live))
@@ -109,7 +109,7 @@ def find_first_hits(
             searches[number].begin(live, nearest + max(tolerance, near) / cosine)
         hits = yield from layer_hits.find_first_hits(
             layer,
-            Lines(origins, directions),
+            RayLines(origins, directions),
             sides.is_in(held.closed_bits),
             sides.of_layer(held.numbers, tolerance),
             sides.is_in(held.solid_bits) if has_sides else None,
@@ -156,7 +156,7 @@ def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Float
         if ((enter <= leave) & (leave >= 0) & (enter <= distance)).any():
             reached.add(number)
     if reached:
-        raise ReachedError(reached)
+        raise DeferredObjectError(reached)
 
 
 TRACED_AT_ONCE = 1 << 16  # rays
@@ -176,7 +176,7 @@ def trace_all(
     return join(parts)
 
 
-def recording(plan: Plan, origins: Floats, directions: Floats) -> Pauses[tuple[Landings, Words]]:
+def recording(plan: Plan, origins: Floats, directions: Floats) -> Steps[tuple[Landings, Words]]:
     """The landings of rays (n, 3), and the course of each: its branch after
     each of its m events at the most, for `tracing` to compare.
     """
@@ -192,7 +192,7 @@ def trace(
     plan: Plan, origins: Floats, directions: Floats, light: PlateLight = "imaged"
 ) -> Landings:
     """Landings of rays, traced at once; parameters as for `tracing`."""
-    return finish(tracing(plan, origins, directions, light=light))
+    return run_steps(tracing(plan, origins, directions, light=light))
 
 
 def tracing(
@@ -202,7 +202,7 @@ def tracing(
     course: Words | None = None,
     steps: list[Step] | None = None,
     light: PlateLight = "imaged",
-) -> Pauses[Landings]:
+) -> Steps[Landings]:
     """Follow rays backward from the viewer until each has
     landed on the display or is lost; yields how many have ended since.
 
@@ -240,7 +240,7 @@ def _landings_of(rays: Rays) -> Landings:
     return landings.at(rays.is_begun) if rays.n_copies else landings
 
 
-def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
+def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
     """Follow rays from one event to the next.
 
     Others begin where rays have ended, so that few events are those of a few rays: these cost
@@ -251,7 +251,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
     at_once = LIVE_AT_ONCE if steps is None else len(waiting)
     # gaps are told by all that a ray comes upon
     may_wait = steps is None and not plan.open_parts
-    searches = [Search(len(rays.mask), may_wait) for _ in plan.layers]
+    searches = [LayerSearch(len(rays.mask), may_wait) for _ in plan.layers]
 
     while True:
         room = at_once - len(rays.live)
@@ -280,7 +280,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
             by_layer = [other.at(hit) for other in by_layer]
 
         # the others go to what they meet
-        rays.positions[rays.live] += hits.distance[:, None] * taken(rays.directions, rays.live)
+        rays.positions[rays.live] += hits.distance[:, None] * take(rays.directions, rays.live)
         rays.n_events[rays.live] += 1
         _leave_gaps(plan, rays, rays.live, hits)
         if steps is not None:
@@ -307,7 +307,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Pauses[None]:
 
 def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: Ints) -> None:
     """Hand live rays over to the interactions of the kinds of parts that they hit."""
-    for of_kind, law in LAWS.items():
+    for of_kind, law in INTERACTIONS.items():
         some = np.flatnonzero(kind == of_kind)
         if len(some):
             others = [other.at(some) for other in by_layer] if law.crosses else []
@@ -364,6 +364,6 @@ class EventByEvent:
         """How many rays are followed at once when their ways or courses are recorded."""
         return most
 
-    def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Pauses[None]:
+    def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
         """Follow rays to their ends."""
         yield from by_events(plan, rays, steps)

@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..light.plan import Ends, Halving, Plan
 from ..light.rays import Words
 from .points import Points, trace_points
-from .ray_budget import Allowance
+from .ray_budget import RayBudget
 
 N_DIGITS = 9  # binary, a border is known to 2^-9 of an edge: the rays that it takes
 
 
-class Edges(NamedTuple):
+class BorderEdges(NamedTuple):
     """Edges (n,) between points, by number, from the near one, whose ray takes a course (n, m).
 
     end (n,) : a border is searched for up to here, 0..1 of the way
@@ -31,12 +31,12 @@ class Edges(NamedTuple):
     course: Words
     end: Floats
 
-    def at(self, which: Ints) -> "Edges":
+    def at(self, which: Ints) -> "BorderEdges":
         """Some of the edges."""
-        return Edges(*(column[which] for column in self))
+        return BorderEdges(*(column[which] for column in self))
 
 
-def lack(points: Points, near: Ints, far: Ints, allowance: Allowance) -> Bools:
+def lack(points: Points, near: Ints, far: Ints, allowance: RayBudget) -> Bools:
     """Do borders on edges (n,), as for `find_borders`, take more rays than their pixels have?"""
     n = len(near)
     # from the other side by bisection, too, after one try
@@ -48,7 +48,7 @@ def lack(points: Points, near: Ints, far: Ints, allowance: Allowance) -> Bools:
 
 
 def find_borders(
-    plan: Plan, points: Points, near: Ints, far: Ints, allowance: Allowance
+    plan: Plan, points: Points, near: Ints, far: Ints, allowance: RayBudget
 ) -> Generator[int, None, Points]:
     """Borders on edges (n,) from points `near` to points `far`, sorted by near, then far: the last
     points (n,) on the branch of the near ones. Yields how many rays were traced since.
@@ -61,11 +61,11 @@ def find_borders(
 
     # several borders begin at one point
     once, at_near = np.unique(near, return_inverse=True)
-    view = taken(points.view, once)
+    view = take(points.view, once)
     allowance.take(view)
     courses: list[Words] = []
     yield from trace_points(plan, view, courses=courses)
-    edges = Edges(near, far, _together(courses)[at_near], np.ones(len(near)))
+    edges = BorderEdges(near, far, _together(courses)[at_near], np.ones(len(near)))
 
     # the other side of each border, where it is searched for, too
     n = len(points)
@@ -85,7 +85,7 @@ def find_borders(
 
 
 def last_on_branch(
-    plan: Plan, points: Points, edges: Edges, allowance: Allowance
+    plan: Plan, points: Points, edges: BorderEdges, allowance: RayBudget
 ) -> Generator[int, None, tuple[Floats, Points]]:
     """Where (n,) the branch of the near points of edges (n,) ends, and the last points (n,) on it,
     by bisection.
@@ -95,13 +95,13 @@ def last_on_branch(
     """
     near, far, course, end = edges
     # as if there were nothing beyond the points themselves
-    start = taken(points.view, near)
-    way = taken(points.view, far) - start
+    start = take(points.view, near)
+    way = take(points.view, far) - start
     branch = points.branch[near]
     ends = Ends(
         low=np.zeros(len(near)),
         width=end.copy(),
-        xy=taken(points.xy, near),
+        xy=take(points.xy, near),
         throughput=points.throughput[near],
         n_tried=np.zeros(len(near), np.int64),
     )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, take
 
 COUNTED = 1 << 16  # pieces at the least whose shares are counted, if there are more
 
@@ -234,7 +234,7 @@ def count_shares(
     step = 1 + len(pieces) // COUNTED
     some = pieces[::step]
     parts = np.ones(len(some)) if n_parts is None else n_parts[::step]
-    corners = [taken(xy, number) for number in some.T]
+    corners = [take(xy, number) for number in some.T]
     low, high = (reduce(bound, corners) for bound in (np.minimum, np.maximum))
     size = np.clip(high, 0, display_size) - np.clip(low, 0, display_size)
     is_seen = ((high > 0) & (low < display_size)).all(axis=1)

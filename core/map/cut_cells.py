@@ -9,7 +9,7 @@ from ..base.arrays import Bools, Ints
 from ..light.plan import Plan
 from .borders import find_borders, lack
 from .points import Points
-from .ray_budget import Allowance
+from .ray_budget import RayBudget
 
 
 class Cut(NamedTuple):
@@ -26,7 +26,7 @@ class Cut(NamedTuple):
 
 
 def cut_cells(
-    plan: Plan, points: Points, cells: Ints, allowance: Allowance, middle: Ints | None = None
+    plan: Plan, points: Points, cells: Ints, allowance: RayBudget, middle: Ints | None = None
 ) -> Generator[int, None, Cut]:
     """Cut cells (m, k) whose corners lie on several branches, as far as there is an allowance for
     the rays.

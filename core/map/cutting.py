@@ -11,24 +11,39 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, mean_at, taken
-from ..base.steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, mean_at, take
+from ..base.steps import Steps
 from ..light.plan import Plan
 from ..light.rays import Words
 from .cut_cells import around_middles, cut_cells
 from .points import Points, areas, in_triangles, is_seen, trace_points
-from .ray_budget import Allowance
+from .ray_budget import RayBudget
 
 # pixels of a square that may be in doubt, as where edges meet, which is no chaos
 N_DOUBTFUL = 1
+# display px between samples, the median of pixels on one branch: further apart they leave gaps
+APART_PX = 1.25
+LEAST_ALONG = 4  # samples along a pixel's side for that median: less Effort is set to be faster
 GAP_SHARE = 1 / 16  # of a cell: less that its pieces leave out is light that is not missed
 
 
-def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowance) -> Pauses[Bools]:
+def is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
+    """Do samples of pixels like these (m, 4), each on one branch, light all of the display, without
+    gaps?
+    """
+    lit = pixels[points.branch[pixels[:, 0]] != 0]
+    if not len(lit):
+        return True
+    across = np.linalg.norm(points.xy[lit[:, 0]] - points.xy[lit[:, 2]], axis=1) / 2**0.5
+    along = max(plan.settings.samples_along, LEAST_ALONG)
+    return float(np.median(across)) <= APART_PX * along
+
+
+def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: RayBudget) -> Steps[Bools]:
     """Which square cells (m, 4) with middles (m,) have no rays left for the corners and the
     middles of their quarters?
     """
-    corners = taken(points.view, cells)
+    corners = take(points.view, cells)
     halfway = (corners + np.roll(corners, -1, axis=1)) / 2
     middles = (corners + points.view[middle][:, None]) / 2
     view = np.concatenate([halfway, middles], axis=1)
@@ -37,7 +52,7 @@ def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: Allowanc
 
 
 def quartered(
-    plan: Plan, points: Points, cells: Ints, middle: Ints, allowance: Allowance
+    plan: Plan, points: Points, cells: Ints, middle: Ints, allowance: RayBudget
 ) -> Generator[int, None, tuple[Points, Ints, Ints]]:
     """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all
     points, among them the middles (4 m,) of the quarters.
@@ -46,14 +61,14 @@ def quartered(
         return points, cells, middle
 
     # points between the corners, each once
-    view = taken(points.view, cells)
+    view = take(points.view, cells)
     halfway = (view + np.roll(view, -1, axis=1)) / 2
 
     # they lie on a grid so fine: whole numbers are told apart faster than places
     column, row = np.moveaxis(2 * halfway, 2, 0).astype(np.int64)
     _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
     yield 0
-    halfway = taken(halfway.reshape(-1, 2), first)
+    halfway = take(halfway.reshape(-1, 2), first)
     number = len(points) + number.reshape(cells.shape)
     quarters = [
         np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)
@@ -86,7 +101,7 @@ class CutPixels:
     quads: Ints
     triangles: Ints
     chaotic: Ints
-    allowance: Allowance
+    allowance: RayBudget
 
 
 class _Parts(NamedTuple):
@@ -103,7 +118,7 @@ class _Parts(NamedTuple):
         return _Parts(*(values[which] for values in self))
 
 
-class _Found(NamedTuple):
+class _CutSamples(NamedTuple):
     """What was found by cutting cells (m,).
 
     is_one : corners on one branch; off : display px by which the middle is missed, as of `_missed`
@@ -131,7 +146,8 @@ class Cutting:
 
     Bisection has no end where light is chaotic. If more than a few pixels of a square (m,), by
     number, are in doubt, its mixed quarters are not cut, and pixels of which the pieces leave out a
-    part, though all corners are lit: else light would be lost. Nor are pixels and quarters whose
+    part, though all corners are lit: else light would be lost. If samples would leave gaps on the
+    display, all are cut. Nor are pixels and quarters whose
     borders take more rays than the allowance of a pixel has left.
 
     is_coarse : no pixel is quartered
@@ -141,7 +157,7 @@ class Cutting:
 
     def __init__(self, plan: Plan, points: Points, is_coarse: bool) -> None:
         self.plan, self.points, self.is_coarse = plan, points, is_coarse
-        self.allowance = Allowance(plan, points.view)
+        self.allowance = RayBudget(plan, points.view)
         self.quads: list[Ints] = []
         self.triangles: list[Ints] = []
         self.chaotic: list[Ints] = []
@@ -163,7 +179,9 @@ class Cutting:
         # calm where few are in doubt: not by cells that are only bent by more than the tolerance
         in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.lacks
         n_in_doubt = np.bincount(square, in_doubt)
-        cells = cells._replace(is_calm=(n_in_doubt <= N_DOUBTFUL)[square])
+        is_dense_enough = is_dense(self.plan, self.points, corners[found.is_one])
+        is_calm = (n_in_doubt <= N_DOUBTFUL)[square] | (not is_dense_enough)
+        cells = cells._replace(is_calm=is_calm)
         return (yield from self._settled(cells, found, is_last=self.is_coarse))
 
     def quarters(self, some: _Parts) -> Generator[int, None, None]:
@@ -193,7 +211,7 @@ class Cutting:
         quads, chaotic = np.concatenate(self.quads), np.concatenate(self.chaotic)
         return CutPixels(self.points, quads, triangles, chaotic, self.allowance)
 
-    def _cut(self, cells: _Parts) -> Generator[int, None, _Found]:
+    def _cut(self, cells: _Parts) -> Generator[int, None, _CutSamples]:
         """Cut cells on several branches, and compare all with their middles."""
         plan = self.plan
         branch = self.points.branch[cells.corners]
@@ -219,9 +237,9 @@ class Cutting:
         gaps, lacks = np.zeros((2, len(is_one)), bool)
         gaps[mixed] = has_gaps(self.points, corners, cut.pieces, cut.owner)
         lacks[mixed] = cut.lacks
-        return _Found(is_one, off, gaps, lacks, cut.pieces, mixed[cut.owner])
+        return _CutSamples(is_one, off, gaps, lacks, cut.pieces, mixed[cut.owner])
 
-    def _settled(self, cells: _Parts, found: _Found, is_last: bool) -> Pauses[_Parts]:
+    def _settled(self, cells: _Parts, found: _CutSamples, is_last: bool) -> Steps[_Parts]:
         """Take up the pieces, and hand on the cells that are to be quartered: none in the end."""
         again = found.off > self.plan.settings.tolerance
 
@@ -308,7 +326,7 @@ def missed_by_pieces(
     branch = np.zeros(len(middle), np.uint64)
     xy = np.full((len(middle), 2), np.nan)
     holds, at = in_triangles(
-        *(taken(of, pieces) for of in (points.view, points.xy)), taken(middle.view, owner)
+        *(take(of, pieces) for of in (points.view, points.xy)), take(middle.view, owner)
     )
     branch[owner[holds]], xy[owner[holds]] = points.branch[pieces[holds, 0]], at[holds]
     return _missed(plan, branch, xy, middle)

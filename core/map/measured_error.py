@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import Bools, Floats, Ints
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..light.plan import Plan
 from ..light.rays import Reason
 from .points import is_in_image, is_seen, trace_points
@@ -83,7 +83,7 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     )
 
 
-def checked(plan: Plan, view_map: ViewMap) -> Pauses[ViewMap]:
+def checked(plan: Plan, view_map: ViewMap) -> Steps[ViewMap]:
     """A map with its errors, which are measured unless they are known."""
     if view_map.unchecked is None:
         return view_map

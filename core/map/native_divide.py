@@ -10,7 +10,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, columns_of
+from ..base.arrays import Floats, transpose_rows
 from ..native.loading import library, loaded, n_threads
 from ..native.structures import DivisionStructure, Made, SumStructure
 
@@ -187,7 +187,7 @@ def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
     """
     n = len(polygons)
     some = polygons[:: 1 + n // GUESSED]
-    by_corner = columns_of(some)
+    by_corner = transpose_rows(some)
     low, high = np.minimum.reduce(by_corner), np.maximum.reduce(by_corner)
     size = np.array(display_size)[:, None]
     with np.errstate(invalid="ignore"):

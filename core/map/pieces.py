@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Bools, Floats, Ints, mean_at, taken, whole_within
-from ..base.steps import Pauses
+from ..base.arrays import Bools, Floats, Ints, mean_at, take, whole_within
+from ..base.steps import Steps
 from . import smooth_cells
 from .points import Points, is_in_image
 
@@ -51,14 +51,14 @@ class Piece(NamedTuple):
 
     def at(self, which: Bools | Ints) -> "Piece":
         """Some of these pieces."""
-        return Piece(*(taken(values, which) for values in self))
+        return Piece(*(take(values, which) for values in self))
 
 
 def polygons(points: Points, corners: Ints) -> Piece:
     """Pieces with these points (n, 4 or 3) as corners."""
     return Piece(
-        view=taken(points.view, corners),
-        display=taken(points.xy, corners),
+        view=take(points.view, corners),
+        display=take(points.xy, corners),
         throughput=mean_at(points.throughput, corners),
         branch=points.branch[corners[:, 0]],
     )
@@ -87,16 +87,16 @@ def squares_around(
     )
 
 
-def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Pauses[Floats]:
+def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Floats]:
     """Sides (s,), display px, of the squares over which samples at viewer px (s, 2) that land at
     display px (s, 2) are spread; 0 for those that land beside the display or nowhere. Pauses on the
     way.
     """
     found = np.zeros(len(xy))
     lit = np.flatnonzero(is_in_image(xy, display_size))
-    view = taken(view, lit)
+    view = take(view, lit)
     columns, rows = display_size
-    column, row = whole_within(taken(xy, lit), (columns - 1, rows - 1))
+    column, row = whole_within(take(xy, lit), (columns - 1, rows - 1))
     width = np.full(len(lit), LEAST_PX)
     most = np.full(len(lit), float(MOST_PX))
     yield 0
@@ -140,7 +140,7 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
     corner, size, nodes : (n, 2), (n,) viewer px, (n, 25) indices of points
     """
     # landings and throughput on a grid of each cell
-    values = np.concatenate([taken(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
+    values = np.concatenate([take(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
     landed = smooth_cells.on_grid(values, m)
 
     # where light falls steeply, quartics swing beyond their nodes, and might swing below nothing

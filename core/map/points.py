@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, columns_of, taken
-from ..base.steps import Pauses, finish
+from ..base.arrays import Bools, Floats, Ints, take, transpose_rows
+from ..base.steps import Steps, run_steps
 from ..base.vectors import cross_2d
 from ..light.plan import Plan
 from ..light.rays import Step, Words, main_landings, main_of
@@ -43,7 +43,7 @@ class Points:
 
     def at(self, which: Ints) -> "Points":
         """Some of these points."""
-        return Points(*(taken(getattr(self, f.name), which) for f in fields(Points)))
+        return Points(*(take(getattr(self, f.name), which) for f in fields(Points)))
 
     def and_more(self, others: "Points") -> "Points":
         """These points, followed by others."""
@@ -52,10 +52,10 @@ class Points:
     @classmethod
     def joined(cls, parts: "Sequence[Points]") -> "Points":
         """Points of several sets, one after the other."""
-        return finish(cls.joining(parts))
+        return run_steps(cls.joining(parts))
 
     @classmethod
-    def joining(cls, parts: "Sequence[Points]") -> "Pauses[Points]":
+    def joining(cls, parts: "Sequence[Points]") -> "Steps[Points]":
         """The same, with pauses: of millions of points it takes a third of a second."""
         arrays = []
         for name in (f.name for f in fields(cls)):
@@ -162,7 +162,7 @@ def trace_points(
 
 
 # traces places (n, 2) of the viewer's image, given the rows (n,) of a table that they stand in
-Tracer = Callable[[Ints, Floats], Pauses[Points]]
+Tracer = Callable[[Ints, Floats], Steps[Points]]
 
 
 def tracer(plan: Plan) -> Tracer:
@@ -175,7 +175,7 @@ def tracer_of(plan: Plan, viewers: Sequence[Viewer], n: int) -> Tracer:
     of few rays takes nearly as long as one of many. Each viewer has n rows, one after the other.
     """
 
-    def trace(rows: Ints, view: Floats) -> Pauses[Points]:
+    def trace(rows: Ints, view: Floats) -> Steps[Points]:
         whose = rows // n
         origins, directions = np.empty((2, len(view), 3))
         for k in np.unique(whose):
@@ -190,7 +190,7 @@ def tracer_of(plan: Plan, viewers: Sequence[Viewer], n: int) -> Tracer:
 
 def areas(points: Floats, triangles: Ints) -> Floats:
     """Areas (t,) of triangles (t, 3) between points (n, 2)."""
-    (ax, ay), (bx, by), (cx, cy) = (taken(points, corner).T for corner in triangles.T)
+    (ax, ay), (bx, by), (cx, cy) = (take(points, corner).T for corner in triangles.T)
     return 0.5 * np.abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
 
 
@@ -228,5 +228,5 @@ def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
 
 def bounds_of(xy: Floats) -> tuple[Floats, Floats]:
     """Least and greatest x and y (n, 2) of display pixels (n, k, 2), NaN without a landing."""
-    by_corner = columns_of(xy)
+    by_corner = transpose_rows(xy)
     return np.fmin.reduce(by_corner).T, np.fmax.reduce(by_corner).T

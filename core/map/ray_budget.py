@@ -27,7 +27,7 @@ def most_rays(plan: Plan) -> int:
     return TIMES_EFFORT * plan.settings.effort * max(1, ratio)
 
 
-class Allowance:
+class RayBudget:
     """The rays that are left to each viewer pixel, and those of them that are kept for samples."""
 
     def __init__(self, plan: Plan, view: Floats) -> None:

@@ -26,14 +26,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints, taken, whole_within
+from ..base.arrays import Floats, Ints, take, whole_within
 from ..base.free_memory import check_free
 from ..base.messages import Message
 from ..light.plan import Plan
 from ..light.rays import Reason
 from .cells import signed_area
 from .points import BYTES_OF_POINT, Points, is_in_image, trace_points
-from .ray_budget import Allowance
+from .ray_budget import RayBudget
 from .view_map import QUADS_AT_ONCE, ViewMap
 
 BLOCK_PX = 8  # display px, side of the parts on which light is summed up
@@ -88,7 +88,7 @@ def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
         for first in range(0, len(asked), QUADS_AT_ONCE):
             corners = asked[first : first + QUADS_AT_ONCE].T
             view, display = (
-                np.stack([taken(places, corner) for corner in corners])
+                np.stack([take(places, corner) for corner in corners])
                 for places in (view_map.points.view, view_map.points.xy)
             )
             middle = display.mean(axis=0)
@@ -148,7 +148,7 @@ def samples_worth(
 
 
 def further_along(
-    worth: Floats, middle: Floats, side: Floats, along: int, allowance: Allowance
+    worth: Floats, middle: Floats, side: Floats, along: int, allowance: RayBudget
 ) -> Ints:
     """How many further samples (m,) along a pixel's side cells take beside `along`, 0 for none:
     the largest number with which they have no more than they are worth.
@@ -197,7 +197,7 @@ class Samples(NamedTuple):
 
 
 def sample_cells(
-    plan: Plan, view_map: ViewMap, corners: Floats, allowance: Allowance | None
+    plan: Plan, view_map: ViewMap, corners: Floats, allowance: RayBudget | None
 ) -> Generator[int, None, Samples]:
     """Trace samples of square cells with corners (m, 4, 2),
     viewer px; yields how many were traced since.

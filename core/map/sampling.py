@@ -13,9 +13,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.stages import MAP, Span, section, spans
-from ..base.steps import Pauses, between
+from ..base.steps import Steps, between
 from ..light.plan import Plan
 from ..light.rays import Reason
 from . import smooth_cells
@@ -86,7 +86,7 @@ class Sampling:
                 return replace(end.value, n_rays=self.n_rays)
             yield self.progress
 
-    def _during(self, span: Span, work: Pauses[Result], n_rays: float = inf) -> Pauses[Result]:
+    def _during(self, span: Span, work: Steps[Result], n_rays: float = inf) -> Steps[Result]:
         """Move the progress through a span by the rays of some work, if their number is known."""
         before = self.n_rays
         while True:
@@ -153,13 +153,13 @@ class Sampling:
         column, row = squares.nodes()
         return self.number[row, column]
 
-    def _sorted(self, squares: Squares) -> Pauses[tuple[Bools, Bools]]:
+    def _sorted(self, squares: Squares) -> Steps[tuple[Bools, Bools]]:
         """Which squares (n,) are smooth cells if checks confirm
         it, and which show nothing of the display?
         """
         nodes = self._at_nodes(squares)
         branch = self.points.branch[nodes]
-        xy = taken(self.points.xy, nodes)
+        xy = take(self.points.xy, nodes)
         is_one = (branch == branch[:, :1]).all(axis=1)
         is_dark = is_one & (branch[:, 0] == 0)
         is_one &= ~is_dark
@@ -180,7 +180,7 @@ class Sampling:
         is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
         return is_smooth, is_dark | is_aside
 
-    def _is_touched(self, squares: Squares) -> Pauses[Bools]:
+    def _is_touched(self, squares: Squares) -> Steps[Bools]:
         """Did the rays of squares (n,) pass by something that none of them met?"""
         paths, nodes = self.paths, self._at_nodes(squares)
         return (yield from self.plan.thin_parts().touch(paths.places, paths.met, nodes))
@@ -189,7 +189,7 @@ class Sampling:
         """About how far off (n,), display px, the pixels of the
         smallest squares are, quartered as in `Cutting`.
         """
-        by_quads = smooth_cells.sag(taken(self.points.xy, self._at_nodes(squares)))
+        by_quads = smooth_cells.sag(take(self.points.xy, self._at_nodes(squares)))
         if self.is_coarse:
             return by_quads
         return np.where(by_quads > self.tolerance, by_quads / 4, by_quads)
@@ -203,7 +203,7 @@ class Sampling:
         n_checks = len(CHECKS)
         nodes = self._at_nodes(squares)
         checks = slice(first, first + n_checks * n)
-        expected = smooth_cells.at_checks(taken(self.points.xy, nodes)).reshape(-1, 2)
+        expected = smooth_cells.at_checks(take(self.points.xy, nodes)).reshape(-1, 2)
         xy = self.points.xy[checks]
         is_one = self.points.branch[checks] == self.points.branch[nodes[:, 0]].repeat(n_checks)
         off = np.where(is_one, np.linalg.norm(expected - xy, axis=1), np.inf)
@@ -222,7 +222,7 @@ class Sampling:
         # those that may show something
         by_row = cells[:, [0, 1, 3, 2]]
         is_aside = is_beside_display(
-            taken(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size)
+            take(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size)
         )
 
         # beside the glass there is nothing to find, but where
@@ -258,7 +258,7 @@ class Sampling:
         view_map = replace(view_map, unchecked=None if self.is_coarse else cells)
         return (yield from checked(self.plan, view_map)) if self.is_checked else view_map
 
-    def _cut(self, cells: Ints, square: Ints) -> Pauses[CutPixels]:
+    def _cut(self, cells: Ints, square: Ints) -> Steps[CutPixels]:
         """Pieces of pixels (m, 4) in squares (m,), by number."""
         cutting = Cutting(self.plan, self.points, self.is_coarse)
         first, second, last = (section(self.borders, k, 3) for k in range(3))

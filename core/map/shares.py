@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, Ints, taken
+from ..base.arrays import Floats, Ints, take
 from ..native import loading
 from . import native_divide, rasterise
 from .native_divide import Divided, index_type
@@ -66,7 +66,7 @@ class Shares:
             self.display_size,
             self.view_size,
             self.display_index[which],
-            taken(self.view_xy, which),
+            take(self.view_xy, which),
             *(
                 some(v)
                 for v in (self.covariance, self.area, self.display_area, self.throughput, self.path)
@@ -162,7 +162,7 @@ class Lot(NamedTuple):
 
     def at(self, which: Ints) -> "Lot":
         """Some of them."""
-        return Lot(*(None if values is None else taken(values, which) for values in self))
+        return Lot(*(None if values is None else take(values, which) for values in self))
 
 
 class ShareBatches:

@@ -14,7 +14,7 @@ from functools import cache, reduce
 
 import numpy as np
 
-from ..base.arrays import Bools, Floats, Ints, taken
+from ..base.arrays import Bools, Floats, Ints, take
 from ..base.vectors import cross_2d
 from .points import bounds_of
 
@@ -99,7 +99,7 @@ def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Boo
     is_lost = branch == 0
     is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1)
     some = np.flatnonzero(is_single & ~is_lost.all(axis=1))
-    low, high = bounds_of(np.where(is_lost[some, :, None], np.nan, taken(xy, some)))
+    low, high = bounds_of(np.where(is_lost[some, :, None], np.nan, take(xy, some)))
     found = np.zeros(len(xy), bool)
     found[some] = ((low > display_size) | (high < 0)).any(axis=1)
     return found

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, taken, whole_within
-from ..base.steps import Pauses, finish
+from ..base.arrays import Bools, Floats, Ints, each_value, in_blocks, mean_at, take, whole_within
+from ..base.steps import Steps, run_steps
 from ..light.rays import Reason
 from . import smooth_cells
 from .cells import count_shares
@@ -35,7 +35,7 @@ class Lookup:
     samples: Ints
     sample_reach: Floats
 
-    def by_cells(self, xy: Floats) -> Pauses[Floats]:
+    def by_cells(self, xy: Floats) -> Steps[Floats]:
         """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is
         none. Pauses on the way.
         """
@@ -124,7 +124,7 @@ class Lookup:
         is_near = is_asked.copy()
         is_near[:, 1:] |= is_asked[:, :-1]
         is_near[1:] |= is_near[:-1].copy()
-        corner = self._pixel(taken(self.points.view, pieces[:, 0]))
+        corner = self._pixel(take(self.points.view, pieces[:, 0]))
         pieces = pieces[is_near.ravel()[corner]]
         of_piece = self._pixel(mean_at(self.points.view, pieces))
         some = np.flatnonzero(is_asked.ravel()[of_piece])
@@ -277,13 +277,13 @@ class ViewMap:
     @cached_property
     def _n_parts(self) -> Ints:
         """Into how many quads (c,) the sides of smooth cells are cut."""
-        xy = taken(self.points.xy, self.nodes)
+        xy = take(self.points.xy, self.nodes)
         return n_parts(xy, self.size, self._is_inside, self.tolerance)
 
     @cached_property
     def _is_inside(self) -> Bools:
         """Are smooth cells (c,) inside of both images, wholly?"""
-        xy = taken(self.points.xy, self.nodes)
+        xy = take(self.points.xy, self.nodes)
         squares = Squares(self.corner, self.size)
         return squares.are_within(xy, self.view_size, self.display_size)
 
@@ -294,16 +294,16 @@ class ViewMap:
     @cached_property
     def sample_width(self) -> Floats:
         """Sides (s,), display px, of the squares that samples light; 0 of those that light none."""
-        return finish(self._spreading())
+        return run_steps(self._spreading())
 
-    def _spreading(self) -> Pauses[Floats]:
+    def _spreading(self) -> Steps[Floats]:
         is_landed = self.points.branch[self.samples] != 0
         is_beside = self.is_beside_glass(self.samples)
         found = np.zeros(len(self.samples))
         # light through the glass and light beside it are never mixed
         for some in (np.flatnonzero(is_landed & ~is_beside), np.flatnonzero(is_landed & is_beside)):
             number = self.samples[some]
-            view, xy = (taken(of, number) for of in (self.points.view, self.points.xy))
+            view, xy = (take(of, number) for of in (self.points.view, self.points.xy))
             found[some] = yield from widths(view, xy, self.display_size)
         return found
 
@@ -333,7 +333,7 @@ class ViewMap:
         shares, step = count_shares(self.points.xy, pieces, self.display_size, parts)
         return step * shares.sum()
 
-    def spread_samples(self) -> Pauses[None]:
+    def spread_samples(self) -> Steps[None]:
         """Make `sample_width`, which may take a second and more."""
         if "sample_width" not in vars(self):
             vars(self)["sample_width"] = yield from self._spreading()
@@ -417,7 +417,7 @@ class ViewMap:
         Where light is chaotic this is the landing of the sample that is nearest.
         """
         xy = np.asarray(xy, float)
-        found = finish(self.lookup.by_cells(xy))
+        found = run_steps(self.lookup.by_cells(xy))
         rays, samples = self.lookup.nearest_samples(xy, np.isnan(found[:, 0]))
         found[rays] = self.points.xy[samples]
         return found

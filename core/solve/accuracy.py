@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..base.arrays import FLOAT32, Bools, Floats, Ints
-from ..base.steps import Pauses, at
+from ..base.steps import Steps, hold_progress
 from ..base.vectors import dot, length_of, normalise
 from ..glass.meshes import areas_of, interpolate
 from ..image.picture import of_square, picture_from_view
@@ -140,21 +140,21 @@ def measure(
     is_cut_off : may some of its light be cut off by Max Events?
     elsewhere : of the same plan with its picture elsewhere, if that is known
     """
-    bounded = yield from at(0.0, _bounded(plan))
+    bounded = yield from hold_progress(0.0, _bounded(plan))
     if elsewhere is None:
         found = yield from tessellation(bounded)
         rounding = rounding_error(plan)
     else:
         found, rounding = elsewhere.tessellation, elsewhere.rounding
-    open_light, leaked = yield from at(1.0, _leaking(plan))
-    odd_light = yield from at(1.0, contradicted(bounded))
+    open_light, leaked = yield from hold_progress(1.0, _leaking(plan))
+    odd_light = yield from hold_progress(1.0, contradicted(bounded))
     caught_light = 0.0
     if is_cut_off:
-        caught_light = yield from at(1.0, caught(plan))
+        caught_light = yield from hold_progress(1.0, caught(plan))
     return Accuracy(found, rounding, open_light, caught_light, odd_light, leaked)
 
 
-def _bounded(plan: Plan) -> Pauses[Plan]:
+def _bounded(plan: Plan) -> Steps[Plan]:
     """A plan in which rays are given up that meet far more surfaces than others.
 
     Light held within a thin shell meets as many as Max Events allows, and by numpy each takes its
@@ -206,14 +206,14 @@ def rounding_error(plan: Plan) -> float:
     return off / display_pixel(rig.display)
 
 
-def leaks(plan: Plan) -> Pauses[tuple[float, ...]]:
+def leaks(plan: Plan) -> Steps[tuple[float, ...]]:
     """For each glass of a plan the share, 0..1, of the light that
     carries the picture and goes through its gaps.
     """
     return (yield from _leaking(plan))[0]
 
 
-def _leaking(plan: Plan) -> Pauses[tuple[tuple[float, ...], dict[Reason, float]]]:
+def _leaking(plan: Plan) -> Steps[tuple[tuple[float, ...], dict[Reason, float]]]:
     """The same, and the shares by where such light seems to end."""
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
@@ -228,7 +228,7 @@ def _leaking(plan: Plan) -> Pauses[tuple[tuple[float, ...], dict[Reason, float]]
     return shares, {reason: float(by_reason[reason]) for reason in Reason}
 
 
-def contradicted(plan: Plan) -> Pauses[tuple[float, ...]]:
+def contradicted(plan: Plan) -> Steps[tuple[float, ...]]:
     """For each glass, then each mirror, of a plan the share, 0..1, of the light that
     carries the picture and is bent there by normals which contradict the faces.
     """
@@ -244,7 +244,7 @@ def contradicted(plan: Plan) -> Pauses[tuple[float, ...]]:
     return _shares(part[odd], cover[odd], n_parts, cover.sum())
 
 
-def caught(plan: Plan) -> Pauses[float]:
+def caught(plan: Plan) -> Steps[float]:
     """Share, 0..1, of the light cut off by Max Events that does
     not come free within FURTHER times as many surfaces.
 

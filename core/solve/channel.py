@@ -16,15 +16,15 @@ from ..base.arrays import Floats
 from ..base.fingerprint import fingerprint
 from ..base.messages import Message
 from ..base.stages import MAP, spans
-from ..base.steps import Pauses, at, finish, within
+from ..base.steps import Steps, hold_progress, run_steps, subprogress
 from ..image.ghosts import paths_of
-from ..image.glare import Glare, LightBeside, look_beside, looking_beside
+from ..image.glare import Glare, StrayLight, looking_beside, trace_stray_light
 from ..image.seen_image import ideal_image, seeing
 from ..image.simulation import PlateView, plate_view
-from ..light.compile_plan import planning
-from ..light.mesh_cache import Kept
-from ..light.plan import Aside, Plan
-from ..light.rays import ReachedError, Reason
+from ..light.compile_plan import compile_plan_steps
+from ..light.mesh_cache import MeshCache
+from ..light.plan import DeferredObjects, Plan
+from ..light.rays import DeferredObjectError, Reason
 from ..map.pieces import Piece
 from ..map.sampling import Sampling, sample
 from ..map.shares import Coverage, ShareBatches, Shares, add_at
@@ -48,7 +48,7 @@ class Measured:
     picture: str
     accuracy: Accuracy
     plate: PlateView | None
-    beside: LightBeside | None
+    beside: StrayLight | None
 
 
 def measuring(
@@ -66,11 +66,15 @@ def measuring(
     if elsewhere is not None:
         return replace(elsewhere, picture=picture, accuracy=accuracy)
 
-    plate = yield from at(1.0, plate_view(plan))
+    plate = yield from hold_progress(1.0, plate_view(plan))
     if plate is not None:
         lap("brightness and blur")
 
-    beside = (yield from at(1.0, look_beside(plan))) if plan.settings.only_through_glass else None
+    beside = (
+        (yield from hold_progress(1.0, trace_stray_light(plan)))
+        if plan.settings.only_through_glass
+        else None
+    )
     lap("glare")
     return Measured(picture, accuracy, plate, beside)
 
@@ -175,13 +179,13 @@ class Channel:
         """The viewer's image, through the glass, of a source image (H, W, 3): (h, w, 3) linear.
 
         beside : and by way of the plate alone, beside the glass; that
-            is traced when first asked for, see `look_beside`
+            is traced when first asked for, see `trace_stray_light`
         """
-        return finish(self.seeing(source, beside))
+        return run_steps(self.seeing(source, beside))
 
     def seeing(
         self, source: NDArray[np.float32], beside: bool = False
-    ) -> Pauses[NDArray[np.float32]]:
+    ) -> Steps[NDArray[np.float32]]:
         """The same, with pauses: the first pass over large images takes seconds."""
         shown = self.plan.rig.display.light_of(source)
         seen = yield from seeing(self._seen_shares, shown)
@@ -215,7 +219,7 @@ class Channel:
         return (
             self.view_map
             if self.plan.settings.looks_beside
-            else finish(sample(looking_beside(self.plan)))
+            else run_steps(sample(looking_beside(self.plan)))
         )
 
     @cached_property
@@ -245,7 +249,7 @@ def shares_of(
     return ShareBatches(*sizes, has_throughput, cells, has_path)
 
 
-def weight_beside(view_map: ViewMap, settings: Settings) -> Pauses[Floats | None]:
+def weight_beside(view_map: ViewMap, settings: Settings) -> Steps[Floats | None]:
     """Sum (H, W) of area * throughput^2, viewer px^2, over the
     shares of light beside the glass, if asked for.
     """
@@ -305,7 +309,7 @@ def sample_reached(
     rig: Rig,
     viewer: Viewer,
     settings: Settings,
-    kept: Kept,
+    kept: MeshCache,
     lap: Callable[[str], None],
     is_coarse: bool = False,
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
@@ -328,15 +332,15 @@ def sample_reached(
     told = 0.0
 
     for start in range(MOST_STARTS):
-        plan = yield from at(
-            told, planning(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
+        plan = yield from hold_progress(
+            told, compile_plan_steps(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
         )
         plan = plan.seen_by(viewer)
         lap("plan")
 
         # rays that check a map tell, too, whether light comes near to what stands aside
         sampling = Sampling(plan, is_coarse, is_checked=bool(plan.aside.glasses))
-        steps = within(sampling.sample(), *of_map)
+        steps = subprogress(sampling.sample(), *of_map)
 
         try:
             while True:
@@ -344,8 +348,8 @@ def sample_reached(
                 told = max(told, next(steps))
                 yield told
         except StopIteration as end:
-            return replace(plan, aside=Aside.none()), end.value
-        except ReachedError as found:
+            return replace(plan, aside=DeferredObjects.none()), end.value
+        except DeferredObjectError as found:
             aside = tuple(
                 number for k, number in enumerate(plan.aside.glasses) if k not in found.boxes
             )

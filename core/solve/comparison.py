@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.fingerprint import fingerprint
-from ..base.steps import at, within
+from ..base.steps import hold_progress, subprogress
 from ..image.seen_image import ideal_image
 from ..rig.rig import Picture, Rig, Viewer
 from ..rig.settings import Settings
@@ -64,12 +64,12 @@ class Comparer:
         how = replace(settings, only_through_glass=False, suppress_glare=0.0)
         key = fingerprint(replace(bare, glasses=()), how)
         if key != self._key:
-            found = yield from within(self._session.solve(bare, how), 0.0, 0.7)
+            found = yield from subprogress(self._session.solve(bare, how), 0.0, 0.7)
             self._key, self._plain, self._ideal = key, found.source, solution.ideal()
 
         yield 0.7
-        before = yield from at(0.7, solution.seeing(self._plain))
-        after = yield from at(0.9, solution.seeing(solution.source))
+        before = yield from hold_progress(0.7, solution.seeing(self._plain))
+        after = yield from hold_progress(0.9, solution.seeing(solution.source))
         return Comparison(before, after, self._ideal, solution.source, solution.first.viewer)
 
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import Floats
-from ..base.steps import within
-from ..image.inverse_lookup import way_of
+from ..base.steps import subprogress
+from ..image.inverse_lookup import plane_mapping
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from .painting import Clock, Placed, count
@@ -47,7 +47,7 @@ def is_comparable(rig: Rig) -> bool:
     """
     if len(rig.viewers) < 2 or rig.has_own_images:
         return False
-    return all(way_of(rig.picture_place, viewer) is not None for viewer in rig.viewers)
+    return all(plane_mapping(rig.picture_place, viewer) is not None for viewer in rig.viewers)
 
 
 def is_sharp(rig: Rig, settings: Settings) -> bool:
@@ -68,7 +68,7 @@ def settle(
     n = len(channels)
     for k, placed in enumerate(channels):
         if placed.asked is None:
-            yield from within(count(placed, clock), k / n, (k + 1) / n)
+            yield from subprogress(count(placed, clock), k / n, (k + 1) / n)
 
     shape = channels[0].coverage.weight.shape
     total = np.zeros((2, *shape))

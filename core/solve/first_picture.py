@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import KirikoError
-from ..base.steps import at, finish
-from ..light.mesh_cache import Kept
+from ..base.steps import hold_progress, run_steps
+from ..light.mesh_cache import MeshCache
 from ..rig.rig import Display, Rig
 from ..rig.settings import Settings
 from ..rig.viewer import Viewer
@@ -77,7 +77,7 @@ def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
 
 
-def check_light(kept: Kept, rig: Rig, settings: Settings) -> None:
+def check_light(kept: MeshCache, rig: Rig, settings: Settings) -> None:
     """Raise the error with which a rig that stays dark, or shows nothing of the picture, would not
     be solved. It is solved only if a coarse one fails.
 
@@ -89,9 +89,9 @@ def check_light(kept: Kept, rig: Rig, settings: Settings) -> None:
     """
     session = Session(kept)
     try:
-        finish(session.glance(*coarser(rig, settings)))
+        run_steps(session.glance(*coarser(rig, settings)))
     except KirikoError:  # in words of its own, and a coarse rig may miss light
-        finish(session.solve(rig, settings))
+        run_steps(session.solve(rig, settings))
 
 
 def solve_in_sight(
@@ -129,7 +129,7 @@ def _shown(
 ) -> Generator[float, None, None]:
     """Show the first picture, unless it fails: coarse viewers may miss light of the rig's own."""
     try:
-        source = yield from at(progress, session.glance(*coarser(rig, settings)))
+        source = yield from hold_progress(progress, session.glance(*coarser(rig, settings)))
     except (KirikoError, MemoryError):
         return
     show(enlarged(source, rig.display.width, rig.display.height))

@@ -15,7 +15,7 @@ from ..base.errors import RigError
 from ..base.messages import Message
 from ..base.words import percent
 from ..image.picture import cover_in_view
-from ..light.mesh_cache import Kept
+from ..light.mesh_cache import MeshCache
 from ..rig.rig import Rig
 from ..rig.settings import Settings
 from .first_picture import coarser
@@ -62,7 +62,7 @@ def legibility(solution: Solution) -> float:
 
 
 def card_legibility(
-    rig: Rig, settings: Settings, kept: Kept | None = None
+    rig: Rig, settings: Settings, kept: MeshCache | None = None
 ) -> Generator[float, None, float]:
     """The legibility of a card in the place of a rig's picture, seen by its first viewer; yields
     progress 0..1. 0 if nothing is seen.

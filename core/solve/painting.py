@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.steps import Pauses, within
+from ..base.steps import Steps, subprogress
 from ..image.ghosts import strongest_paths
-from ..image.inverse_lookup import Asked, moved_in_view
+from ..image.inverse_lookup import InverseLookup, moved_in_view
 from ..image.outline import cut_along_outline
 from ..image.pyramid import Pyramid
-from ..image.source_image import Painting, Strokes, find_strokes
+from ..image.source_image import Painting, Strokes, find_filter_taps
 from ..map.pieces import Piece
 from ..map.shares import Coverage, ShareBatches, Shares
 from ..map.view_map import ViewMap
@@ -46,7 +46,7 @@ class Placed:
     n_pieces: int
     coverage: Coverage
     is_counted: bool = False
-    asked: Asked | None = None
+    asked: InverseLookup | None = None
     step: Floats | None = None
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
@@ -84,7 +84,7 @@ class Placed:
             return shares
         return moved_in_view(shares, self.picture, self.viewer, self.step)
 
-    def cover(self, view_map: ViewMap) -> Pauses[None]:
+    def cover(self, view_map: ViewMap) -> Steps[None]:
         """Find how much of the picture the display can show, unless that is known; pauses on the
         way.
 
@@ -130,7 +130,7 @@ def paint(
         is_white = placed.key.colours == WHITE
         own = painting if is_white else Painting(placed.shares.display_size)
         steps = _strongest_first(placed, clock, _add(own, placed, pyramid, clock))
-        yield from within(steps, k / len(channels), (k + 1) / len(channels))
+        yield from subprogress(steps, k / len(channels), (k + 1) / len(channels))
         if not is_white:
             painting.join(own, placed.key.colours)
     return painting
@@ -162,7 +162,7 @@ def _add(
 
         if strokes is None:
             shown = placed.weighed(shown)
-            strokes = find_strokes(placed.picture, placed.viewer, shown)
+            strokes = find_filter_taps(placed.picture, placed.viewer, shown)
             yield told
         if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
             placed.strokes.append(strokes)
@@ -230,7 +230,7 @@ def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
 
 
 def _count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
-    asked = Asked(placed.picture, placed.viewer, placed.shares.display_size)
+    asked = InverseLookup(placed.picture, placed.viewer, placed.shares.display_size)
     n_counted, told = 0, 0.0
 
     for shares in placed.shares.pausing():
@@ -263,9 +263,9 @@ def _strongest_first(
     found = 0.0
     if placed.shares.has_path and placed.strongest is None:
         found = PASS
-        yield from within(_find_strongest(placed), 0.0, PASS)
+        yield from subprogress(_find_strongest(placed), 0.0, PASS)
         clock.lap("ghosts")
-    yield from within(work, found, 1.0)
+    yield from subprogress(work, found, 1.0)
 
 
 def _find_strongest(placed: Placed) -> Generator[float, None, None]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import RigError
 from ..base.messages import Message
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..base.words import percent
 from ..image.picture import cover_in_view, of_square, picture_from_view, why_unseen
 from ..light.rays import REASON_WORDS, Reason
@@ -30,7 +30,7 @@ APART_PX = 16  # of viewer pixels that are looked at first
 
 def of_the_picture(
     picture: PicturePlace, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
-) -> Pauses[tuple[float, dict[str, float]]]:
+) -> Steps[tuple[float, dict[str, float]]]:
     """Share of the picture, as a viewer sees it, that is covered,
     and shares of it by reason of the misses: 1 in all. Pauses on the way.
 
@@ -104,7 +104,7 @@ def _shown(picture: PicturePlace, viewer: Viewer, cover_of_view: Floats) -> floa
     return shown
 
 
-def _reasons_within(view_map: ViewMap) -> Pauses[NDArray[np.uint16]]:
+def _reasons_within(view_map: ViewMap) -> Steps[NDArray[np.uint16]]:
     """How many rays within each viewer pixel, not on its
     edges, ended for each reason: (reasons, pixels).
     """

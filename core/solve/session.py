@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from ..base.errors import RigError
 from ..base.fingerprint import fingerprint
 from ..base.stages import AFTER, MAP, TRACING, section, spans
-from ..base.steps import Pauses, at, finish, within
+from ..base.steps import Steps, hold_progress, run_steps, subprogress
 from ..image.pyramid import Pyramid, pyramids_of
 from ..image.source_image import Painting
-from ..light.compile_plan import planning
-from ..light.mesh_cache import Kept
+from ..light.compile_plan import compile_plan_steps
+from ..light.mesh_cache import MeshCache
 from ..light.plan import Plan
 from ..light.rays import BY_GAPS, REASON_WORDS, Reason
 from ..map.measured_error import checked
@@ -57,7 +57,7 @@ class Optics(NamedTuple):
         return dict(zip(self.keys, self.channels, strict=True))
 
 
-class Place(NamedTuple):
+class PlacedParts(NamedTuple):
     """The part that depends on the picture's place and size, for each channel, and its key.
 
     together : the key of all that they share in painting: weights, and how they are settled
@@ -77,7 +77,9 @@ def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
     return tuple(fingerprint(lit[key.viewer], key.of(settings).of_optics) for key in keys)
 
 
-def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | None) -> Place:
+def placed_for(
+    rig: Rig, settings: Settings, optics: Optics, before: PlacedParts | None
+) -> PlacedParts:
     """The shares of all channels for a picture's place and size: known ones, or new ones."""
     of_rig = channel_keys(rig, settings)
     pictures = [rig.place_of(one.viewer) for one in of_rig]
@@ -109,10 +111,10 @@ def placed_for(rig: Rig, settings: Settings, optics: Optics, before: Place | Non
 
     for placed in channels:
         placed.shares.share_memory(len(channels))
-    return Place(keys, tuple(channels), together)
+    return PlacedParts(keys, tuple(channels), together)
 
 
-def uncovered(optics: Optics, place: Place) -> list[tuple[Placed, ViewMap]]:
+def uncovered(optics: Optics, place: PlacedParts) -> list[tuple[Placed, ViewMap]]:
     """The channels of which it is not known how much of the picture is seen, with their maps."""
     both = zip(optics.channels, place.channels, strict=True)
     return [(one, traced.view_map) for traced, one in both if one.covered is None]
@@ -121,7 +123,7 @@ def uncovered(optics: Optics, place: Place) -> list[tuple[Placed, ViewMap]]:
 def cover(uncovered: Sequence[tuple[Placed, ViewMap]]) -> Generator[float, None, None]:
     """Find how much of the picture is seen; yields progress 0..1."""
     for k, (placed, view_map) in enumerate(uncovered):
-        yield from at(k / len(uncovered), placed.cover(view_map))
+        yield from hold_progress(k / len(uncovered), placed.cover(view_map))
 
 
 def plans_of(rig: Rig, settings: Settings, optics: Optics) -> list[Plan]:
@@ -152,17 +154,17 @@ def measure(unmeasured: Sequence[tuple[Traced, Plan]], clock: Clock) -> Generato
     for n, (traced, plan) in enumerate(unmeasured):
         start, stop = (k / len(unmeasured) for k in (n, n + 1))
         before = traced.view_map
-        traced.view_map = yield from at(start, checked(plan, before))
+        traced.view_map = yield from hold_progress(start, checked(plan, before))
         if traced.view_map is not before:
             n_rays += traced.view_map.n_rays - before.n_rays
             clock.lap("tracing")
         steps = measuring(plan, traced.view_map, clock.lap, traced.measured)
-        traced.measured = yield from within(steps, start, stop)
+        traced.measured = yield from subprogress(steps, start, stop)
     return n_rays
 
 
 def channels_of(
-    plans: Sequence[Plan], optics: Optics, place: Place, light: NDArray[np.float32]
+    plans: Sequence[Plan], optics: Optics, place: PlacedParts, light: NDArray[np.float32]
 ) -> tuple[Channel, ...]:
     """All channels of a rig."""
     return tuple(
@@ -213,10 +215,10 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
 class Session:
     """Results that can be used again from one solve to the next."""
 
-    def __init__(self, kept: Kept | None = None) -> None:
-        self._kept = kept or Kept()
+    def __init__(self, kept: MeshCache | None = None) -> None:
+        self._kept = kept or MeshCache()
         self._optics: Optics | None = None
-        self._placed: Place | None = None
+        self._placed: PlacedParts | None = None
         self._pyramids: tuple[Pyramid, ...] = ()  # of each channel's image
         self.is_tracing = False  # is the view map of a solve under way?
 
@@ -247,7 +249,7 @@ class Session:
         is_new = not self._has(keys)
         if is_new or optics.keys != keys:
             span, *_ = spans(TRACING, *AFTER)
-            optics, n_rays = yield from within(self._look(rig, settings, keys, clock), *span)
+            optics, n_rays = yield from subprogress(self._look(rig, settings, keys, clock), *span)
 
         # what is to be painted and measured
         placed = placed_for(rig, settings, optics, self._placed)
@@ -260,8 +262,8 @@ class Session:
         yield painted[0]
 
         steps = self._paint(placed, rig, settings, clock)
-        placed, painting = yield from within(steps, *painted)
-        yield from at(covered[0], self._take_up(optics, placed))
+        placed, painting = yield from subprogress(steps, *painted)
+        yield from hold_progress(covered[0], self._take_up(optics, placed))
         beside = [traced.weight_beside for traced in optics.channels]
         light = finished(painting, placed.channels, beside, settings)
         source = rig.display.source_for(light)
@@ -275,10 +277,10 @@ class Session:
 
         # all that is not seen
         yield covered[0]
-        yield from within(cover(to_be_covered), *covered)
+        yield from subprogress(cover(to_be_covered), *covered)
         clock.lap("coverage")
         yield measured[0]
-        n_rays += yield from within(measure(to_be_measured, clock), *measured)
+        n_rays += yield from subprogress(measure(to_be_measured, clock), *measured)
         channels = channels_of(plans, optics, placed, light)
         clock.lap("coverage")
 
@@ -314,13 +316,13 @@ class Session:
         for k, key in enumerate(keys):
             of_it = key.viewer, key.of(settings), self._kept
             steps = sample_reached(rig, *of_it, clock.lap, is_coarse=True)
-            _, view_map = yield from within(steps, *section(traced, k, len(keys)))
+            _, view_map = yield from subprogress(steps, *section(traced, k, len(keys)))
             found.append((view_map, place(view_map, rig.place_of(key.viewer), key, settings)))
 
         channels = [placed for _, placed in found]
         if is_sharp(rig, settings):
-            yield from at(painted[0], settle(channels, clock, is_sharp=True))
-        painting = yield from within(
+            yield from hold_progress(painted[0], settle(channels, clock, is_sharp=True))
+        painting = yield from subprogress(
             paint(channels, self._pyramids_of(rig, channels), clock), *painted
         )
         if not any(len(placed.shares) for placed in channels):
@@ -329,7 +331,7 @@ class Session:
         beside = []
         for view_map, placed in found:
             check_seen(placed.picture, placed.viewer)
-            beside.append((yield from at(1.0, weight_beside(view_map, settings))))
+            beside.append((yield from hold_progress(1.0, weight_beside(view_map, settings))))
 
         return rig.display.source_for(finished(painting, channels, beside, settings))
 
@@ -337,7 +339,7 @@ class Session:
         """The whole of a rig ready to be traced, with all that is kept from before."""
         rig.check()
         settings.check()
-        return finish(planning(rig, settings, self._kept))
+        return run_steps(compile_plan_steps(rig, settings, self._kept))
 
     def knows(self, rig: Rig, settings: Settings) -> bool:
         """Are the view maps of a rig known, so that a solve traces none?"""
@@ -346,11 +348,11 @@ class Session:
     def _has(self, keys: tuple[str, ...]) -> bool:
         return self._optics is not None and set(keys) <= set(self._optics.keys)
 
-    def lend(self, kept: Kept) -> None:
+    def lend(self, kept: MeshCache) -> None:
         """Let other plans use the glass that is made ready; the session stays as it is."""
         kept.borrow(self._kept)
 
-    def _take_up(self, optics: Optics, placed: Place) -> Pauses[None]:
+    def _take_up(self, optics: Optics, placed: PlacedParts) -> Steps[None]:
         """From here on optics are known to be of use, unless they turn out dark."""
         if optics is not self._optics and not any(len(one.shares) for one in placed.channels):
             dark = optics.channels[0]
@@ -358,8 +360,8 @@ class Session:
         self._optics = optics
 
     def _paint(
-        self, place: Place, rig: Rig, settings: Settings, clock: Clock
-    ) -> Generator[float, None, tuple[Place, Painting]]:
+        self, place: PlacedParts, rig: Rig, settings: Settings, clock: Clock
+    ) -> Generator[float, None, tuple[PlacedParts, Painting]]:
         """Settle what viewers disagree about, where that is not done, and paint; yields progress
         0..1.
         """
@@ -367,10 +369,10 @@ class Session:
         if _is_to_be_settled(place, rig):
             part = PASS
             steps = settle(place.channels, clock, is_sharp(rig, settings))
-            place = place._replace(settled=(yield from within(steps, 0.0, part)))
+            place = place._replace(settled=(yield from subprogress(steps, 0.0, part)))
 
         steps = paint(place.channels, self._pyramids_of(rig, place.channels), clock)
-        return place, (yield from within(steps, part, 1.0))
+        return place, (yield from subprogress(steps, part, 1.0))
 
     def _pyramids_of(self, rig: Rig, channels: Sequence[Placed]) -> tuple[Pyramid, ...]:
         """The sizes of each channel's image, made once as long as it is the same."""
@@ -396,7 +398,7 @@ class Session:
         for k, (key, one) in enumerate(new.items()):
             span = section((0.0, 1.0), k, len(new))
             steps = self._trace(rig, one.viewer, one.of(settings), clock)
-            traced = yield from within(steps, *span)
+            traced = yield from subprogress(steps, *span)
             yield span[1]
             check_traced(of_new, one.viewer, settings, traced.view_map)
             known[key] = traced
@@ -412,20 +414,20 @@ class Session:
         self.is_tracing = True
         try:
             steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
-            plan, view_map = yield from within(steps, *reached)
+            plan, view_map = yield from subprogress(steps, *reached)
         finally:
             self.is_tracing = False
 
         clock.lap("tracing")
         yield spread[0]
-        yield from at(spread[0], view_map.spread_samples())
+        yield from hold_progress(spread[0], view_map.spread_samples())
         clock.lap("shares")
         yield spread[1]
-        weight = yield from at(spread[1], weight_beside(view_map, settings))
+        weight = yield from hold_progress(spread[1], weight_beside(view_map, settings))
         clock.lap("glare")
         return Traced(plan, view_map, weight)
 
 
-def _is_to_be_settled(place: Place, rig: Rig) -> bool:
+def _is_to_be_settled(place: PlacedParts, rig: Rig) -> bool:
     """Is it still to be looked at what the viewers of a rig disagree about?"""
     return place.settled is None and is_comparable(rig)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.messages import Message
 from ..base.numbers import millimetres
-from ..base.steps import Pauses
+from ..base.steps import Steps
 from ..rig.rig import ConstantIndex, Rig
 from ..rig.settings import LEAST_TOLERANCE, MOST_TOLERANCE
 from .channel import Channel
@@ -28,7 +28,7 @@ class Remark:
     text: Message
     is_warning: bool = False
 
-    def told(self, length_text: Callable[[float], str] = millimetres) -> Message:
+    def sentence(self, length_text: Callable[[float], str] = millimetres) -> Message:
         """The sentence, with lengths in words as a function of metres has them."""
         return self.text.in_units(length_text)
 
@@ -73,12 +73,12 @@ class Solution:
     @property
     def notes(self) -> tuple[str, ...]:
         """Remarks for the user, one or two sentences each."""
-        return tuple(remark.told() for remark in self.remarks)
+        return tuple(remark.sentence() for remark in self.remarks)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Those of the notes that tell of light that is lost or goes another way."""
-        return tuple(remark.told() for remark in self.remarks if remark.is_warning)
+        return tuple(remark.sentence() for remark in self.remarks if remark.is_warning)
 
     @cached_property
     def weight(self) -> Floats:
@@ -117,7 +117,7 @@ class Solution:
         """
         return self.first.seen(self.source if source is None else source, beside)
 
-    def seeing(self, source: NDArray[np.float32]) -> Pauses[NDArray[np.float32]]:
+    def seeing(self, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
         """The same of another source image, with pauses."""
         return self.first.seeing(source)
 

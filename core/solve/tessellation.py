@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arrays import Bools, Floats
-from ..base.steps import Pauses, at, within
+from ..base.steps import Steps, hold_progress, subprogress
 from ..glass.curved import CurvedFaces
 from ..glass.paraboloids import Paraboloids
 from ..glass.trust import PART
 from ..light import kernel_trees
-from ..light.compile_plan import planning
+from ..light.compile_plan import compile_plan_steps
 from ..light.plan import Counts, Plan, PlannedLayer
 from ..light.ray_engine import Layer
 from ..light.rays import Landings, Step, Words, main_landings
@@ -82,7 +82,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
     # the kernel's tree is made sooner than Embree's
     if loading.library() is not None:
-        bent.asked = replace(layer.asked, given=kernel_trees.HullEngine(layer.asked))
+        bent.asked = replace(layer.asked, given=kernel_trees.BoundingShellEngine(layer.asked))
 
     return bent
 
@@ -107,7 +107,7 @@ class _Sample:
 
     def landings(
         self, layers: list[Layer], steps: list[Step] | None = None, course: Words | None = None
-    ) -> Pauses[Landings]:
+    ) -> Steps[Landings]:
         """The same rays through other layers, each as long as it is on its course, if given."""
         held = tuple(
             replace(planned, layer=layer)
@@ -118,7 +118,7 @@ class _Sample:
 
     def changed(
         self, change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
-    ) -> Pauses[Landings]:
+    ) -> Steps[Landings]:
         """The same rays through curved faces that are changed."""
         layers = [held.layer for held in self.plan.layers]
         changed_ones = [
@@ -141,27 +141,29 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
     if not (curved or plan.triangles.is_bent.any()):
         return Tessellation()
 
-    sample = yield from at(0.0, _sampled(plan))
+    sample = yield from hold_progress(0.0, _sampled(plan))
     yield 0.2
 
-    found = Tessellation(drawn=(yield from at(0.2, _error_of_facets(sample))))
+    found = Tessellation(drawn=(yield from hold_progress(0.2, _error_of_facets(sample))))
     if curved:
-        found = yield from within(_with_curved(found, sample), 0.4, 0.8)
+        found = yield from subprogress(_with_curved(found, sample), 0.4, 0.8)
 
     if any(faces.has_straight_edges for faces in curved):
-        let_go = yield from at(0.8, sample.changed(_let_go))
+        let_go = yield from hold_progress(0.8, sample.changed(_let_go))
         found = found._replace(straight=difference(sample.here, let_go))
 
     if found.jumps <= plan.settings.tolerance:
         return found
     counts, part = plan.counts, found.uneven
     if plan.rig.curved_parts()[part].mesh.surface != "automatic":
-        automatic = yield from at(0.9, planning(_by_automatic(plan.rig, part), plan.settings))
+        automatic = yield from hold_progress(
+            0.9, compile_plan_steps(_by_automatic(plan.rig, part), plan.settings)
+        )
         counts = automatic.counts
     return found._replace(is_irregular=_is_mostly_drawn(counts, part))
 
 
-def _sampled(plan: Plan) -> Pauses[_Sample]:
+def _sampled(plan: Plan) -> Steps[_Sample]:
     """Rays spread evenly over the viewer's image, followed to the display."""
     every = _spread_rays(plan.viewer, SAMPLES)
     steps: list[Step] = []
@@ -172,7 +174,7 @@ def _sampled(plan: Plan) -> Pauses[_Sample]:
     return _Sample(plan, every, whole, steps, here, rays)
 
 
-def _error_of_facets(sample: _Sample) -> Pauses[float]:
+def _error_of_facets(sample: _Sample) -> Steps[float]:
     """Because facets with bent normals are no curved faces, display px rms."""
     plan = sample.plan
     is_met = np.zeros(len(plan.triangles), bool)
@@ -205,16 +207,16 @@ def _error_of_facets(sample: _Sample) -> Pauses[float]:
 
 def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None, Tessellation]:
     """With the errors of curved faces, by their degree and their normals; yields progress 0..1."""
-    own = yield from at(0.0, sample.changed(CurvedFaces.by_own_normals))
+    own = yield from hold_progress(0.0, sample.changed(CurvedFaces.by_own_normals))
     steps: list[Step] = []
-    square = yield from at(0.3, sample.changed(lambda curved: curved.lowered(2)))
-    cubic = yield from at(0.6, sample.changed(lambda curved: curved.lowered(3), steps))
+    square = yield from hold_progress(0.3, sample.changed(lambda curved: curved.lowered(2)))
+    cubic = yield from hold_progress(0.6, sample.changed(lambda curved: curved.lowered(3), steps))
     yield 1.0
 
     last = difference(own, cubic)
     before = difference(cubic, square)
     # both sides of an edge differ by twice as much as from their mean
-    jumps = 2 * float(np.sqrt(PART.told)) * difference(sample.here, own)
+    jumps = 2 * float(np.sqrt(PART.squared_error)) * difference(sample.here, own)
 
     return found._replace(
         order=last * min(1.0, last / before) if before else last,

@@ -16,7 +16,7 @@ import bpy
 from ...core.base.errors import RigError
 from ...core.base.messages import Message
 from ...core.blender.data.rigs import active_rig, rigs
-from ...core.blender.data.stored_records import Numbers, take_reports
+from ...core.blender.data.stored_records import StoredNumbers, take_reports
 from ...core.files import disk, image_io
 from ...core.lab.measure.work_precision import BUDGET
 from ...core.lab.warp.map_files import FORMATS, SIDECAR, TIMES, MapOptions
@@ -442,7 +442,7 @@ def _calibrate(arguments: argparse.Namespace) -> Generator[str, None, None]:
     )
     yield (yield from to_folder.told_in_tenths(calibrated(context, reading, arguments.measured)))
     yield from to_folder.solve(arguments)
-    disk.write_text(details, json.dumps(Numbers.read(ours.found).by_name, indent=2) + "\n")
+    disk.write_text(details, json.dumps(StoredNumbers.read(ours.found).by_name, indent=2) + "\n")
 
     save_copy(file)
     yield Message("wrote '{details}' and '{file}' there, too", details=details.name, file=file.name)

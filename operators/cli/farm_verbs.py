@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ...core.base.messages import Message
-from ...core.base.steps import finish
+from ...core.base.steps import run_steps
 from ...core.blender.data.scene_frames import frame_files, frames_of_range
 from ...core.files import disk, image_io
 from ...core.files.frame_list import frames_of
@@ -144,6 +144,6 @@ def join_results(arguments: argparse.Namespace) -> Generator[str, None, None]:
             of_name = to_folder.name_of(arguments)
             named = frame_files(bpy.context.scene, place, of_name, arguments.format, numbers)
             files = list(named.values())
-        size = finish(joining.check(files))
+        size = run_steps(joining.check(files))
         joining.join_logs(place)
-        yield joining.told(len(files), size, place)
+        yield joining.join_report(len(files), size, place)

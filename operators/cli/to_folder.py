@@ -15,7 +15,7 @@ from ...core.base.messages import Message
 from ...core.blender.checks.chosen_product import Given, give_display, give_glass, give_plate
 from ...core.blender.data import movie
 from ...core.blender.data.scene_frames import frame_files, frames_of_range, without_number
-from ...core.blender.data.stored_records import Numbers
+from ...core.blender.data.stored_records import StoredNumbers
 from ...core.blender.preview.cycles_preview import Preview
 from ...core.blender.result.write_result import write_solution, write_viewers
 from ...core.files import disk, image_io
@@ -187,7 +187,7 @@ def _numbers(scene: bpy.types.Scene, text: str) -> dict[str, Any]:
         "file": Path(bpy.data.filepath).name,
         "blender": bpy.app.version_string,
         "summary": text,
-        **Numbers.read(result.details).by_name,
+        **StoredNumbers.read(result.details).by_name,
         "notes": result.notes.splitlines(),
     }
 
@@ -285,12 +285,12 @@ def solve_frames(arguments: argparse.Namespace) -> Generator[str, None, None]:
     if arguments.movie is None:
         yield from told_in_tenths(frames.solved(context, run, tally))
         if tally.failed:
-            raise RigError("{told}", told=tally.told(arguments.out))
-        yield tally.told(arguments.out)
+            raise RigError("{told}", told=tally.sentence(arguments.out))
+        yield tally.sentence(arguments.out)
         return
 
     wish = wish_of(arguments, context.scene)
     steps = frames.made(context, run, wish, tally, "add --overwrite")
     yield from told_in_tenths(steps)
-    yield tally.told(arguments.out)
-    yield frames.told(wish, run)
+    yield tally.sentence(arguments.out)
+    yield frames.movie_report(wish, run)

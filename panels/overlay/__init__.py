@@ -11,7 +11,7 @@ import bpy
 
 from ...core.base.messages import Message
 from ...operators import sketcher, telling
-from ...operators.sketcher import Drawing
+from ...operators.sketcher import SketchDrawing
 from . import batches, colours, lines, overlay_text
 from .view_handlers import ViewHandlers
 
@@ -28,7 +28,7 @@ def draw_in_pixels() -> None:
     _draw(overlay_text.draw)
 
 
-def _draw(function: Callable[[bpy.types.Context, Drawing, float], None]) -> None:
+def _draw(function: Callable[[bpy.types.Context, SketchDrawing, float], None]) -> None:
     """Draw, if a viewport is looked at that has anything to draw. An error ends the overlay, not
     the drawing of Blender.
     """

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-from ...operators.sketcher import Drawing
+from ...operators.sketcher import SketchDrawing
 
 KEPT = 4  # drawings, of as many scenes in as many windows
 
-_made: list[tuple[Drawing, dict[str, Any]]] = []
+_made: list[tuple[SketchDrawing, dict[str, Any]]] = []
 
 
-def made_once(drawing: Drawing, name: str, make: Callable[[Drawing], Any]) -> Any:
+def made_once(drawing: SketchDrawing, name: str, make: Callable[[SketchDrawing], Any]) -> Any:
     """What `make` makes of a drawing, made when it is first asked for."""
     things = next((things for known, things in _made if known is drawing), None)
     if things is None:

@@ -4,7 +4,7 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from ...operators.sketcher import Drawing
+from ...operators.sketcher import SketchDrawing
 from . import colours
 from .batches import made_once
 from .rig_shapes import Strokes, strokes_of
@@ -12,7 +12,7 @@ from .rig_shapes import Strokes, strokes_of
 SHADER = "POLYLINE_UNIFORM_COLOR"
 
 
-def draw(context: bpy.types.Context, drawing: Drawing, alpha: float) -> None:
+def draw(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> None:
     """Draw the lines of a drawing, each over a shadow."""
     shader = gpu.shader.from_builtin(SHADER)
     scale = context.preferences.system.ui_scale
@@ -36,7 +36,7 @@ def draw(context: bpy.types.Context, drawing: Drawing, alpha: float) -> None:
     gpu.state.blend_set("NONE")
 
 
-def _batches_of(drawing: Drawing) -> list[tuple[Strokes, object]]:
+def _batches_of(drawing: SketchDrawing) -> list[tuple[Strokes, object]]:
     """The strokes of a drawing, each with its batch."""
     shader = gpu.shader.from_builtin(SHADER)
     return [

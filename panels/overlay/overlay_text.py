@@ -12,7 +12,7 @@ from gpu_extras.batch import batch_for_shader
 from ...core.base.arrays import Floats
 from ...core.blender.data.rigs import active_rig
 from ...core.blender.data.units import length_of_unit, length_text
-from ...operators.sketcher import Drawing
+from ...operators.sketcher import SketchDrawing
 from ...operators.telling import in_words
 from . import colours
 from .rig_shapes import arrows_of, labels_of, marks_of
@@ -30,7 +30,7 @@ ROUND = np.stack(
 )
 
 
-def draw(context: bpy.types.Context, drawing: Drawing, alpha: float) -> None:
+def draw(context: bpy.types.Context, drawing: SketchDrawing, alpha: float) -> None:
     """Draw the marks of a drawing, and its words over them."""
     scale = context.preferences.system.ui_scale
     arrows = [
@@ -48,7 +48,9 @@ def draw(context: bpy.types.Context, drawing: Drawing, alpha: float) -> None:
     _draw_words(context, drawing, scale, alpha)
 
 
-def _draw_words(context: bpy.types.Context, drawing: Drawing, scale: float, alpha: float) -> None:
+def _draw_words(
+    context: bpy.types.Context, drawing: SketchDrawing, scale: float, alpha: float
+) -> None:
     """Draw words beside their places, none over others; the same words twice only far apart."""
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 5, *colours.SHADOW, 1.0)
@@ -98,7 +100,7 @@ def names_of(scene: bpy.types.Scene) -> Iterator[tuple[str, Floats]]:
             yield thing.name, np.array(thing.matrix_world.translation)
 
 
-def length_now(scene: bpy.types.Scene, drawing: Drawing, length: float) -> float:
+def length_now(scene: bpy.types.Scene, drawing: SketchDrawing, length: float) -> float:
     """A length of a drawing, m, by the scene's unit as it is now: the
     drawing may have been made before the unit was changed.
     """

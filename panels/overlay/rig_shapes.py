@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.base.arrays import Floats
 from ...core.bench.sketch import Sketch
-from ...operators.sketcher import Drawing
+from ...operators.sketcher import SketchDrawing
 from . import colours
 
 N_DASHES = 16  # along each edge of the aerial plane
@@ -38,7 +38,7 @@ class Mark(NamedTuple):
     has_arrived: bool
 
 
-def strokes_of(drawing: Drawing) -> list[Strokes]:
+def strokes_of(drawing: SketchDrawing) -> list[Strokes]:
     """All lines, those on top last."""
     sketch = drawing.sketch
     aerial, picture, lost, arrives = (
@@ -56,7 +56,7 @@ def strokes_of(drawing: Drawing) -> list[Strokes]:
     return [s._replace(ends=s.ends / drawing.metres) for s in found if len(s.ends)]
 
 
-def labels_of(drawing: Drawing) -> list[Label]:
+def labels_of(drawing: SketchDrawing) -> list[Label]:
     """All words, the most important first."""
     sketch = drawing.sketch
     found = [
@@ -69,13 +69,13 @@ def labels_of(drawing: Drawing) -> list[Label]:
     return [label._replace(place=label.place / drawing.metres) for label in found]
 
 
-def marks_of(drawing: Drawing) -> list[Mark]:
+def marks_of(drawing: SketchDrawing) -> list[Mark]:
     """The ends of the ways."""
     ways = drawing.sketch.light.ways
     return [Mark(way.points[-1] / drawing.metres, way.has_arrived) for way in ways]
 
 
-def arrows_of(drawing: Drawing) -> Floats:
+def arrows_of(drawing: SketchDrawing) -> Floats:
     """The dimension lines (n, 2, 3), to which arrowheads are drawn."""
     lines = [(d.start + d.beside, d.end + d.beside) for d in drawing.sketch.dimensions]
     return np.array(lines).reshape(-1, 2, 3) / drawing.metres

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from environments import ROOT, as_module, machine, run_in_newest_blender
 from kiriko.core.base.fingerprint import fingerprint
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.lab.measure.reference import HALF
 from kiriko.core.native import loading
@@ -138,7 +138,7 @@ def wanted(name: str, kind: str) -> Wanted | None:
 
 def solved(rig: Rig, settings: Settings | None = None) -> Solution:
     """A whole solve in a session of its own."""
-    return finish(Session().solve(rig, settings or Settings()))
+    return run_steps(Session().solve(rig, settings or Settings()))
 
 
 # Measurements

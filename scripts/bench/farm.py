@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import as_module, clean_environment, python_path
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.files import image_io
 from kiriko.core.lab.warp.map_files import (
     FORMATS,
@@ -130,14 +130,14 @@ def maps(readers: Path, pixels: int) -> Iterator[Row]:
     rig = ball_rig(pixels=pixels, display_pixels=pixels, image=places)
     settings = Settings(ghosts="strongest")
     session = Session()
-    solution = finish(session.solve(rig, settings))
+    solution = run_steps(session.solve(rig, settings))
     own = solution.source
     pictures = (rig.picture_place.showing(lattice),)
-    painted = finish(session.solve(replace(rig, pictures=pictures), settings))
+    painted = run_steps(session.solve(replace(rig, pictures=pictures), settings))
 
     for times in TIMES:
         options = MapOptions(formats=tuple(FORMATS), times=times)
-        ball = finish(maps_of(solution.first, options))
+        ball = run_steps(maps_of(solution.first, options))
         at = ball.warp.st * [pixels, -pixels] + [0, pixels]
         sure = (solution.display_coverage > 1 - 1e-6) & (ball.warp.multiplicity > 0)
         sure &= ((at > 2) & (at < pixels - 2)).all(axis=2)

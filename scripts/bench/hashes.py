@@ -16,8 +16,8 @@ from contextlib import nullcontext
 import numpy as np
 
 from kiriko.core.base.fingerprint import fingerprint
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Rig
@@ -62,8 +62,8 @@ def hashes(a_rig: Rig) -> list[str]:
     settings = Settings()
     viewer = a_rig.viewer
     places = np.random.default_rng(0).uniform(0, [viewer.width, viewer.height], (N_RAYS, 2))
-    landings = trace_all(make_plan(a_rig, settings), *viewer.rays(places))
-    solution = finish(Session().solve(a_rig, settings))
+    landings = trace_all(compile_plan(a_rig, settings), *viewer.rays(places))
+    solution = run_steps(Session().solve(a_rig, settings))
     things = landings, solution.first.view_map.points, solution.weight, solution.source
     return [fingerprint(thing)[:DIGITS] for thing in things]
 

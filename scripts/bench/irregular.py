@@ -23,8 +23,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.tessellation import tessellation
@@ -152,7 +152,7 @@ def measure(_: str, meshes: Callable[[], Meshes], __: argparse.Namespace) -> Ite
         drawn_rms, smooth_rms, rms = (e.rms for e in found)
         row |= {"curved": found[-1].curved, "worse": rms - min(drawn_rms, smooth_rms)}
         mesh = replace(mesh, surface="automatic")
-        reported = finish(tessellation(make_plan(rig(mesh, **OPTIONS), Settings())))
+        reported = run_steps(tessellation(compile_plan(rig(mesh, **OPTIONS), Settings())))
         yield row | {"told": reported.error}
 
 

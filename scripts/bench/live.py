@@ -23,7 +23,7 @@ from .runner import Bench, Row, in_turns, option, run
 
 registered()
 
-from kiriko.core.base.steps import finish  # noqa: E402 - the operators have to be there first
+from kiriko.core.base.steps import run_steps  # noqa: E402 - the operators have to be there first
 from kiriko.core.native import loading  # noqa: E402
 from kiriko.core.solve.session import Session  # noqa: E402
 from kiriko.operators import live  # noqa: E402
@@ -158,7 +158,7 @@ def measure_machine(name: str, _: None, arguments: argparse.Namespace) -> Iterat
     """A whole solve of the reference ball, on one thread: by it machines are compared."""
     a_rig = ball_rig()
     loading.use_threads(1)
-    seconds, _ = in_turns({name: lambda: finish(Session().solve(a_rig))}, 5)
+    seconds, _ = in_turns({name: lambda: run_steps(Session().solve(a_rig))}, 5)
     yield {"change": "a whole solve, one thread", "final s": seconds[name]}
 
 

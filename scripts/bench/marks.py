@@ -32,10 +32,10 @@ from time import process_time, thread_time
 import numpy as np
 
 from environments import run_in_newest_blender
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.image.source_image import splat
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh, Rig
 from kiriko.core.rig.settings import Settings
@@ -98,7 +98,7 @@ def of_surface(a_rig: Rig, surface: str) -> Rig:
 
 def solved(a_rig: Rig, session: Session | None = None, **settings: float) -> Solution:
     """A whole solve, from scratch without a session."""
-    return finish((session or Session()).solve(a_rig, Settings(**settings)))
+    return run_steps((session or Session()).solve(a_rig, Settings(**settings)))
 
 
 def prepared(name: str, arguments: argparse.Namespace) -> tuple[Rig, MitsubaSplat, Judge]:
@@ -178,7 +178,7 @@ def measure_ball(name: str, _: None, arguments: argparse.Namespace) -> Iterator[
     loop = MitsubaSplat(a_rig)
     loop.sums(1)
     by_triangles, by_sphere = (Judge(a_rig, arguments.reference, way) for way in (False, True))
-    session, plan = Session(), make_plan(of_surface(a_rig, "facets"), Settings())
+    session, plan = Session(), compile_plan(of_surface(a_rig, "facets"), Settings())
     viewer = a_rig.viewer
     aside = replace(a_rig, viewers=(replace(viewer, position=viewer.position + ASIDE),))
     other = replace(a_rig.picture, image=1 - a_rig.picture.image)
@@ -190,7 +190,7 @@ def measure_ball(name: str, _: None, arguments: argparse.Namespace) -> Iterator[
         "Kiriko, the first picture again": lambda: solved(a_rig, session),
         "Kiriko, viewer moved": lambda: solved(aside, session),
         **{f"Mitsuba, {spp} spp": lambda spp=spp: loop.sums(spp) for spp in (1, 10, SPP)},
-        f"splat over embreex, {EMBREEX_SPP} spp": lambda: finish(splat(plan, EMBREEX_SPP)),
+        f"splat over embreex, {EMBREEX_SPP} spp": lambda: run_steps(splat(plan, EMBREEX_SPP)),
     }
     seconds, found = in_turns(works, arguments.rounds)
     fastest = seconds["Kiriko, 0.1 px"]

@@ -25,7 +25,7 @@ from mathutils import Matrix
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
@@ -179,7 +179,7 @@ def all_meant(levels: int) -> dict[str, Meant]:
 
 def planned(mesh: Mesh, choice: str) -> Plan:
     """The bench with a mesh, by one choice of surface."""
-    return make_plan(glass_rig(replace(mesh, surface=choice)), Settings())
+    return compile_plan(glass_rig(replace(mesh, surface=choice)), Settings())
 
 
 def landings(plan: Plan, xy: Floats) -> Floats:

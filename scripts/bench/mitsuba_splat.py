@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from environments import LEAST_LLVM, MISSING_LLVM
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import WAVELENGTH, Mesh, Rig
 from kiriko.core.rig.settings import Settings
@@ -338,7 +338,7 @@ def share_apart(rig: Rig, loop: MitsubaSplat) -> float:
     size = np.array([rig.viewer.width, rig.viewer.height])
     # single precision, or the two would not get the same rays
     xy = (np.random.default_rng(0).random((CHECKED, 2)) * size).astype(np.float32).astype(float)
-    ours = trace_all(make_plan(rig, Settings()), *rig.viewer.rays(xy))
+    ours = trace_all(compile_plan(rig, Settings()), *rig.viewer.rays(xy))
     theirs = loop.landings(xy)
     size = rig.display.width, rig.display.height
     seen = [

@@ -29,10 +29,10 @@ from time import perf_counter, process_time
 import numpy as np
 
 from kiriko.core.base.stages import SHARES, spans
-from kiriko.core.base.steps import finish
-from kiriko.core.image.ghosts import Paths
+from kiriko.core.base.steps import run_steps
+from kiriko.core.image.ghosts import SeenPaths
 from kiriko.core.lab.measure.work_precision import measure_choices
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.rig import Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.memory import estimated
@@ -137,7 +137,7 @@ def measure(name: str, make: Callable[..., Rig], arguments: argparse.Namespace) 
     tolerance = TOLERANCES.get(name, Settings().tolerance)
     settings = Settings(tolerance=tolerance, effort=arguments.effort)
     n_triangles = sum(len(glass.mesh.triangles) for glass in a_rig.glasses)
-    curved = sum(make_plan(a_rig, settings).counts.n_curved) / n_triangles
+    curved = sum(compile_plan(a_rig, settings).counts.n_curved) / n_triangles
     image = a_rig.picture.image
     memory = Memory()
     rows = []
@@ -157,7 +157,7 @@ def measure(name: str, make: Callable[..., Rig], arguments: argparse.Namespace) 
         other = replace(a_rig, pictures=(turned,))
         for column, again in (("repaint", other), ("moved", replace(a_rig, viewers=(viewer,)))):
             started = perf_counter()
-            finish(session.solve(again, settings))
+            run_steps(session.solve(again, settings))
             row[f"{column} s"] = perf_counter() - started
         rows.append(row)
 
@@ -189,9 +189,9 @@ def measure_light(
 ) -> Iterator[Row]:
     """What Ghosts and Suppress Glare cost or gain."""
     a_rig, settings = rig_of(make, arguments), Settings(effort=arguments.effort)
-    seen = {choice[:2]: choice.seen_psnr for choice in finish(measure_choices(a_rig, settings))}
-    first = finish(Session().solve(a_rig, replace(settings, ghosts="strongest"))).first
-    paths = Paths(first.shares.display_size)
+    seen = {choice[:2]: choice.seen_psnr for choice in run_steps(measure_choices(a_rig, settings))}
+    first = run_steps(Session().solve(a_rig, replace(settings, ghosts="strongest"))).first
+    paths = SeenPaths(first.shares.display_size)
     for shares in first.shares:
         paths.add(shares)
     weight, contested = paths.weights()

@@ -38,7 +38,7 @@ class Dice:
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng
         self.wildness = float(rng.choice((0.0, 0.3, 1.0)))
-        self.told: list[str] = []
+        self.drawn: list[str] = []
 
     @property
     def is_tame(self) -> bool:
@@ -51,7 +51,7 @@ class Dice:
         """Is this wild, in this share of the wildest rigs?"""
         is_wild = self.chance(share * self.wildness)
         if is_wild:
-            self.told.append(what)
+            self.drawn.append(what)
         return is_wild
 
     def pick(self, options: Sequence[Thing]) -> Thing:
@@ -160,7 +160,7 @@ def spoil(dice: Dice, mesh: bpy.types.Mesh) -> bpy.types.Mesh:  # noqa: C901 - a
     points, faces = arrays_of(mesh)
     rng, edges, n = dice.rng, [], len(points)
     flaw = dice.pick(FLAWS)
-    dice.told.append(f"mesh: {flaw}")
+    dice.drawn.append(f"mesh: {flaw}")
     some = [k for k in range(len(faces)) if rng.random() < 0.2] or [0]
     at = int(rng.integers(n))
     a, b, *_ = faces[0]
@@ -261,7 +261,7 @@ def modify(dice: Dice, thing: bpy.types.Object) -> None:
         "CAST": dict,
     }
     kind = dice.pick(("SUBSURF", *kinds))
-    dice.told.append(f"modifier {kind}")
+    dice.drawn.append(f"modifier {kind}")
     add_modifier(thing, kind, **kinds[kind]())
 
 
@@ -339,7 +339,7 @@ def strange_uv(dice: Dice, uv: Floats) -> Floats:
         ),
     }
     kind = dice.pick([*kinds])
-    dice.told.append(f"UV {kind}")
+    dice.drawn.append(f"UV {kind}")
     return kinds[kind]()
 
 
@@ -399,7 +399,7 @@ def glass_material(dice: Dice) -> bpy.types.Material | None:
 def add_brought_glass(dice: Dice, centre: Floats, size: float) -> bpy.types.Object:
     """Glass of a kind that artists bring: a text, a curve, a body of modifiers."""
     kind = dice.pick(sorted(BROUGHT))
-    dice.told.append(kind)
+    dice.drawn.append(kind)
     thing = BROUGHT[kind](dice.rng)
     turn = dice.turn() if dice.chance(0.5) else Matrix()
     thing.matrix_world = (
@@ -475,7 +475,7 @@ def add_odd_object(dice: Dice, size: float) -> None:
         "light": lambda: data.lights.new("Light", "POINT"),
     }
     kind = dice.pick([*kinds])
-    dice.told.append(f"{kind} with a role")
+    dice.drawn.append(f"{kind} with a role")
     made = kinds[kind]()
     if kind == "text":
         made.body, made.extrude = "K", 0.1
@@ -654,7 +654,7 @@ def behind_glass(dice: Dice, centre: Floats, size: float, distance: float) -> Pl
     rng = dice.rng.spawn(1)[0]
     if rng.random() > STRAIGHT:
         return None
-    dice.told.append("straight, with no plate")
+    dice.drawn.append("straight, with no plate")
     bounds = centre + 0.5 * size * np.array([[-1.0], [1.0]])
     wishes = Wishes(
         distance=float(rng.choice((0.0, rng.uniform(0.1, 5) * size))),
@@ -692,7 +692,7 @@ def make_rig(rng: np.random.Generator) -> Dice:  # noqa: C901 - one draw after t
         if dice.chance(0.05) or dice.wild(0.1, "instances"):
             add_instances(dice, glasses[0], size)
         if dice.chance(0.06) and stand.plate is not None:
-            dice.told.append("glass behind the plate")
+            dice.drawn.append("glass behind the plate")
             part = dice.rng.uniform(0.3, 0.7)
             behind = (1 - part) * stand.plate[:3, 3] + part * stand.display[:3, 3]
             add_glass(dice, behind, size * dice.rng.uniform(0.3, 2.0))

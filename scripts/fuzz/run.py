@@ -32,7 +32,7 @@ import bpy
 import numpy as np
 
 from environments import as_module
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.blender.data.image import pixels_from_image
 from kiriko.core.blender.preview import (
     cycles_preview as blender_preview,
@@ -40,7 +40,7 @@ from kiriko.core.blender.preview import (
 from kiriko.core.blender.read import scene as blender_scene
 from kiriko.core.blender.read.nested_glass import interfaces
 from kiriko.core.light import kernel_tracer
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import Step, trace_all, tracing
 from kiriko.core.native import loading
@@ -89,7 +89,7 @@ class Outcome:
 
     verdict : solved, refused or failed
     text : the sentence of a refusal, or of a fault
-    told : the wild choices in the rig
+    drawn : the wild choices in the rig
     also : the words of further operators, by name
     warnings : places in the code that numpy warned of
     judged : comparison with Cycles, None where there was none
@@ -99,7 +99,7 @@ class Outcome:
     k: int
     verdict: str
     text: str = ""
-    told: list[str] = field(default_factory=list)
+    drawn: list[str] = field(default_factory=list)
     also: dict[str, str] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     judged: dict[str, float] | None = None
@@ -305,7 +305,7 @@ def check_solution(
         "brightness", "margin", "suppress_glare",
     )  # fmt: skip
     settings = Settings(**{name: getattr(ours, name) for name in names}, ghosts=ours.ghosts.lower())
-    solution = finish(Session().solve(reading.rig, settings))
+    solution = run_steps(Session().solve(reading.rig, settings))
     need(np.array_equal(solution.source, source), "core alone comes to another source image")
     need(are_shares(solution.display_coverage), "display coverage beyond 0..1")
     need(are_shares(solution.first.view_coverage), "view coverage beyond 0..1")
@@ -324,7 +324,7 @@ def check_solution(
 def check_kernel(rig: Rig, settings: Settings) -> None:
     """WrongError where the compiled kernel passes by a face that numpy's way meets."""
     size = rig.viewer.width, rig.viewer.height
-    plan = make_plan(rig, settings)
+    plan = compile_plan(rig, settings)
     if kernel_tracer.left_out(plan.layers, plan.parts.kind) is None:
         places = np.random.default_rng(0).random((BOTH_WAYS, 2)) * size
         found = find_parted(plan, *rig.viewer.rays(places))
@@ -364,9 +364,9 @@ def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared
     x, y = np.meshgrid(np.arange(rig.viewer.width) + 0.5, np.arange(rig.viewer.height) + 0.5)
     rays = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     settings = Settings(max_events=scene.kiriko.max_events, only_through_glass=False)
-    plan = make_plan(rig, settings)
+    plan = compile_plan(rig, settings)
     every = trace_all(plan, *rays)
-    through = trace_all(make_plan(rig, replace(settings, only_through_glass=True)), *rays)
+    through = trace_all(compile_plan(rig, replace(settings, only_through_glass=True)), *rays)
     xy = np.full((x.size, 2), np.nan)
     inside, _ = every.pixels(rig.display.width, rig.display.height)
     xy[every.sample[inside]] = every.xy[inside]
@@ -374,7 +374,7 @@ def compared(scene: bpy.types.Scene, reading: blender_scene.Reading) -> Compared
     is_glass[through.sample[through.reason != Reason.MISSED_GLASS]] = True
     by_gap[every.sample[every.leak >= 0]] = True
     steps: list[Step] = []
-    finish(tracing(plan, *rays, steps=steps))
+    run_steps(tracing(plan, *rays, steps=steps))
     by_odd_normal = find_contradicted(plan, rays[0], steps) >= 0
 
     carried = blender_preview.render_map(scene, reading).reshape(-1, 3)
@@ -528,7 +528,7 @@ def try_rig(seed: int, k: int, is_judged: bool = False) -> Outcome:
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         dice = make_rig(np.random.default_rng([seed, k]))
-        outcome.told = dice.told
+        outcome.drawn = dice.drawn
         scene = bpy.context.scene
         try:
             outcome.text = call(bpy.ops.kiriko.solve)
@@ -620,7 +620,7 @@ def in_processes(
             new.append(Outcome(lines[-1]["began"], "failed", f"{how}:\n{last_of(said)}"))
         for outcome in new:
             if outcome.verdict == "failed":
-                wild = ", ".join(outcome.told) or "-"
+                wild = ", ".join(outcome.drawn) or "-"
                 print(f"\nFAILED: python3 scripts/dev.py fuzz --seed {options.seed}", end=" ")
                 print(f"--only {outcome.k}\n  wild: {wild}\n  {outcome.text}\n", flush=True)
         found += new

@@ -60,17 +60,17 @@ def settings(cls: type) -> Iterator[bpy.types.Property]:
 def row(name: str, rna: object, texts: dict[str, str], language: str) -> str:
     """A line of the table: the label, and what the tooltip says."""
 
-    def told(text: str) -> str:
+    def reported(text: str) -> str:
         return texts.get(text, text).replace("|", r"\|").replace("\n", " ")
 
-    says = told(rna.description)
+    says = reported(rna.description)
     for item in getattr(rna, "enum_items_static", ()):
-        says += f"<br>*{told(item.name)}*"
-        says += f": {told(item.description)}" if item.description else ""
+        says += f"<br>*{reported(item.name)}*"
+        says += f": {reported(item.description)}" if item.description else ""
     place = place_of(name)
     if not place.startswith(REFERENCE):
         says += f" ([{MORE[language]}]({place}))"
-    return f'| <span id="{name}">**{told(rna.name)}**</span> | {says} |'
+    return f'| <span id="{name}">**{reported(rna.name)}**</span> | {says} |'
 
 
 def sections(kiriko: object, language: str) -> Iterator[tuple[str, list[str]]]:

@@ -11,10 +11,10 @@ from typing import TypeVar
 import numpy as np
 
 from kiriko.core.base.arrays import Floats
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.files import image_io
 from kiriko.core.image.source_image import splat
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.rig import PRESETS, Rig
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.solution import Solution
@@ -70,11 +70,11 @@ def by_both_ways(rig: Rig, spp: int, out: Path, stem: str) -> Table:
     rows = [["Kiriko", f"{solution.n_rays:,}", *seconds, *shown]]
 
     # stray light weighs by its throughput at the mirrors; with the ideal plate there is none
-    plan = make_plan(rig, Settings(brightness=rig.plates[0].array is not None))
-    image, seconds = timed(lambda: finish(splat(plan, spp, 1, "folded")))
+    plan = compile_plan(rig, Settings(brightness=rig.plates[0].array is not None))
+    image, seconds = timed(lambda: run_steps(splat(plan, spp, 1, "folded")))
     off, again = (
         (some - best.source)[is_judged]
-        for some in (image, finish(splat(plan, max(spp // 4, 1), 2, "folded")))
+        for some in (image, run_steps(splat(plan, max(spp // 4, 1), 2, "folded")))
     )
     error = rmse(off)
     shared = rmse(off, again)

@@ -12,7 +12,7 @@ import numpy as np
 from demo import RIGS
 from environments import quiet
 from kiriko.core.base.arrays import Floats
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.blender.preview.cycles_preview import render_preview
 from kiriko.core.blender.read.scene import Reading
 from kiriko.core.files import image_io
@@ -37,7 +37,7 @@ CYCLES_SAMPLES = 16
 
 def solve(rig: Rig, **settings: float) -> Solution:
     """A solve from nothing."""
-    return finish(Session().solve(rig, Settings(**settings)))
+    return run_steps(Session().solve(rig, Settings(**settings)))
 
 
 @dataclass(frozen=True, eq=False)

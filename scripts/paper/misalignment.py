@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.offset import TOLERANCES, Parameter
 from kiriko.core.lab.calibrate.fit import extra_photographs, fit
 from kiriko.core.lab.calibrate.misalignment import Bench, spread
@@ -108,7 +108,7 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
         hidden = random.standard_normal(len(tolerances)) * tolerances
         seen = bench.seen(hidden)
         try:
-            found = finish(
+            found = run_steps(
                 fit(bench, seen + random.normal(0, NOISE, seen.shape), tolerances, NOISE)
             )
         except RigError:
@@ -120,7 +120,7 @@ def fits(bench: Bench, n: int, seed: int) -> dict[str, Table]:
         conditions.append(found.condition)
         shares.append(found.errors / tolerances)
         if k < ASKED:
-            best = finish(extra_photographs(bench, found, tolerances, NOISE))[0]
+            best = run_steps(extra_photographs(bench, found, tolerances, NOISE))[0]
             advised[best.where] += 1
             gains.append((best.gain, best.errors / tolerances))
 

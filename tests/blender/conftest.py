@@ -110,7 +110,12 @@ def run(scene) -> Callable[..., int]:
 @pytest.fixture
 def core(scene) -> ModuleType:
     """Its core, with the files that read, trace and render; and an empty scene."""
-    of_blender = ("nested_glass", "plate", "preview", "scene")
+    of_blender = (
+        "read.nested_glass",
+        "materials.plate_material",
+        "preview.cycles_preview",
+        "read.scene",
+    )
     of_light = ("compile_plan", "plate", "trace")
     for name in (
         "rig.rig",

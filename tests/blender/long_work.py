@@ -33,7 +33,7 @@ MANY = 2000  # turns of Live, of which none of these rigs needs a tenth
 # Where work can be stopped by a fault: functions that all work of a kind goes through.
 POINTS = {
     "read": ("core.blender.read.scene_parts.read_parts", "core.blender.read.scene.read_viewers"),
-    "plan": ("core.light.compile_plan.planning",),
+    "plan": ("core.light.compile_plan.compile_plan_steps",),
     "trace": ("core.light.trace.tracing",),
     "paint": (
         "core.solve.painting.paint",

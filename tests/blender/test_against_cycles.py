@@ -26,7 +26,7 @@ def lattice(scene):
 
 def solved(kiriko, scene, **options):
     """Solve the rig of add_rig; returns reading, solution and the plain source image."""
-    from kiriko.core.base.steps import finish
+    from kiriko.core.base.steps import run_steps
     from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.rig.settings import Settings
     from kiriko.core.solve.session import Session
@@ -37,8 +37,8 @@ def solved(kiriko, scene, **options):
     bpy.context.view_layer.update()
     reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
 
-    solution = finish(Session().solve(reading.rig))
-    plain = finish(
+    solution = run_steps(Session().solve(reading.rig))
+    plain = run_steps(
         Session().solve(without_glass(reading.rig), Settings(only_through_glass=False))
     ).source
     return reading, solution, plain
@@ -85,7 +85,7 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
     within 0.05 display px rms of the analytic ball.
     """
     from kiriko.core.blender.read import scene as blender_scene
-    from kiriko.core.light.compile_plan import make_plan
+    from kiriko.core.light.compile_plan import compile_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.rig.settings import Settings
 
@@ -98,7 +98,7 @@ def test_ball_as_read_is_right_to_a_twentieth_of_a_pixel(kiriko, scene):
 
     x, y = np.meshgrid(np.arange(0, 512, 2.0) + 0.5, np.arange(0, 512, 2.0) + 0.5)
     o, d = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
-    landings = trace_all(make_plan(rig, Settings()), o, d)
+    landings = trace_all(compile_plan(rig, Settings()), o, d)
     exact = closed_forms.landing(rig, *closed_forms.through_ball(o, d, 0.025, 1.49))
     both = landings.has_arrived & np.isfinite(exact[:, 0])
 
@@ -157,7 +157,7 @@ def test_rigs_without_a_plate(kiriko, scene, lattice, monkeypatch, name):
 
     `dev.py demo telephone tablet aquarium` has them at the full width.
     """
-    from kiriko.core.base.steps import finish
+    from kiriko.core.base.steps import run_steps
     from kiriko.core.blender.read import scene as blender_scene
     from kiriko.core.solve.session import Session
     from known import straight_rigs
@@ -166,7 +166,7 @@ def test_rigs_without_a_plate(kiriko, scene, lattice, monkeypatch, name):
     straight_rigs.RIGS[name](viewer_resolution=128)
     assert bpy.ops.kiriko.solve() == {"FINISHED"}
     reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
-    solution = finish(Session().solve(reading.rig))
+    solution = run_steps(Session().solve(reading.rig))
     source, ideal, seen = solution.source, solution.ideal(), solution.seen()
     after = lattice.shift_in_cycles(scene, reading, source, ideal, seen)
 

@@ -92,7 +92,7 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     told, and goes another way there.
     """
     from fuzz.run import compared, how_far
-    from kiriko.core.base.steps import finish
+    from kiriko.core.base.steps import run_steps
     from kiriko.core.solve.session import Session
 
     glass = brought(name)
@@ -111,6 +111,6 @@ def test_cycles_follows_the_same_light(brought, scene, name):
     assert found["apart"] < 5e-3
     assert found["both"] > 0.98
 
-    solution = finish(Session().solve(reading.rig))
+    solution = run_steps(Session().solve(reading.rig))
     assert solution.picture_coverage + sum(solution.misses.values()) == pytest.approx(1, abs=1e-9)
     assert not any("gaps" in warning for warning in solution.warnings)

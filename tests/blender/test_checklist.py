@@ -695,7 +695,7 @@ def test_a_shape_that_has_changed_is_not_called_ready_before_it_is_looked_at(
     assert texts == ["Looking at the shape."]
 
     monkeypatch.setattr(look_over, "RESTING", 0.0)
-    look_over.look_again(scene)
+    look_over.inspect_again(scene)
     look_over.tick()
     assert look_over.is_looking(scene)  # it is too early
     monkeypatch.setattr(look_over, "QUIET", 0.0)
@@ -731,7 +731,7 @@ def test_a_look_that_fails_is_not_waited_for(
 
     for name, value in (("inspect_mesh", fails), ("QUIET", 0.0), ("SHARE", 0.0), ("RESTING", 0.0)):
         monkeypatch.setattr(look_over, name, value)
-    look_over.look_again(scene)
+    look_over.inspect_again(scene)
     assert look_over.is_looking(scene)
     look_over.tick()
     assert not look_over.is_looking(scene)

@@ -24,7 +24,7 @@ def result() -> bpy.types.PropertyGroup:
     return bpy.context.scene.kiriko.result
 
 
-def told() -> dict:
+def reported() -> dict:
     return json.loads(result().details).get("conflict")
 
 
@@ -40,7 +40,7 @@ def solved() -> object:
     work = loaded("operators.work")
     steps = loaded("core.base.steps")
     settings = work.settings_of(bpy.context.scene)
-    return steps.finish(work.session().solve(work.read(bpy.context).rig, settings))
+    return steps.run_steps(work.session().solve(work.read(bpy.context).rig, settings))
 
 
 def values(colours: np.ndarray) -> np.ndarray:
@@ -76,10 +76,10 @@ def test_the_image_is_core_s_conflict_in_colours(drawn, kiriko, rig, way):
     bpy.context.scene.kiriko.disagreement = way
     bpy.ops.kiriko.solve()
     found = solved()
-    _, in_light = steps.finish(reports.conflict_in_light(found))
+    _, in_light = steps.run_steps(reports.conflict_in_light(found))
     expected = found.settled.conflict if way == "SHARP" else in_light
     unit = "px" if way == "SHARP" else "white"
-    assert told() == {"largest": expected.max(), "unit": unit}
+    assert reported() == {"largest": expected.max(), "unit": unit}
 
     image = result().conflict
     assert image.name == "Kiriko Conflict"
@@ -102,9 +102,9 @@ def test_without_glass_there_is_no_conflict(rig):
     glass = next(one for one in bpy.context.scene.objects if one.kiriko.role == "GLASS")
     glass.kiriko.use_ior, glass.kiriko.ior = True, 1.0
     bpy.ops.kiriko.solve()
-    assert told()["largest"] < 0.01
+    assert reported()["largest"] < 0.01
     shown = values(pixels(result().conflict)[..., :3])
-    assert np.nanmax(shown) == pytest.approx(told()["largest"] / 0.01, abs=1e-3)
+    assert np.nanmax(shown) == pytest.approx(reported()["largest"] / 0.01, abs=1e-3)
 
 
 def test_it_goes_with_the_second_viewer(rig):
@@ -116,7 +116,7 @@ def test_it_goes_with_the_second_viewer(rig):
     one_eye()
     bpy.ops.kiriko.solve()
     assert result().conflict is None
-    assert told() is None
+    assert reported() is None
     assert name not in bpy.data.images
     assert result().shown == result().source
 
@@ -170,4 +170,4 @@ def test_undo_and_a_file_keep_it(rig, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     np.testing.assert_array_equal(pixels(result().conflict), before)
-    assert told()["largest"] > 0
+    assert reported()["largest"] > 0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.light.engines import make_engine
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
@@ -130,7 +130,7 @@ def test_rays_nearly_along_an_axis_meet_vertices_and_edges(axis, tilt):
 def test_a_solution_says_which_engine_it_is_of():
     """The engine is told with the result."""
     a_rig = ball_rig(3, pixels=48, display_pixels=48)
-    assert "ray engine (Blender's BVH)" in finish(Session().solve(a_rig)).used
+    assert "ray engine (Blender's BVH)" in run_steps(Session().solve(a_rig)).used
 
 
 def test_where_there_is_no_engine_embree_is_missed(monkeypatch):

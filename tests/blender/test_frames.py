@@ -103,7 +103,7 @@ def test_each_frame_is_that_of_a_solve_by_itself(kind, scene, run, work, tmp_pat
     for frame in (1, 2, 3):
         scene.frame_set(frame)
         reading = work.read(bpy.context)
-        alone = steps.finish(session.Session().solve(reading.rig, work.settings_of(scene)))
+        alone = steps.run_steps(session.Session().solve(reading.rig, work.settings_of(scene)))
         pixels, _ = image_io.read(folder(tmp_path) / f"source_{frame:04}.exr")
         assert np.array_equal(pixels, alone.source)
         images.append(pixels)

@@ -9,7 +9,7 @@ import pytest
 
 from bench import brought_glass as glasses
 from bench import irregular
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.mesh import Mesh
@@ -27,7 +27,7 @@ def landings(mesh, surface):
     a_rig = glass_rig(replace(mesh, surface=surface))
     viewer = a_rig.viewer
     xy = np.random.default_rng(3).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     return plan, trace_all(plan, *viewer.rays(xy))
 
 
@@ -81,7 +81,7 @@ def test_all_glasses_can_be_made(name):
     mesh = glasses.made(name)
     assert (mesh.is_smooth is None) == (name in ("cube", "gem", "cut cylinder"))
     assert 0.01 < np.ptp(mesh.bounds, axis=0).max() < 0.25
-    plan = make_plan(glass_rig(mesh), Settings())
+    plan = compile_plan(glass_rig(mesh), Settings())
     assert plan.parts.is_closed[plan.parts.kind == Kind.GLASS].all() == (name != "Suzanne")
 
 
@@ -113,6 +113,6 @@ def test_the_kernel_leads_light_as_numpys_way_does(name, surface):
     a_rig = glass_rig(mesh, ior=glasses.INDICES.get(name, 1.49))
     viewer = a_rig.viewer
     xy = np.random.default_rng(4).uniform(0, [viewer.width, viewer.height], (RAYS, 2))
-    found = find_parted(make_plan(a_rig, Settings()), *viewer.rays(xy))
+    found = find_parted(compile_plan(a_rig, Settings()), *viewer.rays(xy))
     assert found.n_wrong == 0
     assert found.n_parted <= (0 if surface == "automatic" else 0.01 * RAYS)

@@ -161,7 +161,7 @@ def test_an_object_is_not_taken_for_one_of_its_name(
     assert theirs.name == local.name
     scene.collection.objects.link(theirs)
     own_collection(theirs).collection.hide_render = True
-    shown = visibility.Shown(scene, bpy.context.view_layer)
+    shown = visibility.VisibleObjects(scene, bpy.context.view_layer)
     assert not shown.hidden_by(local)
     assert shown.hidden_by(theirs) == " with its collection 'drawer' in renders"
 

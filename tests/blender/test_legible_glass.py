@@ -104,7 +104,7 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(scene, l
     bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", distance=0.2, picture_size=0.04, **SMALL)
     bpy.ops.kiriko.solve()
     rig = work.read(bpy.context).rig
-    result.write_legibility(scene, *steps.finish(legible(rig, work.settings_of(scene), True)))
+    result.write_legibility(scene, *steps.run_steps(legible(rig, work.settings_of(scene), True)))
     parts = {thing.kiriko.role: thing for thing in scene.objects}
     before = {role: thing.matrix_world.copy() for role, thing in parts.items()}
 

@@ -319,13 +319,13 @@ def test_the_view_follows_the_chosen_viewer(scene, rig, is_left_at_first):
     left, right = (one.camera for one in list(scene.kiriko.viewers)[1:])
     right.kiriko.use_resolution, right.kiriko.resolution = True, (64, 16)
     scene.kiriko.viewer_shown = 1 if is_left_at_first else 2
-    choose_rig.look()
+    choose_rig.follow_selection()
     before, seen = snapshot(), view()
     bpy.ops.kiriko.look_through()
     zooms = {}
     for number in (2, 1, 2, 0, 1 if is_left_at_first else 2):
         scene.kiriko.viewer_shown = number
-        choose_rig.look()
+        choose_rig.follow_selection()
         shown = right if number == 2 else left  # the first one is off
         assert view()["camera"] == shown
         assert view()["view_perspective"] == "CAMERA"
@@ -340,5 +340,5 @@ def test_the_view_follows_the_chosen_viewer(scene, rig, is_left_at_first):
     bpy.ops.kiriko.look_through()
     space().camera = scene.camera
     scene.kiriko.viewer_shown = 2 if is_left_at_first else 1
-    choose_rig.look()
+    choose_rig.follow_selection()
     assert view()["camera"] == scene.camera

@@ -199,12 +199,12 @@ def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(scene, tm
     user_of(plane).frame_duration = FRAMES
     scene.frame_set(3)
 
-    def told() -> list[str]:
+    def reported() -> list[str]:
         return [str(entry.text) for entry in look_over.found(bpy.context)]
 
     numbers = sorted(one.session_uid for one in bpy.data.images)
     newest = bpy.data.images.new("newest", 1, 1)
-    assert not [text for text in told() if "cannot be read" in text]
+    assert not [text for text in reported() if "cannot be read" in text]
     after = bpy.data.images.new("next", 1, 1)
     # each datablock that is made gets the next number
     assert after.session_uid == newest.session_uid + 1
@@ -214,7 +214,7 @@ def test_the_checklist_changes_nothing_to_look_at_a_picture_that_moves(scene, tm
 
     file.unlink()
     image.reload()
-    (text,) = (text for text in told() if "cannot be read at its frame 3" in text)
+    (text,) = (text for text in reported() if "cannot be read at its frame 3" in text)
     assert str(file) in text
 
 

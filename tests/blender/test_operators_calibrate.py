@@ -69,7 +69,7 @@ class Bench:
 
     def source_of(self, rig):
         """Solved for a rig."""
-        return self.steps.finish(
+        return self.steps.run_steps(
             self.session.Session().solve(rig, self.work.settings_of(self.scene))
         )
 
@@ -378,7 +378,7 @@ def test_a_preview_is_of_the_fitted_rig(bench: Bench, tmp_path: Path) -> None:
         importlib.import_module(f"{bench.kiriko.__name__}.core.{name}")
         for name in ("blender.preview.cycles_preview", "image.seen_image", "image.seen_image")
     )
-    ideal = ideal_image.seen_image(bench.drawn.picture, bench.drawn.viewer)
+    ideal = ideal_image.ideal_image(bench.drawn.picture, bench.drawn.viewer)
     reading = bench.work.read(bpy.context)
     source = bench.scene.kiriko.result.source
     render = preview.render_preview(bench.scene, reading, source, samples=4, fresnel=False)

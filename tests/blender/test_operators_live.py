@@ -58,7 +58,7 @@ def plain(live: ModuleType) -> np.ndarray:
     work = live.work
     session, steps = (loaded(f"core.{name}") for name in ("solve.session", "base.steps"))
     solve = session.Session().solve(work.read(bpy.context).rig, work.settings_of(bpy.context.scene))
-    return steps.finish(solve).source
+    return steps.run_steps(solve).source
 
 
 def traces(live: ModuleType) -> list[str]:
@@ -773,7 +773,7 @@ def test_kept_shapes_are_what_reading_anew_gives(live):
     glass = small_rig()["GLASS"]
     for face in glass.data.polygons:
         face.use_smooth = face.index % 2 == 0
-    kept = shapes.Kept()
+    kept = shapes.ShapeCache()
     told = lambda scene, depsgraph: kept.notice(depsgraph)  # noqa: E731 - the list wants a name to remove
     bpy.app.handlers.depsgraph_update_post.append(told)
 

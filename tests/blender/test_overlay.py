@@ -113,7 +113,7 @@ def looked(sketcher: ModuleType) -> Any:
     """The scene's drawing once all that is to be done is done."""
     bpy.context.view_layer.update()
     for _ in range(1000):
-        if not sketcher.look():
+        if not sketcher.draw_next():
             return sketcher.drawing_of(bpy.context.scene)
     raise AssertionError("there is no end of it")
 

@@ -108,22 +108,22 @@ def test_a_glass_shows_the_index_in_use(drawn, scene):
     glass = small_rig()["GLASS"]
     glass.kiriko.use_ior = False
 
-    def told() -> tuple[list[str], bool]:
+    def reported() -> tuple[list[str], bool]:
         shown = drawn("object", "VIEW3D_PT_kiriko_object", glass)
         return [text for text in shown.texts if re.match(r"1\.\d{4} ", text)], "ior" in shown.props
 
-    assert told() == (["1.4900 (default)"], False)
+    assert reported() == (["1.4900 (default)"], False)
     bpy.ops.kiriko.make_glass()
     (material,) = [slot.material for slot in glass.material_slots]
     node = next(n for n in material.node_tree.nodes if "IOR" in n.inputs)
     node.inputs["IOR"].default_value = 1.5
-    assert told() == (["1.5000 from 'Kiriko Glass'"], False)
+    assert reported() == (["1.5000 from 'Kiriko Glass'"], False)
     bpy.ops.kiriko.solve()
     details = drawn("result_panel", "VIEW3D_PT_kiriko_details").texts
     assert "'Kiriko Glass'" in " ".join(details)
     assert "index 1.5000" in " ".join(details)
     glass.kiriko.use_ior = True
-    assert told() == ([], True)
+    assert reported() == ([], True)
 
 
 @pytest.mark.parametrize("source", ["PLANE", "IMAGE"])

@@ -27,7 +27,7 @@ def solved(scene: bpy.types.Scene, kiriko: ModuleType) -> tuple[np.ndarray, np.n
     work = kiriko.operators.work
     reading = work.read(bpy.context)
     steps = work.session().solve(reading.rig, work.settings_of(scene))
-    seen = kiriko.core.base.steps.finish(steps).seen()
+    seen = kiriko.core.base.steps.run_steps(steps).seen()
     preview = loaded("core.blender.preview.cycles_preview")
     rendered = preview.render_preview(
         scene, reading, scene.kiriko.result.source, samples=16, fresnel=False, surroundings=False

@@ -159,7 +159,7 @@ def assert_agree(core: ModuleType, reading: Any, light: str) -> None:
     rig = reading.rig
     with preview(core, reading) as shown:
         origins, directions = rays(shown, rig.viewer)
-        plan = core.light.compile_plan.make_plan(
+        plan = core.light.compile_plan.compile_plan(
             rig, core.rig.settings.Settings(only_through_glass=False, brightness=True)
         )
         landings = core.light.trace.trace_all(plan, origins, directions, light=light)

@@ -43,7 +43,7 @@ def maps(core: ModuleType) -> tuple[np.ndarray, np.ndarray]:
     reading = core.blender.read.scene.read(bpy.context)
     by_cycles = core.blender.preview.cycles_preview.render_map(scene, reading)
     cycles = np.where(by_cycles[..., 2:] > 0.5, by_cycles[..., :2], np.nan)
-    plan = core.light.compile_plan.make_plan(
+    plan = core.light.compile_plan.compile_plan(
         reading.rig, core.rig.settings.Settings(only_through_glass=False)
     )
     viewer = reading.rig.viewer

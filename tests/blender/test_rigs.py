@@ -109,14 +109,14 @@ def test_a_result_is_stale_only_where_its_own_rig_has_changed(
     scene.objects["Gem"].location.x += 0.01
 
     assert watch.has_changed(bpy.context)
-    watch.look()
-    assert watch.is_told_changed(scene)
+    watch.check_result()
+    assert watch.is_reported_changed(scene)
     choose(first)
     assert not watch.has_changed(bpy.context)
-    watch.look()
-    assert not watch.is_told_changed(scene)
+    watch.check_result()
+    assert not watch.is_reported_changed(scene)
     choose(second)
-    assert watch.is_told_changed(scene)  # at once, without another look
+    assert watch.is_reported_changed(scene)  # at once, without another look
     choose(first)
     scene.objects["Cube"].rotation_euler.z = 0.1
     assert watch.has_changed(bpy.context)

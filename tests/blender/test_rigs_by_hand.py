@@ -62,18 +62,18 @@ def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.typ
     rig = add(cube())
     viewer = scene.kiriko.viewer
     scene.camera = None
-    assert needed.lacking(scene) == []
+    assert needed.missing_parts(scene) == []
     rig.objects.unlink(viewer)
     assert scene.kiriko.viewer == viewer
-    assert needed.lacking(scene) == [needed.NEEDED["VIEWER"]]
+    assert needed.missing_parts(scene) == [needed.NEEDED["VIEWER"]]
     with pytest.raises(RuntimeError, match="No viewer: choose a camera"):
         bpy.ops.kiriko.solve()
     scene.camera = viewer
-    assert needed.lacking(scene) == [needed.NEEDED["VIEWER"]]
+    assert needed.missing_parts(scene) == [needed.NEEDED["VIEWER"]]
     bpy.ops.kiriko.make_part(role="VIEWER")
     assert scene.camera == scene.kiriko.viewer
     assert scene.kiriko.viewer not in (None, viewer)
-    assert needed.lacking(scene) == []
+    assert needed.missing_parts(scene) == []
 
     # in a collection that an empty stands for it is in no scene, and seen
     apart = bpy.data.collections.new("apart")
@@ -82,7 +82,7 @@ def test_a_viewer_that_was_deleted_is_missing(kiriko: ModuleType, scene: bpy.typ
     stand_in.instance_type, stand_in.instance_collection = "COLLECTION", apart
     scene.collection.objects.link(stand_in)
     scene.camera, scene.kiriko.viewer = viewer, None
-    assert needed.lacking(scene) == []
+    assert needed.missing_parts(scene) == []
 
 
 def test_a_rig_goes_on_without_its_collection(kiriko: ModuleType, scene: bpy.types.Scene) -> None:

@@ -377,7 +377,7 @@ def test_both_ways_to_settle_it_and_weights_reach_the_solve(kiriko: ModuleType, 
         rig = read(kiriko)
         assert [one.weight for one in rig.viewers] == [weight, 1.0]
         how = settings.Settings(tolerance=ours().tolerance, disagreement=way.lower())
-        expected = steps.finish(session.Session().solve(rig, how)).source
+        expected = steps.run_steps(session.Session().solve(rig, how)).source
         np.testing.assert_array_equal(source()[..., :3], expected)
         found.append(expected)
     assert not np.array_equal(found[0], found[1])
@@ -429,7 +429,7 @@ def test_the_preview_is_that_of_the_chosen_viewer(kiriko: ModuleType, rig: dict)
         bpy.ops.kiriko.preview(samples=16, reflections=False, surroundings=False)
         rendered = pixels(ours().result.preview)[..., :3]
         reading = work.read(bpy.context)
-        solved = steps.finish(
+        solved = steps.run_steps(
             work.session().solve(reading.rig, work.settings_of(bpy.context.scene))
         )
         errors = [
@@ -458,8 +458,8 @@ def test_each_viewer_is_told_of_the_worst_first(
     bpy.ops.kiriko.solve()
     told = details()["viewers"]
     rig = read(kiriko)
-    solved = steps.finish(work.session().solve(rig, work.settings_of(bpy.context.scene)))
-    expected = steps.finish(reports.viewer_reports(solved))
+    solved = steps.run_steps(work.session().solve(rig, work.settings_of(bpy.context.scene)))
+    expected = steps.run_steps(reports.viewer_reports(solved))
     assert told == [vars(one) for one in expected]
     assert told[0]["viewer"] == "far"
 
@@ -503,13 +503,13 @@ def test_two_that_are_no_pair_are_told_so_in_a_report(
     turned.rotation_euler.z += 0.9
     add(turned)
     monkeypatch.setattr(module, "_has", lambda check, of_rig: False)
-    found = steps.finish(module.beside(bpy.context, read(kiriko)))
+    found = steps.run_steps(module.beside(bpy.context, read(kiriko)))
     assert list(found.numbers) == ["missing"]  # the turned one does not see the picture, either
     assert list(found.numbers["missing"]) == ["two_eyes", "viewers"]
     assert "direction" in found.numbers["missing"]["two_eyes"]
 
     bpy.ops.kiriko.two_eyes()
-    found = steps.finish(module.beside(bpy.context, read(kiriko)))
+    found = steps.run_steps(module.beside(bpy.context, read(kiriko)))
     assert list(found.numbers["missing"]) == ["viewers"]  # three are asked for no depth
 
 
@@ -574,7 +574,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     bpy.ops.kiriko.solve()
     told = details()["two_eyes"]
     settings = work.settings_of(bpy.context.scene)
-    solved = steps.finish(work.session().solve(read(kiriko), settings))
+    solved = steps.run_steps(work.session().solve(read(kiriko), settings))
     left, right, sights = two_eyes.sights_of(solved)
     assert (told["left"], told["right"]) == (left.name, right.name) == (LEFT, RIGHT)
     assert told["n_points"] == 49
@@ -585,7 +585,7 @@ def test_of_two_eyes_depth_and_disparity_are_told(
     assert told["mean_horizontal_arcmin"] == sights.mean_horizontal
     assert told["largest_horizontal_arcmin"] == sights.largest_horizontal
 
-    fine = steps.finish(two_eyes.two_eyes(read(kiriko), settings)).for_both
+    fine = steps.run_steps(two_eyes.two_eyes(read(kiriko), settings)).for_both
     assert fine.mean_depth > 1e-3
     assert told["mean_depth_m"] == pytest.approx(fine.mean_depth, rel=0.01)
     assert told["largest_vertical_arcmin"] == pytest.approx(fine.largest_vertical, rel=0.01)

@@ -61,11 +61,11 @@ def add_bottle():
 
 def totally_reflected(plan, origins, directions):
     """Which rays (n,) leave a face of the glass on the side that they came from?"""
-    from kiriko.core.base.steps import finish
+    from kiriko.core.base.steps import run_steps
     from kiriko.core.light.trace import tracing
 
     steps = []
-    finish(tracing(plan, origins, directions, steps=steps))
+    run_steps(tracing(plan, origins, directions, steps=steps))
     found = np.zeros(len(origins), bool)
     last, came, normal = origins.copy(), directions.copy(), np.zeros_like(origins)
 
@@ -96,7 +96,7 @@ def test_solves_and_cycles_follows_the_same_light(scene, make):
     """
     from kiriko.core.blender.preview.cycles_preview import render_map
     from kiriko.core.blender.read import scene as blender_scene
-    from kiriko.core.light.compile_plan import make_plan
+    from kiriko.core.light.compile_plan import compile_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.rig.settings import Settings
 
@@ -115,7 +115,7 @@ def test_solves_and_cycles_follows_the_same_light(scene, make):
     for glass.kiriko.surface, share in (("FACETS", 0.99), ("SMOOTH", 0.9)):
         reading = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene)
         rig = reading.rig
-        plan = make_plan(rig, Settings(only_through_glass=False))
+        plan = compile_plan(rig, Settings(only_through_glass=False))
         rays = rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
         landings = trace_all(plan, *rays)
         is_refracted = ~totally_reflected(plan, *rays)
@@ -145,7 +145,7 @@ def test_previews(kiriko, scene, make):
     shown = np.array(image.pixels).reshape(96, 96, 4)[::-1, :, 0]
     work = kiriko.operators.work
     steps = work.session().solve(work.read(bpy.context).rig, work.settings_of(scene))
-    seen = kiriko.core.base.steps.finish(steps).seen()[..., 0]
+    seen = kiriko.core.base.steps.run_steps(steps).seen()[..., 0]
     dots = seen > 0.5
 
     assert dots.sum() > 20
@@ -160,9 +160,9 @@ def test_the_map_of_suzanne_keeps_the_tolerance(scene):
     Light that was totally reflected again and again makes speckles there, smaller than
     a cut pixel tells: the covered masks agree to 0.99, not to 0.999.
     """
-    from kiriko.core.base.steps import finish
+    from kiriko.core.base.steps import run_steps
     from kiriko.core.blender.read import scene as blender_scene
-    from kiriko.core.light.compile_plan import make_plan
+    from kiriko.core.light.compile_plan import compile_plan
     from kiriko.core.light.trace import trace_all
     from kiriko.core.map.sampling import sample
     from kiriko.core.rig.settings import Settings
@@ -174,8 +174,8 @@ def test_the_map_of_suzanne_keeps_the_tolerance(scene):
     ) == {"FINISHED"}
 
     rig = blender_scene.read(bpy.context.evaluated_depsgraph_get(), scene).rig
-    plan = make_plan(rig, Settings())
-    found = finish(sample(plan))
+    plan = compile_plan(rig, Settings())
+    found = run_steps(sample(plan))
     x, y = np.meshgrid(np.arange(80) + 0.5, np.arange(80) + 0.5)
     at = np.stack([x.ravel(), y.ravel()], axis=1)
     landings = trace_all(plan, *rig.viewer.rays(at))

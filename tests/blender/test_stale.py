@@ -48,7 +48,7 @@ def is_stale(watch: ModuleType) -> bool:
     """By a fresh look, and by the timer, which have to agree."""
     found = watch.has_changed(bpy.context)
     watch.tick()
-    assert watch.is_told_changed(bpy.context.scene) == found
+    assert watch.is_reported_changed(bpy.context.scene) == found
     return found
 
 
@@ -218,7 +218,7 @@ def test_a_surface_tells_that_it_is_of_the_rig_as_it_was(
     def is_old() -> bool:
         bpy.context.view_layer.update()
         watch.tick()
-        found = watch.is_told_old(bpy.context.scene, SURFACES[name])
+        found = watch.is_reported_outdated(bpy.context.scene, SURFACES[name])
         assert (AS_IT_WAS in range_view.heading_of(bpy.context.scene, legend)) == found
         return found
 
@@ -391,7 +391,7 @@ def test_live_is_never_behind(watch, rig, kiriko):
 
     for _ in range(2000):
         watch.tick()
-        assert not watch.is_told_changed(bpy.context.scene)
+        assert not watch.is_reported_changed(bpy.context.scene)
         if live.tick() == live.live_follower.IDLE:
             break
 

@@ -41,7 +41,7 @@ def test_another_order_of_words_at_the_border(telling):
     )
     telling.report(operator, "INFO", telling.Message(template, **values))
     telling.report(operator, "INFO", telling.Message("Wrote '{file}'.", file="a.png"))
-    with telling.told(operator, lambda: "a picture"):
+    with telling.errors_reported(operator, lambda: "a picture"):
         raise telling.KirikoError(template, **values)
     needed = importlib.import_module(telling.__name__.replace("telling", "needed"))
 

@@ -13,7 +13,7 @@ import pytest
 
 from kiriko.core.base.errors import ImageError, RigError
 from kiriko.core.base.messages import Message
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.lab.atlas import atlas as atlas_plan
 from kiriko.core.lab.atlas import atlas as atlases
 from kiriko.core.lab.atlas import atlas as making
@@ -95,7 +95,7 @@ def test_slab_blends_with_second_order():
     assert offs[0] / offs[1] == pytest.approx((1 / 2) / (3 / 4 / 4), rel=0.05)
     assert offs[1] / offs[2] == pytest.approx((3 / 4 / 4) / (7 / 8 / 16), rel=0.05)
 
-    found = finish(line.map(0, 0.1))
+    found = run_steps(line.map(0, 0.1))
     moved = viewer_at(slab.viewer, slab.picture_place, (0.1, 0.0, 0.0))
     lit = found.coverage > 0.999
     place = slab.picture_place.mesh.bounds

@@ -7,7 +7,7 @@ import pytest
 
 import kiriko.core.bench.best_place as search
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.best_place import (
     ENOUGH,
     WORTH_TURNING,
@@ -59,8 +59,8 @@ def test_light_cannot_tell_which_of_the_two_was_turned() -> None:
     rng = np.random.default_rng(1)
     rig = rig_around(Glass("block", box((0.05, 0.04, 0.06))), picture=0.035)
     for turn in rng.normal(0, 0.2, (4, 3)):
-        one = finish(traced(with_glass_turned(rig, turn), plan_of(), 16))
-        other = finish(traced(with_rest_turned(rig, turn), plan_of(), 16))
+        one = run_steps(traced(with_glass_turned(rig, turn), plan_of(), 16))
+        other = run_steps(traced(with_rest_turned(rig, turn), plan_of(), 16))
         assert (one.light.reason == other.light.reason).mean() > 0.99
         assert one.share == pytest.approx(other.share, abs=5e-3)
         motion = turn_of(rig, turn)
@@ -78,7 +78,7 @@ def test_a_picture_beside_its_light_comes_back() -> None:
     rig = rig_around(Glass("slab", box((0.1, 0.02, 0.1)), ConstantIndex(1.0)), picture=0.02)
     rig = replace(rig, displays=rig_around(rig.glasses[0], picture=0.02, display=0.021).displays)
     off = shifted(rig, "pictures", [0.004, 0, 0.003])
-    found = finish(best_place(off, plan_of(), Limits(shift=0.01)))
+    found = run_steps(best_place(off, plan_of(), Limits(shift=0.01)))
     assert found.before == pytest.approx((0.0165 / 0.02) * (0.0175 / 0.02), abs=0.02)
     assert found.shift == pytest.approx([-0.0038, -0.0028], abs=6e-4)
     assert abs(found.turn) < np.radians(2)
@@ -98,7 +98,7 @@ def test_a_turned_picture_turns_back() -> None:
         replace(rig, glasses=(Glass("p", rig.picture_place.mesh),)), np.array([0, turn, 0])
     )
     off = replace(rig, pictures=(replace(rig.picture_place, mesh=turned_rig.glasses[0].mesh),))
-    found = finish(best_place(off, plan_of(), Limits(shift=0.005)))
+    found = run_steps(best_place(off, plan_of(), Limits(shift=0.005)))
     assert abs(found.turn) == pytest.approx(turn, abs=np.radians(1.5))
     assert found.after > found.before + 0.02
     assert found.after > 0.998
@@ -107,7 +107,7 @@ def test_a_turned_picture_turns_back() -> None:
 def test_a_ball_has_no_better_place() -> None:
     """A picture in the middle of a ball, all of which arrives, stays."""
     rig = rig_around(Glass("ball", icosphere(0.025, 4)), picture=0.02, display=0.05)
-    found = finish(best_place(rig, plan_of(), Limits(shift=0.005)))
+    found = run_steps(best_place(rig, plan_of(), Limits(shift=0.005)))
     assert (found.shift == 0).all()
     assert found.turn == 0
     assert not found.is_better
@@ -119,11 +119,11 @@ def test_the_best_place_is_that_of_brute_force() -> None:
     rig = rig_around(Glass("ball", icosphere(0.025, 4)), picture=0.03, plate=0.35, display=0.06)
     off = shifted(rig, "pictures", [0.006, 0, 0.004])
     limit = 0.008
-    found = finish(best_place(off, plan_of(), Limits(shift=limit, turn=0.0)))
+    found = run_steps(best_place(off, plan_of(), Limits(shift=limit, turn=0.0)))
     plans = plan_of()
 
     def share(rig: Rig) -> float:
-        return finish(traced(rig, plans, 40)).share
+        return run_steps(traced(rig, plans, 40)).share
 
     ways = np.linspace(-limit, limit, 9)
     shares = [share(shifted(off, "pictures", [x, 0, z])) for x in ways for z in ways]
@@ -135,8 +135,10 @@ def test_the_best_place_is_that_of_brute_force() -> None:
 def test_the_glass_turns_where_it_may(lost_by_a_wedge: Rig) -> None:
     """A prism that sends the picture past the plate turns until all of it arrives."""
     rig = lost_by_a_wedge
-    still = finish(best_place(rig, plan_of(), Limits(shift=1e-4, turn=0.0)))
-    found = finish(best_place(rig, plan_of(), Limits(shift=1e-4, turn=0.0, glass=np.radians(30))))
+    still = run_steps(best_place(rig, plan_of(), Limits(shift=1e-4, turn=0.0)))
+    found = run_steps(
+        best_place(rig, plan_of(), Limits(shift=1e-4, turn=0.0, glass=np.radians(30)))
+    )
     assert (still.glass_turn == 0).all()
     assert found.after > still.after + WORTH_TURNING
     assert np.linalg.norm(found.glass_turn) <= np.radians(30) * (1 + 1e-12)
@@ -158,7 +160,7 @@ def test_the_smallest_turn_that_brings_it_back() -> None:
     tilt, thick = np.radians(30), 0.06
     slab = Glass("slab", box((0.2, thick, 0.2), degrees_about_z=30), ConstantIndex(1.5))
     rig = rig_around(slab, picture=0.02, display=0.03, viewer_distance=20.0, field=0.1)
-    found = finish(turn_back(rig, plan_of(), np.radians(30)))
+    found = run_steps(turn_back(rig, plan_of(), np.radians(30)))
     assert found.does_it
 
     # so much of the lost strip may stay lost
@@ -172,11 +174,11 @@ def test_the_smallest_turn_that_brings_it_back() -> None:
     assert found.after > 0.98
 
     plans = plan_of()
-    before = finish(traced(rig, plans, 24))
+    before = run_steps(traced(rig, plans, 24))
     lost = before.light.is_seen & ~before.light.has_arrived
 
     def brings(turn: np.ndarray) -> float:
-        light = finish(traced(with_rest_turned(rig, turn), plans, 24))
+        light = run_steps(traced(with_rest_turned(rig, turn), plans, 24))
         back = light.weight[lost & light.light.has_arrived].sum() / light.weight[lost].sum()
         return float(back) if light.share > before.share else 0.0
 
@@ -192,28 +194,28 @@ def test_what_no_turn_brings_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     monkeypatch.setattr(search, "STEP_RAD", 0.08)
     slab = Glass("slab", box((0.1, 0.1, 0.1)), ConstantIndex(1.0))
-    found = finish(turn_back(rig_around(slab, picture=0.02, display=0.01), plan_of(), 0.3))
+    found = run_steps(turn_back(rig_around(slab, picture=0.02, display=0.01), plan_of(), 0.3))
     assert not found.does_it
     assert found.brought == 0
     with pytest.raises(RigError, match="nothing to bring back"):
-        finish(turn_back(rig_around(slab, picture=0.02, display=0.05), plan_of(), 0.3))
+        run_steps(turn_back(rig_around(slab, picture=0.02, display=0.05), plan_of(), 0.3))
 
 
 def test_a_turn_is_found_whatever_the_limit() -> None:
     """A block, turned since about two axes, comes back by the same turn within each wider limit."""
     rig = rig_around(Glass("block", box((0.05, 0.05, 0.05), degrees_about_z=15.8)), picture=0.035)
     off = with_glass_turned(rig, np.radians([9, 0, 24]))
-    found = [finish(turn_back(off, plan_of(), np.radians(limit))) for limit in (26, 45)]
+    found = [run_steps(turn_back(off, plan_of(), np.radians(limit))) for limit in (26, 45)]
     assert all(one.does_it for one in found)
     turns = np.stack([one.turn for one in found])
     assert np.abs(turns - turns[0]).max() < 1e-12
 
     plans = plan_of()
-    before = finish(traced(off, plans, 24))
+    before = run_steps(traced(off, plans, 24))
     lost = before.light.is_seen & ~before.light.has_arrived
     ways = np.random.default_rng(3).normal(size=(100, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     for way in ways:
-        light = finish(traced(with_rest_turned(off, 0.9 * found[0].angle * way), plans, 24))
+        light = run_steps(traced(with_rest_turned(off, 0.9 * found[0].angle * way), plans, 24))
         back = light.weight[lost & light.light.has_arrived].sum() / light.weight[lost].sum()
         assert back < ENOUGH or light.share <= before.share

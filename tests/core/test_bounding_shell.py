@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
-from kiriko.core.glass.bounding_shell import HULL, edge_turns, making_hull
+from kiriko.core.base.steps import run_steps
+from kiriko.core.glass.bounding_shell import HULL, bounding_shell_steps, edge_turns
 from kiriko.core.glass.meshes import areas_of
 from kiriko.core.glass.surfaces import make_surface
 from known.catmull_clark import LATHE, lathe_cage, limit_mesh
@@ -23,7 +23,7 @@ BODIES = {
 
 def hull_of(mesh):
     curved = make_surface(mesh).curved
-    return curved, finish(making_hull(curved))
+    return curved, run_steps(bounding_shell_steps(curved))
 
 
 def cross_2d(a, b):

@@ -13,7 +13,7 @@ import pytest
 
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.samples import strata
 from kiriko.core.map.sampling import sample
@@ -49,7 +49,7 @@ def brute_force(spp=200):
     """The same light by random rays, and its standard error."""
     a_rig = facetted()
     xy = np.random.default_rng(5).random((spp * PIXELS**2, 2)) * PIXELS
-    landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
+    landings = trace_all(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
     is_seen, pixel = landings.pixels(256, 256)
     light = on_blocks(np.bincount(pixel[is_seen], minlength=256**2).reshape(256, 256)) / spp
     return light, np.sqrt(np.maximum(light, 1 / spp) / spp)
@@ -122,7 +122,7 @@ def test_samples_stay_where_they_are():
 @pytest.mark.parametrize("a_rig", [ball_rig(3, pixels=64), cube_rig(pixels=64)])
 def test_clear_glass_is_not_sampled(a_rig):
     """But for the pixels in which a cube's corners are seen, where several edges meet."""
-    found = drain(sample(make_plan(a_rig, Settings())))
+    found = drain(sample(compile_plan(a_rig, Settings())))
     assert found.error.sampled < 0.005
     assert found.sample_area.sum() < 0.005 * 64**2
 
@@ -143,7 +143,7 @@ def test_more_samples_than_memory_holds_are_refused(monkeypatch):
         RigError,
         match=r"Sampling where light is chaotic would take about .* lower Effort \(1024\), or",
     ):
-        drain(sample(make_plan(facetted(), Settings(effort=1024))))
+        drain(sample(compile_plan(facetted(), Settings(effort=1024))))
 
 
 def test_places_outside_of_the_view_are_not_on_the_map():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve.comparison import Comparer, fitted, side_by_side
 from kiriko.core.solve.session import Session
@@ -14,8 +14,8 @@ SMALL = {"pixels": 64, "display_pixels": 64}
 
 def compared(a_rig, comparer=None):
     settings = Settings()
-    solution = finish(Session().solve(a_rig, settings))
-    return finish((comparer or Comparer()).compare(solution, a_rig, settings))
+    solution = run_steps(Session().solve(a_rig, settings))
+    return run_steps((comparer or Comparer()).compare(solution, a_rig, settings))
 
 
 def test_glass_that_does_not_refract_needs_no_compensation() -> None:
@@ -28,7 +28,7 @@ def test_glass_that_does_not_refract_needs_no_compensation() -> None:
 
 def test_before_is_what_brute_force_sees_of_the_plain_picture() -> None:
     """The plain picture on the display, read where single rays through the glass land."""
-    from kiriko.core.light.compile_plan import make_plan
+    from kiriko.core.light.compile_plan import compile_plan
     from kiriko.core.light.trace import trace
 
     a_rig = cube_rig(**SMALL)
@@ -39,7 +39,7 @@ def test_before_is_what_brute_force_sees_of_the_plain_picture() -> None:
     # nine rays a pixel
     x, y = np.meshgrid((np.arange(64 * 3) + 0.5) / 3, (np.arange(64 * 3) + 0.5) / 3)
     xy = np.stack([x.ravel(), y.ravel()], axis=1)
-    landed = trace(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).xy
+    landed = trace(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).xy
     is_there = np.isfinite(landed).all(axis=1)
     column, row = np.clip(np.floor(landed[is_there]).astype(int), 0, 63).T
     seen = np.zeros((len(xy), 3))

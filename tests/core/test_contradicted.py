@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import tracing
 from kiriko.core.rig.rig import ConstantIndex, Glass
 from kiriko.core.rig.settings import Settings
@@ -37,9 +37,9 @@ def fan(angles):
 
 def found_in(a_rig, origins, directions):
     """At the first surface that rays meet: by the second step it is known how light went on."""
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     steps = []
-    finish(tracing(plan, origins, directions, steps=steps))
+    run_steps(tracing(plan, origins, directions, steps=steps))
     return find_contradicted(plan, origins, steps[:2])
 
 
@@ -75,6 +75,6 @@ def test_the_share_is_told_of_each_glass():
         Glass("coarse", replace(coarse, surface="facets"), ConstantIndex(1.49)),
         Glass("flat", smooth, ConstantIndex(1.49)),
     )
-    share, none = finish(accuracy.contradicted(make_plan(rig(glasses), Settings())))
+    share, none = run_steps(accuracy.contradicted(compile_plan(rig(glasses), Settings())))
     assert 0.01 < share < 0.5
     assert none == 0.0

@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import fitted_faces
 from kiriko.core.glass.curved import CurvedFaces
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.quartics import grid
-from kiriko.core.glass.surfaces import make_surface, making_surface
+from kiriko.core.glass.surfaces import make_surface, surface_steps
 from kiriko.core.glass.tessellate import count_parts, tessellate
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.ray_engine import Layer, LeavingKnobs
 from kiriko.core.light.rays import Reason
@@ -507,9 +507,9 @@ def test_a_surface_is_the_same_however_often_its_making_pauses(has_kernel, monke
     them.
     """
     mesh = mean_normals(torus(0.04, 0.015, 24, 12))
-    whole = finish(making_surface(mesh)).curved
+    whole = run_steps(surface_steps(mesh)).curved
     monkeypatch.setattr(fitted_faces, "VERTICES_AT_ONCE", 7)
-    n_pauses, found = counted(making_surface(mesh))
+    n_pauses, found = counted(surface_steps(mesh))
     found = found.curved
 
     assert n_pauses > (len(mesh.vertices) // 7 if has_kernel else 10)
@@ -575,7 +575,7 @@ def test_no_ray_is_lost_inside(name, has_mean_normals, ior):
     """
     mesh = meshes(name, has_mean_normals)
     o, d = aimed(mesh, 40_000)
-    landings = trace_all(make_plan(rig(mesh, ior=ior), Settings()), o, d)
+    landings = trace_all(compile_plan(rig(mesh, ior=ior), Settings()), o, d)
     assert (landings.reason != Reason.MISSED_GLASS).sum() > 15_000
     assert not is_leak(landings).any()
     if ior == 1.0:  # straight on, to the limit only where rounding holds them
@@ -735,7 +735,7 @@ def landings_of(mesh, surface="smooth", n=40):
     """Landings of rays that avoid the edges in the rig's planes of symmetry."""
     a_rig = rig(replace(mesh, surface=surface))
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(3.3, 509.1, n), np.linspace(2.7, 510.9, n)))
-    return trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(np.stack([x, y], axis=1)))
+    return trace_all(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(np.stack([x, y], axis=1)))
 
 
 def is_same(one, other):
@@ -792,7 +792,7 @@ def test_one_useless_face_leaves_the_others_curved(kind):
     assert np.isfinite(surface.curved.coefficients).all()
 
     o, d = aimed(mesh, 5000)
-    found = trace_all(make_plan(rig(mesh), Settings()), o, d)
+    found = trace_all(compile_plan(rig(mesh), Settings()), o, d)
     assert np.isfinite(found.directions).all()
     assert not is_leak(found).any()
 
@@ -843,7 +843,7 @@ def test_degenerate_and_sliver_triangles_are_harmless():
             surface = make_surface(some)
             assert surface.n_open == 0
             assert np.isfinite(surface.curved.coefficients).all()
-            found = trace_all(make_plan(rig(some), Settings()), *aimed(some, 3000))
+            found = trace_all(compile_plan(rig(some), Settings()), *aimed(some, 3000))
             assert np.isfinite(found.directions).all()
             assert not is_leak(found).any()
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from kiriko.core.base.fingerprint import fingerprint
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.display import display_plane, uv_islands
-from kiriko.core.light.mesh_cache import Kept
+from kiriko.core.light.mesh_cache import MeshCache
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
@@ -27,7 +27,7 @@ def with_display(a_rig, mesh):
 def traced(a_rig, n=65):
     x, y = np.meshgrid(np.linspace(0, 512, n), np.linspace(0, 512, n))
     o, d = a_rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
-    return o, d, trace_all(make_plan(a_rig, Settings()), o, d)
+    return o, d, trace_all(compile_plan(a_rig, Settings()), o, d)
 
 
 def cylinder(columns, radius=0.04, half_angle=0.7, height=0.06):
@@ -173,7 +173,7 @@ def test_a_seam_on_an_edge_that_panels_share_is_a_border():
         on = (np.abs(u - 0.5) < 0.5) & (np.abs(v - 0.5) < 0.5)
         expected[on] = np.stack([(first + 0.4 * u) * size, (1 - v) * size], axis=1)[on]
 
-    landings = trace_all(make_plan(with_display(base, mesh), Settings()), o, d)
+    landings = trace_all(compile_plan(with_display(base, mesh), Settings()), o, d)
     np.testing.assert_array_equal(landings.has_arrived, np.isfinite(expected[:, 0]))
     np.testing.assert_allclose(
         landings.xy[landings.has_arrived], expected[landings.has_arrived], atol=1e-9
@@ -213,8 +213,8 @@ def test_what_a_plan_keeps_is_of_the_same_display_and_plate():
     turned = replace(display.mesh, vertices=display.mesh.vertices[:, [1, 0, 2]])
     halved = replace(display.mesh, uv=0.5 * display.mesh.uv)
     moved = replace(plate.mesh, vertices=plate.mesh.vertices + np.array([0, 1e-3, 2e-3]))
-    kept = Kept()
-    first = make_plan(a_rig, Settings(), kept)
+    kept = MeshCache()
+    first = compile_plan(a_rig, Settings(), kept)
     for changed in (
         replace(a_rig, displays=(replace(display, width=48),)),
         replace(a_rig, displays=(replace(display, height=48),)),
@@ -223,10 +223,10 @@ def test_what_a_plan_keeps_is_of_the_same_display_and_plate():
         replace(a_rig, plates=(replace(plate, mesh=moved),)),
         a_rig,
     ):
-        found, new = make_plan(changed, Settings(), kept), make_plan(changed, Settings())
+        found, new = compile_plan(changed, Settings(), kept), compile_plan(changed, Settings())
         assert fingerprint(found.display) == fingerprint(new.display)
         assert fingerprint(found.triangles) == fingerprint(new.triangles)
-    assert make_plan(a_rig, Settings(), kept).display.plane is found.display.plane
+    assert compile_plan(a_rig, Settings(), kept).display.plane is found.display.plane
     assert fingerprint(found.display) == fingerprint(first.display)
 
 
@@ -252,8 +252,8 @@ def test_two_displays_have_each_their_own_landings_and_source_image():
     rigs = both.for_each_display()
 
     o, d = whole.viewer.rays(np.random.default_rng(0).uniform(0, 48, (500, 2)))
-    expected = trace_all(make_plan(whole, Settings()), o, d)
-    found = [trace_all(make_plan(one, Settings()), o, d) for one in rigs]
+    expected = trace_all(compile_plan(whole, Settings()), o, d)
+    found = [trace_all(compile_plan(one, Settings()), o, d) for one in rigs]
     is_right = expected.xy[:, 0] > 32
     for k, landings in enumerate(found):
         mine = expected.has_arrived & (is_right == k)

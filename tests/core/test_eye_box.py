@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.lab.atlas.heads import viewer_at
 from kiriko.core.lab.measure.head_range import (
     BEYOND,
@@ -25,7 +25,7 @@ from kiriko.core.lab.measure.head_range import (
     octahedron,
     surface_of,
 )
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rig
 from known.work import drain
@@ -105,7 +105,7 @@ def test_behind_a_slab_it_is_that_of_a_walk_by_closed_form():
 def test_behind_a_slab_its_curves_are_those_of_closed_form():
     """Angles, px and coverage along six ways; the largest angle is the limit where a way ends."""
     a_rig = slab_rig()
-    walk = Walk(make_plan(a_rig, Settings()), 0.5)
+    walk = Walk(compile_plan(a_rig, Settings()), 0.5)
     found = drain(walk.box())
     curves = drain(curves_of(walk, found))
     eye = a_rig.viewer.position
@@ -141,7 +141,7 @@ def test_its_drawing_has_a_line_for_each_way_and_number():
     """Four curves of angles and of px, two of coverage, for each axis; where
     nothing is seen they stop.
     """
-    walk = Walk(make_plan(slab_rig(), Settings()), 0.5)
+    walk = Walk(compile_plan(slab_rig(), Settings()), 0.5)
     found = drain(walk.box())
     curves = drain(curves_of(walk, found))
     unseen = replace(
@@ -170,23 +170,23 @@ def test_on_the_ball_it_is_that_of_a_walk_by_steps():
     """Six ways, each within 2 % of a walk in steps, by the angles and by what is seen."""
     a_rig = ball_rig(4, display=0.075, **SMALL)
     found = drain(eye_box(a_rig, Settings(), limit=1.0, least=0.9))
-    walk = Walk(make_plan(a_rig, Settings()), 1.0, 0.9)
-    finish(walk.begin())
+    walk = Walk(compile_plan(a_rig, Settings()), 1.0, 0.9)
+    run_steps(walk.begin())
     for name, (axis, sign, _) in zip(NAMES, WAYS, strict=True):
         extent = getattr(found, name)
         way = sign * np.eye(3)[axis]
         for s in extent * np.arange(0.15, 0.99, 0.2):
-            assert finish(walk.part(s * way)) <= 1, name
-        assert finish(walk.part(0.98 * extent * way)) <= 1, name
+            assert run_steps(walk.part(s * way)) <= 1, name
+        assert run_steps(walk.part(0.98 * extent * way)) <= 1, name
         if not found.is_open[NAMES.index(name)]:
-            assert finish(walk.part(1.02 * extent * way)) > 1, name
+            assert run_steps(walk.part(1.02 * extent * way)) > 1, name
 
 
 def test_more_may_be_off_so_it_goes_farther():
-    plan = make_plan(ball_rig(4, display=0.075, **SMALL), Settings())
+    plan = compile_plan(ball_rig(4, display=0.075, **SMALL), Settings())
     for axis, sign, most in WAYS[:3]:
         narrow, wide = (
-            finish(begun(plan, limit).farthest([(sign * np.eye(3)[axis], most)]))[0][0]
+            run_steps(begun(plan, limit).farthest([(sign * np.eye(3)[axis], most)]))[0][0]
             for limit in (0.25, 0.5)
         )
         assert 0 < narrow < wide
@@ -194,15 +194,15 @@ def test_more_may_be_off_so_it_goes_farther():
 
 def begun(plan, limit):
     walk = Walk(plan, limit)
-    finish(walk.begin())
+    run_steps(walk.begin())
     return walk
 
 
 def test_points_on_edges_of_the_ball_are_seen():
     """The picture's middle row is shown along edges of its triangles, where curved faces jump."""
-    walk = Walk(make_plan(ball_rig(4, display=0.075, picture=0.025, **SMALL), Settings()))
+    walk = Walk(compile_plan(ball_rig(4, display=0.075, picture=0.025, **SMALL), Settings()))
     for x in (0.001, 0.003, 0.013):
-        off = finish(walk.off((-x, 0.0, 0.0)))
+        off = run_steps(walk.off((-x, 0.0, 0.0)))
         assert np.isfinite(off).all()
         # each row is off as the one is that mirrors it
         rows = off.reshape(N_POINTS, N_POINTS)
@@ -210,11 +210,11 @@ def test_points_on_edges_of_the_ball_are_seen():
 
 
 def test_a_head_at_the_picture_or_behind_it_is_too_far():
-    walk = begun(make_plan(ball_rig(4, display=0.075, **SMALL), Settings()), 1e6)
+    walk = begun(compile_plan(ball_rig(4, display=0.075, **SMALL), Settings()), 1e6)
     distance = np.linalg.norm(walk.plan.viewer.position)
-    assert finish(walk.part((0.0, 0.0, 0.0))) < np.inf
+    assert run_steps(walk.part((0.0, 0.0, 0.0))) < np.inf
     for part in (1.0, 1.5):
-        assert finish(walk.part((0.0, 0.0, part * distance))) == np.inf
+        assert run_steps(walk.part((0.0, 0.0, part * distance))) == np.inf
 
 
 def test_viewers_that_disagree_leave_no_box():
@@ -233,8 +233,8 @@ def test_the_surface_is_closed_and_made_of_eighths_of_ellipsoids():
     facets leave out: each octant is the sphere's, stretched, and there facets lie within 7.5
     degrees of their middles, at no less than that cosine from the sphere's.
     """
-    walk = Walk(make_plan(slab_rig(), Settings()), 0.5)
-    finish(walk.begin())
+    walk = Walk(compile_plan(slab_rig(), Settings()), 0.5)
+    run_steps(walk.begin())
     box = EyeBox(0.01, 0.02, 0.03, 0.04, 0.05, 3.0, 0.5, 0.98, (False,) * 5 + (True,))
     surface = drain(surface_of(walk, box))
     eye = walk.plan.viewer
@@ -258,7 +258,7 @@ def test_the_surface_is_closed_and_made_of_eighths_of_ellipsoids():
 
 def test_the_surface_tells_by_how_much_the_picture_is_off():
     """At each place that is traced, as there; elsewhere between; at the box's ends by the limit."""
-    walk = Walk(make_plan(slab_rig(), Settings()), 0.5)
+    walk = Walk(compile_plan(slab_rig(), Settings()), 0.5)
     box = drain(walk.box())
     surface = drain(surface_of(walk, box))
     assert surface.off.min() >= 0
@@ -273,7 +273,7 @@ def test_the_surface_tells_by_how_much_the_picture_is_off():
     for offset in directions * np.where(directions > 0, above, below):
         here = np.linalg.norm(points - offset, axis=1).argmin()
         assert points[here] == pytest.approx(offset, abs=1e-12)
-        expected = 0.5 * min(finish(walk.part(offset)), MOST)
+        expected = 0.5 * min(run_steps(walk.part(offset)), MOST)
         assert surface.off[here] == pytest.approx(expected, rel=1e-9)
     for axis, sign, _ in WAYS[:5]:
         at_end = surface.off[(sign * points[:, axis]).argmax()]

@@ -10,12 +10,12 @@ import pytest
 
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.map import samples
 from kiriko.core.map.points import Points
-from kiriko.core.map.ray_budget import Allowance, most_rays
+from kiriko.core.map.ray_budget import RayBudget, most_rays
 from kiriko.core.map.samples import (
     further_along,
     light_on_blocks,
@@ -47,7 +47,7 @@ def pixels(side):
 
 
 def a_plan(side=SIDE, effort=16):
-    return make_plan(ball_rig(1, pixels=side, display_pixels=side), Settings(effort=effort))
+    return compile_plan(ball_rig(1, pixels=side, display_pixels=side), Settings(effort=effort))
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_faint_light_takes_at_most_2_25_times_effort_and_144_further_rays(along,
 def test_the_light_on_blocks_is_all_that_lands():
     """Through a ball, most of whose light lands: to 2 %."""
     found = solve(ball_rig(3, pixels=64, display_pixels=64, display=0.2))
-    light = finish(light_on_blocks(found.first.view_map))
+    light = run_steps(light_on_blocks(found.first.view_map))
     assert light.shape == (64,)
     assert light.sum() == pytest.approx(found.weight.sum(), rel=0.02)
     blocks = found.weight.reshape(8, 8, 8, 8).sum(axis=(1, 3))
@@ -89,7 +89,7 @@ def test_a_cell_is_worth_samples_by_how_faint_light_around_it_is():
 
     def worth(points):
         work = samples_worth(plan, light, points, area, owner, corners.mean(axis=1))
-        return finish(work)
+        return run_steps(work)
 
     # those that tell stand for all three: half again as much light
     b = light[:2] / 64 + 1.5 / 64
@@ -101,7 +101,7 @@ def test_a_cell_is_worth_samples_by_how_faint_light_around_it_is():
 
 def test_a_cell_takes_as_many_samples_as_it_is_worth_and_its_allowance_has():
     plan = a_plan(8)
-    allowance = Allowance(plan, np.empty((0, 2)))
+    allowance = RayBudget(plan, np.empty((0, 2)))
     middle = np.array([[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [3.25, 0.25], [3.75, 0.25], [4.5, 0.5]])
     side = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 1.0])
     allowance.take(middle[1:2], 340)
@@ -117,7 +117,7 @@ def in_field(trace, n_times, display=SIDE):
     places and a generator of random numbers tells.
     """
     a_rig = ball_rig(1, pixels=SIDE, display_pixels=display)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     view = solve(a_rig).first.view_map
     none = view.quads[:0], view.triangles[:0], view.corner[:0], view.size[:0], view.nodes[:0]
     names = ("quads", "triangles", "corner", "size", "nodes")
@@ -132,8 +132,8 @@ def in_field(trace, n_times, display=SIDE):
 
     with patch.object(samples, "trace_points", traced):
         for _ in range(n_times):
-            allowance = Allowance(plan, np.empty((0, 2)))
-            yield finish(sample_cells(plan, empty, pixels(SIDE), allowance))
+            allowance = RayBudget(plan, np.empty((0, 2)))
+            yield run_steps(sample_cells(plan, empty, pixels(SIDE), allowance))
 
 
 @pytest.mark.parametrize("share", [0.001, 0.003, 0.01, 0.03, 0.1, 0.3])
@@ -252,7 +252,7 @@ def test_much_effort_clear_glass_and_first_pictures_take_no_more():
     """
     few = pixels(SIDE)[:1]
     every = pixels(SIDE)[:16]
-    allowance = Allowance(a_plan(), np.empty((0, 2)))
+    allowance = RayBudget(a_plan(), np.empty((0, 2)))
     with patch.object(samples, "light_on_blocks", side_effect=AssertionError):
         for effort, corners, allowed in (
             (169, every, allowance),
@@ -261,7 +261,7 @@ def test_much_effort_clear_glass_and_first_pictures_take_no_more():
             (16, every, None),
         ):
             work = sample_cells(a_plan(effort=effort), None, corners, allowed)
-            found = finish(work)
+            found = run_steps(work)
             assert len(found.points) == Settings(effort=effort).samples_along ** 2 * len(corners)
             assert found.area.sum() == pytest.approx(len(corners))
 
@@ -270,7 +270,7 @@ def test_no_pixel_takes_more_rays_than_it_may():
     for effort in (1, 2, 4, 16):
         found = solve(facetted_rig(32), effort=effort).first.view_map
         column, row = np.floor(found.points.view).astype(int).T
-        plan = make_plan(facetted_rig(32), Settings(effort=effort))
+        plan = compile_plan(facetted_rig(32), Settings(effort=effort))
         assert np.bincount(33 * row + column).max() <= most_rays(plan)
         samples_of = np.bincount(33 * row[found.samples] + column[found.samples])
         assert samples_of.max() <= max(3.25 * effort, 8)  # quarters take one or two each
@@ -294,7 +294,7 @@ def stopped_in_the_second_sampling(plan):
 
 def test_it_can_be_stopped_while_further_samples_are_traced():
     """The work ends at once, and does so without a trace in what comes after."""
-    plan = make_plan(facetted_rig(32), Settings())
+    plan = compile_plan(facetted_rig(32), Settings())
     work, seen = stopped_in_the_second_sampling(plan)
     work.close()
     with pytest.raises(StopIteration):
@@ -305,7 +305,7 @@ def test_it_can_be_stopped_while_further_samples_are_traced():
 
 def test_further_samples_that_memory_does_not_hold_are_refused():
     """As many bytes as Effort takes are free, and no more."""
-    plan = make_plan(facetted_rig(), Settings())
+    plan = compile_plan(facetted_rig(), Settings())
     n = solved().first.map_error.n_samples
     asked = []
     real = samples.check_free

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import ImageError, RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.files import image_io
 from kiriko.core.lab.farm import extension
 from kiriko.core.lab.farm import job as join
-from kiriko.core.lab.farm.job import AtlasJob, Choice, Job, parameter_values
+from kiriko.core.lab.farm.job import AtlasJob, Job, TaskChoice, parameter_values
 
 FRAMES = Job("Kiriko 金魚 bowl", "金魚 bowl.blend", "0.1.0", frames="1-12", chunk=5)
-RIGS = tuple(Choice(name, name.lower()) for name in ("Rig", "Rig.001"))
-VALUES = tuple(Choice(value, value) for value in ("1.45", "1.5", "1.55"))
+RIGS = tuple(TaskChoice(name, name.lower()) for name in ("Rig", "Rig.001"))
+VALUES = tuple(TaskChoice(value, value) for value in ("1.45", "1.5", "1.55"))
 
 
 def words(step: dict) -> list[str]:
@@ -62,7 +62,7 @@ def test_rigs_and_values_are_tasks_with_folders_of_their_own() -> None:
 
 def test_viewers_are_tasks_of_one_alone() -> None:
     """With frames each viewer has them all, in a folder of its own."""
-    viewers = (Choice("Left", "Left"), Choice("Eye/2", "Eye_2"))
+    viewers = (TaskChoice("Left", "Left"), TaskChoice("Eye/2", "Eye_2"))
     job = dataclasses.replace(FRAMES, viewers=viewers)
     job.check()
     solve, joined = job.template["steps"]
@@ -85,7 +85,7 @@ def test_viewers_are_tasks_of_one_alone() -> None:
         ({"path": "kiriko.tolerance"}, r"no values of the property 'kiriko\.tolerance'"),
         ({"blend": "{{a}}.blend"}, "two braces"),
         (
-            {"path": "a", "values": tuple(Choice(str(n), str(n)) for n in range(1025))},
+            {"path": "a", "values": tuple(TaskChoice(str(n), str(n)) for n in range(1025))},
             "1025 values",
         ),
     ],
@@ -99,7 +99,7 @@ def test_jobs_that_no_scheduler_takes_are_refused(change: dict, said: str) -> No
 
 def test_names_that_begin_with_a_dash_are_no_options() -> None:
     """Each stands in one word with its option."""
-    job = dataclasses.replace(FRAMES, rigs=RIGS, viewers=(Choice("-x", "x"),))
+    job = dataclasses.replace(FRAMES, rigs=RIGS, viewers=(TaskChoice("-x", "x"),))
     solve, _ = job.template["steps"]
     assert "--rig={{Task.Param.Rig}}" in words(solve)
     assert "--only-viewer={{Task.Param.Viewer}}" in words(solve)
@@ -168,21 +168,21 @@ def images(tmp_path: Path) -> list[Path]:
 
 def test_join_sees_what_is_missing_cut_or_of_another_size(images: list[Path]) -> None:
     """Whole images give their size; a missing, an empty, a cut and a smaller one are named."""
-    assert finish(join.check(images)) == (32, 24)
+    assert run_steps(join.check(images)) == (32, 24)
 
     whole = images[1].read_bytes()
     images[1].write_bytes(whole[: len(whole) // 2])
     with pytest.raises(ImageError, match=r"source_0002\.png"):
-        finish(join.check(images))
+        run_steps(join.check(images))
     images[1].write_bytes(b"")
     with pytest.raises(ImageError, match=r"1 of 3 images are missing .*source_0002\.png"):
-        finish(join.check(images))
+        run_steps(join.check(images))
     images[1].unlink()
     with pytest.raises(ImageError, match="1 of 3 images are missing"):
-        finish(join.check(images))
+        run_steps(join.check(images))
     image_io.write(images[1], np.zeros((8, 8, 3), np.float32), "PNG8")
     with pytest.raises(ImageError, match="8 x 8 pixels, and the first of its job has 32 x 24"):
-        finish(join.check(images))
+        run_steps(join.check(images))
 
 
 def test_logs_are_one_in_the_order_of_frames(tmp_path: Path) -> None:

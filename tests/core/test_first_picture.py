@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.mesh_cache import Kept
+from kiriko.core.light.compile_plan import compile_plan
+from kiriko.core.light.mesh_cache import MeshCache
 from kiriko.core.map.points import areas
 from kiriko.core.map.sampling import Sampling
 from kiriko.core.rig.settings import Settings
@@ -74,7 +74,7 @@ def test_a_coarse_map_quarters_no_pixel():
     bottle_rig = reference_rigs.rig(bottle(), pixels=36, image=lattice_image(16))
 
     def areas_of_quads(is_coarse):
-        found = drain(Sampling(make_plan(bottle_rig, Settings()), is_coarse).sample())
+        found = drain(Sampling(compile_plan(bottle_rig, Settings()), is_coarse).sample())
         return set(2 * areas(found.points.view, found.quads[:, :3]))
 
     assert areas_of_quads(True) == {1.0}
@@ -135,7 +135,7 @@ def test_light_is_looked_for_before_a_job(monkeypatch):
         with pytest.raises(RigError) as plain:
             solve(rig)
         with pytest.raises(RigError) as found:
-            first_picture.check_light(Kept(), rig, Settings())
+            first_picture.check_light(MeshCache(), rig, Settings())
         assert str(found.value) == str(plain.value)
 
     def refuse(*_):
@@ -143,10 +143,10 @@ def test_light_is_looked_for_before_a_job(monkeypatch):
         raise RigError("The display stays dark.")
 
     monkeypatch.setattr(Session, "glance", refuse)
-    first_picture.check_light(Kept(), seen, Settings())
+    first_picture.check_light(MeshCache(), seen, Settings())
     monkeypatch.undo()
     monkeypatch.setattr(Session, "solve", refuse)
-    first_picture.check_light(Kept(), seen, Settings())
+    first_picture.check_light(MeshCache(), seen, Settings())
 
 
 def test_what_cannot_be_solved_shows_nothing(impatient):

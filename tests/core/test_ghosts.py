@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.image.ghosts import NO_PATH, Paths, paths_of
+from kiriko.core.image.ghosts import NO_PATH, SeenPaths, paths_of
 from kiriko.core.image.picture import picture_from_view
 from kiriko.core.image.pyramid import Pyramid
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.pieces import Piece
 from kiriko.core.map.shares import Shares
@@ -63,7 +63,7 @@ def test_the_strongest_path_has_the_largest_sum():
     for _ in range(20):
         n_pixels = 7
         batches = [some_shares(random, n, 7, 4) for n in (30, 1, 0, 12)]
-        paths = Paths((n_pixels, 1))
+        paths = SeenPaths((n_pixels, 1))
         sums = {}
         for shares in batches:
             paths.add(shares)
@@ -110,7 +110,7 @@ def test_a_pixel_shows_what_its_strongest_path_asks_for():
     side = 96
     step = 1e-4
     xy = np.random.default_rng(3).uniform(0, side, (n, 2))
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     landings, across, along = (
         trace_all(plan, *a_rig.viewer.rays(xy + shift)) for shift in ([0, 0], [step, 0], [0, step])
     )

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.image.glare import LightBeside
+from kiriko.core.image.glare import StrayLight
 from kiriko.core.image.simulation import LUMINANCE
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.shares import Coverage
@@ -59,9 +59,9 @@ def test_light_beside_the_glass_lands_where_it_does_when_it_counts(make):
     """
     a_rig = make()
     rays = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 96, (4000, 2)))
-    all_count = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *rays)
-    plain = trace_all(make_plan(a_rig, Settings()), *rays)
-    found = trace_all(make_plan(a_rig, Settings(suppress_glare=0.5)), *rays)
+    all_count = trace_all(compile_plan(a_rig, Settings(only_through_glass=False)), *rays)
+    plain = trace_all(compile_plan(a_rig, Settings()), *rays)
+    found = trace_all(compile_plan(a_rig, Settings(suppress_glare=0.5)), *rays)
 
     assert np.array_equal(found.reason, plain.reason)
     is_beside = all_count.has_arrived & (plain.reason == Reason.MISSED_GLASS)
@@ -116,10 +116,10 @@ def test_least_squares_with_weight():
     source = solve(a_rig).source
     xy = np.random.default_rng(2).uniform(0, 96, (n, 2))
     landings = trace_all(
-        make_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy)
+        compile_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy)
     )
     is_beside = (
-        trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).reason
+        trace_all(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(xy)).reason
         == Reason.MISSED_GLASS
     )
     is_on, pixel = landings.pixels(128, 128)
@@ -205,7 +205,7 @@ def test_where_the_glare_is(place, where):
     random = np.random.default_rng(1)
     through = random.normal(50, 8, (500, 2))
     beside = random.normal(place, 1, (100, 2))
-    light = LightBeside(
+    light = StrayLight(
         np.concatenate([through, beside]),
         np.zeros(600, np.int64),
         np.ones(600),

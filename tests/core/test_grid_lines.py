@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.fitted_faces import tangent_planes
 from kiriko.core.glass.grid_lines import look_along_lines
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
@@ -29,7 +29,7 @@ def looked_at(mesh):
     """How far the vertices (v,) are off smooth lines, m, and how coarse these are."""
     v, _ = vertices_and_edges(mesh)
     size = tangent_planes(v).size
-    lines = finish(look_along_lines(v, size))
+    lines = run_steps(look_along_lines(v, size))
     return lines.scatter * size, lines.phase
 
 
@@ -65,7 +65,7 @@ def landings(mesh, surface, n=1500):
     a_rig = rig(replace(mesh, surface=surface), display=0.2, display_pixels=512)
     size = [a_rig.viewer.width, a_rig.viewer.height]
     rays = a_rig.viewer.rays(np.random.default_rng(3).uniform(0, size, (n, 2)))
-    found = trace_all(make_plan(a_rig, Settings()), *rays)
+    found = trace_all(compile_plan(a_rig, Settings()), *rays)
     xy = np.full((n, 2), np.nan)
     xy[found.sample] = found.xy
     return xy

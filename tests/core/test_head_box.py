@@ -11,7 +11,7 @@ from kiriko.core.base.errors import RigError
 from kiriko.core.lab.atlas.heads import evenly, viewer_at
 from kiriko.core.lab.measure import head_box as room
 from kiriko.core.lab.measure.head_box import as_data, as_svg, check_box, head_box
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, box, rig
 from known.work import drain
@@ -83,7 +83,7 @@ def test_behind_a_slab_it_is_that_of_closed_form(counts, weights):
     """Numbers over the box, in its middle and along each axis, for all and for the middle."""
     sizes = (0.2, 0.12, 0.1)
     a_rig = with_heads(slab_rig(), counts, sizes, weights)
-    found = drain(head_box(make_plan(a_rig, Settings())))
+    found = drain(head_box(compile_plan(a_rig, Settings())))
     size = [s if n > 1 else 0.0 for n, s in zip(counts, sizes, strict=True)]
     assert found.size_m == pytest.approx(size, abs=1e-12)
     assert found.n_viewers == len(a_rig.viewers)
@@ -124,7 +124,7 @@ def test_behind_a_slab_it_is_that_of_closed_form(counts, weights):
 
 def test_with_index_one_nobody_is_off():
     a_rig = with_heads(slab_rig(ior=1.0), (2, 2, 2), (0.1, 0.1, 0.1))
-    found = drain(head_box(make_plan(a_rig, Settings())))
+    found = drain(head_box(compile_plan(a_rig, Settings())))
     assert found.n_heads == 27
     assert found.for_all.largest_arcmin < 1e-6
     assert found.for_middle.largest_arcmin < 1e-6
@@ -133,7 +133,7 @@ def test_with_index_one_nobody_is_off():
 def test_its_data_and_drawing_tell_the_same():
     """Numbers are JSON's; each axis has a diagram, with a curve for each way, mean and largest."""
     a_rig = with_heads(ball_rig(3, **SMALL), (3, 1, 2), (0.06, 0.0, 0.05))
-    found = drain(head_box(make_plan(a_rig, Settings())))
+    found = drain(head_box(compile_plan(a_rig, Settings())))
     data = json.loads(json.dumps(as_data(found)))
     assert data["for_all"]["mean_arcmin"] == found.for_all.mean_arcmin
     assert data["worse_at_middle_arcmin"] == found.worse_at_middle_arcmin
@@ -172,7 +172,7 @@ def test_places_that_nobody_sees_are_told_as_none(monkeypatch):
     """A display of a tenth of a millimetre shows none of four points beside the middle."""
     monkeypatch.setattr(room, "N_POINTS", 2)
     a_rig = with_heads(ball_rig(3, display=1e-4, **SMALL), (2, 1, 1), (0.3, 0.0, 0.0))
-    found = drain(head_box(make_plan(a_rig, Settings())))
+    found = drain(head_box(compile_plan(a_rig, Settings())))
     assert found.for_all.mean_arcmin is None
     assert found.for_all.coverage == 0.0
     assert found.worse_at_middle_arcmin is None

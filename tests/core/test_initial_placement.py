@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.initial_placement import ENOUGH, LEAST, Bundle, Request, grid_over, settle
 from kiriko.core.bench.picture_light import Spread
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
@@ -32,7 +32,7 @@ def settled(
 
     session = Session()
     steps = settle(request, proposal, lambda rig: session.plan(rig, settings or Settings()))
-    proposal, spread = finish(steps)
+    proposal, spread = run_steps(steps)
     return request.rig(proposal), proposal, spread
 
 

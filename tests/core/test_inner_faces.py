@@ -8,7 +8,7 @@ import pytest
 
 from kiriko.core.glass.inner_faces import find_bodies, without_inner
 from kiriko.core.glass.solids import solids_from_mesh
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
@@ -112,7 +112,7 @@ def test_light_goes_as_without_the_wall():
     found = []
     for mesh in (plain, odd):
         a_rig = rig(mesh, pixels=48)
-        plan = make_plan(a_rig, Settings())
+        plan = compile_plan(a_rig, Settings())
         x, y = np.meshgrid(np.linspace(1, 47, 41), np.linspace(1, 47, 41))
         found.append(trace_all(plan, *a_rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))))
         assert plan.counts.n_open == (0,)

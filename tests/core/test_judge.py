@@ -8,7 +8,7 @@ never the wrong class where it can be known.
 import numpy as np
 import pytest
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass
@@ -94,7 +94,7 @@ def test_light_that_leaves_close_to_an_edge_does_not_enter_again():
     half = 0.03
     at = half * np.array([[-1, -1], [1, -1], [-1, 1]])
     glass = Glass("prism", Prism(at, 0.1, 1.0).mesh, ConstantIndex(0.6))
-    plan = make_plan(rig((glass,), **OUT_OF_THE_WAY), Settings())
+    plan = compile_plan(rig((glass,), **OUT_OF_THE_WAY), Settings())
     d = np.array([[0.1, 1.0, 0.0]]) / np.sqrt(1.01)
     for beside, met in ((4e-9, True), (1e-10, True), (-4e-9, False), (-1e-10, False)):
         landings = trace_all(plan, np.array([[half - beside, -half, 0.0]]) - 0.5 * d, d)

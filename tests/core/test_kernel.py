@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import build_kernel
 from kiriko.core.base.arrays import frozen
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import (
     curved,
     curved_hits,
@@ -30,7 +30,7 @@ from kiriko.core.glass.vertices import Vertices
 from kiriko.core.image import native_paint, outline, picture, pyramid, source_image
 from kiriko.core.image.picture import of_square
 from kiriko.core.image.pyramid import Pyramid
-from kiriko.core.image.source_image import Painting, find_strokes
+from kiriko.core.image.source_image import Painting, find_filter_taps
 from kiriko.core.light import (
     kernel_tracer,
     kernel_trees,
@@ -41,11 +41,11 @@ from kiriko.core.light import (
     ray_engine,
     trace,
 )
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.engines import Embree
-from kiriko.core.light.mesh_cache import Kept
+from kiriko.core.light.mesh_cache import MeshCache
 from kiriko.core.light.near_misses import ThinParts
-from kiriko.core.light.rays import Landings, Rays, ReachedError, Reason
+from kiriko.core.light.rays import DeferredObjectError, Landings, Rays, Reason
 from kiriko.core.light.trace import recording, trace_all, tracing
 from kiriko.core.map import borders, native_divide
 from kiriko.core.map import cells as cells_module
@@ -93,7 +93,7 @@ def rays_of(a_rig, n=N_RAYS, seed=0):
 def both_ways(a_rig, some=DEFAULT, n=N_RAYS, light="imaged"):
     """Landings by numpy and by the kernel, of the same rays through the same curved faces."""
     rays = rays_of(a_rig, n)
-    plan = make_plan(a_rig, some)
+    plan = compile_plan(a_rig, some)
     with loading.off():
         expected = trace_all(plan, *rays, light)
     assert "compiled kernel" in plan.used
@@ -102,9 +102,9 @@ def both_ways(a_rig, some=DEFAULT, n=N_RAYS, light="imaged"):
 
 def turned_ball():
     """A glass that was only moved, in the plan of the one before."""
-    kept = Kept()
+    kept = MeshCache()
     mesh = icosphere(0.025, 3)
-    make_plan(rig(mesh), Settings(), kept)
+    compile_plan(rig(mesh), Settings(), kept)
     c = np.cos(0.3)
     s = np.sin(0.3)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -113,7 +113,7 @@ def turned_ball():
         vertices=mesh.vertices @ turn.T + [0.002, 0.001, -0.001],
         corner_normals=mesh.corner_normals @ turn.T,
     )
-    plan = make_plan(rig(moved), Settings(), kept)
+    plan = compile_plan(rig(moved), Settings(), kept)
 
     assert any(held.layer.motion is not None for held in plan.layers)
     return plan
@@ -263,7 +263,7 @@ def test_a_glass_that_was_only_moved():
 def test_same_ways_and_courses():
     """The record of each event is the same; a ray leaves its course at the same event."""
     a_rig = rig(torus(0.018, 0.007, 64, 32))
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     rays = rays_of(a_rig, 2000)
 
     ways = []
@@ -272,8 +272,8 @@ def test_same_ways_and_courses():
     for way in (loading.off(), nullcontext()):
         steps = []
         with way:
-            finish(tracing(plan, *rays, steps=steps))
-            words.append(finish(recording(plan, *rays))[1])
+            run_steps(tracing(plan, *rays, steps=steps))
+            words.append(run_steps(recording(plan, *rays))[1])
         ways.append(steps)
 
     assert np.array_equal(*words)
@@ -295,8 +295,8 @@ def test_same_ways_and_courses():
 
     other = np.roll(words[0], 1, axis=0)  # each ray on the course of another
     with loading.off():
-        led.append(finish(tracing(plan, *rays, course=other)))
-    led.append(finish(tracing(plan, *rays, course=other)))
+        led.append(run_steps(tracing(plan, *rays, course=other)))
+    led.append(run_steps(tracing(plan, *rays, course=other)))
 
     assert np.array_equal(led[0].branch, led[1].branch)
     assert 0 < (led[0].branch != 0).mean() < 1
@@ -305,10 +305,10 @@ def test_same_ways_and_courses():
 def test_glass_aside_is_told():
     """A ray that comes near glass that is not in the plan is told by the same error."""
     a_rig = two(icosphere(0.015, 2), icosphere(0.01, 2, centre=(0, 0.05, 0)))
-    plan = make_plan(a_rig, Settings(), aside=(1,))
+    plan = compile_plan(a_rig, Settings(), aside=(1,))
     rays = rays_of(a_rig, 200)
-    with pytest.raises(ReachedError) as found:
-        finish(tracing(plan, *rays))
+    with pytest.raises(DeferredObjectError) as found:
+        run_steps(tracing(plan, *rays))
     assert found.value.boxes == {0}
 
 
@@ -320,12 +320,14 @@ def test_the_tree_is_a_ray_engine(make):
 
     Rays may go nowhere.
     """
-    (layer,) = (held.layer for held in make_plan(rig(make()), DEFAULT).layers if held.layer.curved)
+    (layer,) = (
+        held.layer for held in compile_plan(rig(make()), DEFAULT).layers if held.layer.curved
+    )
     dice = np.random.default_rng(0)
     origins = dice.uniform(-1.2, 1.2, (8000, 3)).astype(np.float32)
     directions = unit(dice.normal(size=(8000, 3)) - origins).astype(np.float32)
     expected = Embree(layer.asked.corners).shoot(origins, directions)
-    found = kernel_trees.HullEngine(layer.asked).shoot(origins, directions)
+    found = kernel_trees.BoundingShellEngine(layer.asked).shoot(origins, directions)
     is_same = found.triangle == expected.triangle
 
     assert is_same.mean() > 0.999  # where edges and rays meet rounding decides
@@ -339,7 +341,7 @@ def test_the_tree_is_a_ray_engine(make):
             getattr(found, name)[some], getattr(expected, name)[some], atol=1e-3
         )
 
-    nowhere = kernel_trees.HullEngine(layer.asked).shoot(
+    nowhere = kernel_trees.BoundingShellEngine(layer.asked).shoot(
         origins[:3] * np.array([[np.nan], [np.inf], [1]]), 0 * directions[:3]
     )
     assert (nowhere.triangle == -1).all()
@@ -400,7 +402,7 @@ def test_where_ways_part_the_kernel_has_met_the_nearer_face(make):
     the kernel is right.
     """
     a_rig = rig(make())
-    found = find_parted(make_plan(a_rig, DEFAULT), *rays_of(a_rig, 20_000))
+    found = find_parted(compile_plan(a_rig, DEFAULT), *rays_of(a_rig, 20_000))
     assert 0 < found.n_parted < 1e-2 * found.n_rays
     assert found.n_wrong == 0
 
@@ -420,17 +422,17 @@ def test_a_ray_that_is_lost_behind_a_hull_has_all_faces_asked():
 
     def followed(plan):
         steps = []
-        landings = finish(tracing(plan, *rays, steps=steps))
-        return landings, steps, *finish(recording(plan, *rays))
+        landings = run_steps(tracing(plan, *rays, steps=steps))
+        return landings, steps, *run_steps(recording(plan, *rays))
 
     def made():
-        return make_plan(replace(a_rig, glasses=rig(bottle()).glasses), DEFAULT)
+        return compile_plan(replace(a_rig, glasses=rig(bottle()).glasses), DEFAULT)
 
     plan = made()
     assert not kernel_trees.has_face_tree(behind_hull(plan))
     found = followed(plan)
     assert kernel_trees.has_face_tree(behind_hull(plan))
-    recorded, courses = finish(recording(made(), *rays))
+    recorded, courses = run_steps(recording(made(), *rays))
 
     landings, steps, of_recorded, of_courses = followed(plan)
     assert np.array_equal(courses, of_courses)
@@ -463,7 +465,7 @@ def test_no_ray_breaks_it(name):
     Their neighbours are none the worse.
     """
     a_rig = RIGS[name]()
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     o, d = rays_of(a_rig, len(WILD))
     expected = trace_all(plan, o, d)
     wild = np.array(WILD, float)
@@ -506,15 +508,15 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     by_events = trace.by_events
     monkeypatch.setattr(trace, "by_events", lambda *rays: by_numpy.append(rays) or by_events(*rays))
     a_rig = ball_rig(2, pixels=64)
-    plan = make_plan(a_rig, Settings(max_events=20_000))
+    plan = compile_plan(a_rig, Settings(max_events=20_000))
     view = np.random.default_rng(0).uniform(0, 64, (300, 2))
-    found = finish(trace_points(plan, view, paths=Paths(1.0)))
-    finish(trace_points(plan, view, courses=[]))
+    found = run_steps(trace_points(plan, view, paths=Paths(1.0)))
+    run_steps(trace_points(plan, view, courses=[]))
     assert ("compiled kernel" in plan.used) == is_known
     assert ("compiled kernel (faces of another kind)" in plan.left_out) != is_known
     assert bool(by_numpy) != is_known
     with loading.off():
-        expected = finish(trace_points(make_plan(a_rig, Settings()), view))
+        expected = run_steps(trace_points(compile_plan(a_rig, Settings()), view))
     np.testing.assert_allclose(found.xy, expected.xy, atol=1e-6)
 
 
@@ -531,7 +533,7 @@ def test_a_library_of_another_version_is_not_used(monkeypatch):
             monkeypatch.setattr(loading, "find_library", lambda path=path: path)
             loading.loaded.cache_clear()
             assert loading.library() is None
-            plan = make_plan(ball_rig(1), Settings())
+            plan = compile_plan(ball_rig(1), Settings())
             assert "compiled kernel (it is not there)" in plan.left_out
     finally:
         monkeypatch.undo()
@@ -544,7 +546,7 @@ def test_arrays_of_another_kind_are_not_written_to():
     """Where numpy's whole numbers are of 4 bytes, as on
     Windows before numpy 2, none are handed over.
     """
-    plan = make_plan(ball_rig(1), Settings())
+    plan = compile_plan(ball_rig(1), Settings())
     rays = Rays(*rays_of(plan.rig, 10), None, False)
     rays.leak = rays.leak.astype(np.int32)
     with pytest.raises(TypeError, match="leak is no array of int64"):
@@ -574,12 +576,12 @@ def some_edges(plan, n=400, seed=0):
     """
     dice = np.random.default_rng(seed)
     view = dice.random((2 * n, 2)) * [plan.viewer.width, plan.viewer.height]
-    points = finish(trace_points(plan, view))
+    points = run_steps(trace_points(plan, view))
     near = np.flatnonzero((points.branch[:n] != 0) & (points.branch[:n] != points.branch[n:]))
     courses = []
-    finish(trace_points(plan, points.view[near], courses=courses))
+    run_steps(trace_points(plan, points.view[near], courses=courses))
     end = np.where(dice.random(len(near)) < 0.4, dice.uniform(0.01, 1, len(near)), 1.0)
-    return points, borders.Edges(near, near + n, np.concatenate(courses), end)
+    return points, borders.BorderEdges(near, near + n, np.concatenate(courses), end)
 
 
 class Taken:
@@ -592,7 +594,7 @@ class Taken:
 def ends_of(plan, points, edges):
     """Where branches end, the last points on them, and how many rays that took."""
     taken = Taken()
-    found = finish(borders.last_on_branch(plan, points, edges, taken))
+    found = run_steps(borders.last_on_branch(plan, points, edges, taken))
     return *found, taken.n_rays
 
 
@@ -614,7 +616,7 @@ def test_same_ends_of_branches(name):
     """As by halves that are traced together: the same places by as many rays, where rounding does
     not decide.
     """
-    plan = make_plan(ENDING[name](), DEFAULT)
+    plan = compile_plan(ENDING[name](), DEFAULT)
     points, edges = some_edges(plan)
     with loading.off():
         end, last, n_tried = ends_of(plan, points, edges)
@@ -925,9 +927,9 @@ def test_same_bundles_pass_by(n_triangles, k):
     parts = some_parts(dice, n_triangles)
     bundles = some_bundles(dice, 1500, k, 4, len(parts._unit_of_patch))
     with loading.off(), np.errstate(invalid="ignore"):
-        expected = finish(parts.touch(*bundles))
+        expected = run_steps(parts.touch(*bundles))
     assert 0.004 < expected.mean() < 0.98
-    for found in by_threads(lambda: finish(parts.touch(*bundles)), (1, 3)):
+    for found in by_threads(lambda: run_steps(parts.touch(*bundles)), (1, 3)):
         assert np.array_equal(found, expected)
 
 
@@ -944,7 +946,7 @@ def test_no_bundle_breaks_it(corners, places):
         )._of_kernel
     for met in ([[0, 1], [1, -1]], [[9, -5], [0, 1]]):
         bundles = np.array(places).reshape(2, 3, 3), np.array(met, np.int32), np.array([[0, 1]])
-        assert len(finish(parts.touch(*bundles, 1.0))) == 1
+        assert len(run_steps(parts.touch(*bundles, 1.0))) == 1
 
 
 # --- painting ---
@@ -990,7 +992,7 @@ PICTURES = {
 def painted(a_picture, viewer, shares):
     """Sums of a painting (3, H, W)."""
     painting = Painting(shares.display_size)
-    strokes = find_strokes(a_picture.place, viewer, shares)
+    strokes = find_filter_taps(a_picture.place, viewer, shares)
     painting.add(Pyramid(a_picture.image), strokes)
     return painting._total
 
@@ -1035,12 +1037,12 @@ def test_taps_that_are_kept_paint_the_same_bits(shape):
     shares = shares_of(dice, 20_000, (200, 100))
     shares.display_index[::9] = dice.choice([-1, 20_000, 2**31 - 1], len(shares.display_index[::9]))
     shares.view_xy[::17] = NAN
-    strokes = find_strokes(place, viewer, shares)
+    strokes = find_filter_taps(place, viewer, shares)
 
     for pixels in (image, image, other, frozen(other[::-1].copy()[::-1])):
         kept, alone = Painting(shares.display_size), Painting(shares.display_size)
         kept.add(Pyramid(pixels), strokes)
-        alone.add(Pyramid(pixels), find_strokes(place, viewer, shares))
+        alone.add(Pyramid(pixels), find_filter_taps(place, viewer, shares))
         assert alone._total.any()
         assert kept._total.tobytes() == alone._total.tobytes()
     assert strokes.taps is not None
@@ -1166,7 +1168,7 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
     before = coefficients.copy()
     settled = normals.copy()
     fit.fit_fields(wanted, RIDGE, coefficients)
-    finish(fit.settling_normals(wanted, RIDGE, settled, 5, 1e-10))
+    run_steps(fit.settling_normals(wanted, RIDGE, settled, 5, 1e-10))
     for values, others in ((coefficients, before), (settled, normals)):
         assert np.array_equal(values[~wanted], others[~wanted], equal_nan=True)
 
@@ -1176,12 +1178,12 @@ def test_no_vertex_breaks_the_fit(seed, one, other):
 
 
 def landings_by_plan():
-    plan = make_plan(rig(bent_facets(bottle())), DEFAULT)
+    plan = compile_plan(rig(bent_facets(bottle())), DEFAULT)
     return lambda: trace_all(plan, *rays_of(plan.rig))
 
 
 def ends_by_plan():
-    plan = make_plan(rig(bottle()), DEFAULT)
+    plan = compile_plan(rig(bottle()), DEFAULT)
     points, edges = some_edges(plan)
     return lambda: ends_of(plan, points, edges)
 

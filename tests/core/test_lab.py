@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from kiriko.core.base.arrays import Floats
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.image.simulation import simulate
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plate import STRAY_PATHS, PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import PRESETS, MirrorArray, Rig
@@ -95,8 +95,8 @@ def measured_mtf(rig: Rig, phases: int, seed: int) -> tuple[Floats, Floats]:
     for k in np.ndindex(phases, phases):
         phase = tuple((np.array(k) + random.random(2)) / phases)
         real = with_mirrors(rig, replace(plate.array, phase=phase))
-        found = finish(
-            simulate(make_plan(real, NO_GLASS), source, 1, int(random.integers(1 << 32)))
+        found = run_steps(
+            simulate(compile_plan(real, NO_GLASS), source, 1, int(random.integers(1 << 32)))
         )
         if any(found.luminance[path] for path in STRAY_PATHS):
             raise ValueError("stray light reaches the display: it belongs farther from the plate")
@@ -124,7 +124,7 @@ def mtf_by_formula(rig: Rig, frequencies: Floats) -> Floats:
     a value that is uniform in +- p P(r) along their normal.
     """
     array = rig.plates[0].array
-    (mirrors,) = make_plan(rig, NO_GLASS).arrays
+    (mirrors,) = compile_plan(rig, NO_GLASS).arrays
     right, up, ahead = rig.viewer.axes
     depth = np.sqrt(1 - (1 - (ahead @ mirrors.axes[2]) ** 2) / array.ior**2)
     contrast = np.ones(len(frequencies))
@@ -152,7 +152,7 @@ def traced_shares(rig: Rig, angle: float, n: int, seed: int) -> dict[str, tuple[
     """Mean share of light of each class, and its standard error,
     of n rays that come to the plate at an angle, rad.
     """
-    plan = make_plan(rig, replace(NO_GLASS, brightness=True))
+    plan = compile_plan(rig, replace(NO_GLASS, brightness=True))
     (mirrors,) = plan.arrays
     ahead = np.sin(angle) * mirrors.axes[1] + np.cos(angle) * mirrors.axes[2]
     places = (

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench import picture_light
 from kiriko.core.bench import picture_light as bench_light
 from kiriko.core.image import glare, simulation, source_image
@@ -13,7 +13,7 @@ from kiriko.core.image.simulation import plate_view, simulate
 from kiriko.core.image.source_image import splat
 from kiriko.core.lab.calibrate import misalignment, visible_range
 from kiriko.core.lab.calibrate.misalignment import Bench
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Landings, Reason, join, main_landings
 from kiriko.core.light.trace import trace, trace_all, tracing
 from kiriko.core.map import points
@@ -105,7 +105,7 @@ def without_some(mesh):
 def landings_of(a_rig, n=500, seed=0, **settings):
     viewer = a_rig.viewer
     at = np.random.default_rng(seed).random((n, 2)) * (viewer.width, viewer.height)
-    return trace_all(make_plan(a_rig, Settings(**settings)), *viewer.rays(at))
+    return trace_all(compile_plan(a_rig, Settings(**settings)), *viewer.rays(at))
 
 
 def test_one_landing_a_ray_in_order_is_left_as_it_is():
@@ -173,7 +173,7 @@ def test_points_have_the_landing_of_their_own_ray(monkeypatch):
     """Points in several chunks, whose landings are strange, are as with one landing each."""
     monkeypatch.setattr(points, "TRACED_AT_ONCE", 128)
     a_rig = ball_rig(2)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     view = np.random.default_rng(0).random((500, 2)) * a_rig.viewer.width
 
     found = []
@@ -206,7 +206,7 @@ def test_the_map_of_strange_landings_is_that_of_one_each(a_rig, is_chaotic, monk
     """Cells, cut pixels, samples and their error are the same bit for bit, however many
     landings a ray has.
     """
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     found = []
     for change in (strange, plain):
         monkeypatch.setattr(points, "tracing", traced_as(change))
@@ -223,7 +223,7 @@ def test_the_bench_joins_landings_by_ray(monkeypatch):
     the same bit for bit.
     """
     a_rig = ball_rig(2)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     view = np.random.default_rng(0).random((40, 2)) * a_rig.viewer.width
     found = []
     few = replace(visible_range.SURVEY, n_steps=4, fine_rad=0.2)
@@ -260,7 +260,7 @@ def in_halves(landings):
 @pytest.mark.numpy_alone
 def test_a_ray_that_parts_in_halves_shows_the_same(monkeypatch):
     """The simulated image is that of whole rays, to rounding: all light of a ray counts."""
-    plan = make_plan(ball_rig(2, pixels=32), Settings())
+    plan = compile_plan(ball_rig(2, pixels=32), Settings())
     source = np.random.default_rng(0).random((512, 512, 3)).astype(np.float32)
     whole = drain(simulate(plan, source, 4))
     monkeypatch.setattr(simulation, "trace", lambda *a, **k: in_halves(trace(*a, **k)))
@@ -276,10 +276,10 @@ def test_images_and_errors_join_landings_by_ray(monkeypatch):
     a_rig = ball_rig(2, pixels=32)
     array = replace(a_rig.plates[0], array=MirrorArray())
     opened = replace(a_rig.glasses[0], mesh=without_some(a_rig.glasses[0].mesh))
-    plan = make_plan(a_rig, Settings())
-    by_array = make_plan(replace(a_rig, plates=(array,)), Settings())
-    open_plan = make_plan(replace(a_rig, glasses=(opened,)), Settings())
-    short = make_plan(replace(a_rig, glasses=(opened,)), Settings(max_events=1))
+    plan = compile_plan(a_rig, Settings())
+    by_array = compile_plan(replace(a_rig, plates=(array,)), Settings())
+    open_plan = compile_plan(replace(a_rig, glasses=(opened,)), Settings())
+    short = compile_plan(replace(a_rig, glasses=(opened,)), Settings(max_events=1))
 
     monkeypatch.setattr(accuracy, "FURTHER", 1)  # all that is cut off is caught
     found = []
@@ -290,17 +290,17 @@ def test_images_and_errors_join_landings_by_ray(monkeypatch):
             monkeypatch.setattr(
                 module, "trace", lambda *a, change=change, **k: change(trace(*a, **k))
             )
-        beside = finish(glare.look_beside(plan))
+        beside = run_steps(glare.trace_stray_light(plan))
         order = np.lexsort(beside.view.T)
-        view = finish(plate_view(by_array))
-        mesh = finish(tessellation.tessellation(plan))
+        view = run_steps(plate_view(by_array))
+        mesh = run_steps(tessellation.tessellation(plan))
         found.append([
             beside.view[order],
             beside.pixel[order],
             [view.brightness, view.blur],
-            finish(splat(plan, 1)),
-            finish(accuracy.leaks(open_plan)),
-            [finish(accuracy.caught(short))],
+            run_steps(splat(plan, 1)),
+            run_steps(accuracy.leaks(open_plan)),
+            [run_steps(accuracy.caught(short))],
             [mesh.order, mesh.undecided, mesh.jumps],
         ])  # fmt: skip
     for one, other in zip(*found, strict=True):

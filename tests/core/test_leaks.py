@@ -11,7 +11,7 @@ import pytest
 from kiriko.core.glass.meshes import find_edges
 from kiriko.core.glass.solids import contains
 from kiriko.core.light import layer_hits
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
@@ -44,7 +44,7 @@ def test_no_ray_at_a_vertex_or_edge_escapes(size):
 
 def test_without_its_rescue_the_ray_engine_leaks(monkeypatch):
     """The test can fail: Embree's own answer loses rays at vertices and edges."""
-    monkeypatch.setattr(layer_hits, "rescue", lambda *_: ())
+    monkeypatch.setattr(layer_hits, "find_missed_hits", lambda *_: ())
     mesh = icosphere(0.025, 4, smooth=False)
     with loading.off():
         found = leaks_of("ball", mesh)
@@ -60,7 +60,7 @@ def test_a_ray_that_grazes_an_edge_of_a_fine_mesh_comes_out():
     targets = aims_at(mesh).targets[[69514, 77798]]
     d = targets - START
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    plan = make_plan(rig(mesh, ior=1.0, distance=10.0), Settings())
+    plan = compile_plan(rig(mesh, ior=1.0, distance=10.0), Settings())
     landings = trace_all(plan, np.tile(START, (2, 1)), d)
     assert (landings.reason != Reason.LOST_INSIDE).all()
     assert (landings.n_events % 2 == 0).all()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench import measured_remedies as helps_module
 from kiriko.core.bench.measured_remedies import (
     WORTH_READING,
@@ -103,15 +103,15 @@ def test_bumps_make_a_picture_illegible_and_smoothing_mends_it():
     """The remedy foretells what it then does."""
     settings = Settings()
     clear, bumpy = bumpy_rig(0.0), bumpy_rig(0.5)
-    assert finish(card_legibility(clear, settings)) > 0.99
-    before = finish(card_legibility(bumpy, settings))
+    assert run_steps(card_legibility(clear, settings)) > 0.99
+    before = run_steps(card_legibility(bumpy, settings))
     assert before < READABLE
-    helps = finish(legible_by(bumpy, settings, before))
+    helps = run_steps(legible_by(bumpy, settings, before))
     assert "kiriko.smooth_glass" in {help.operator for help in helps}
     assert list(helps) == sorted(helps, key=lambda help: -help.after)
     for help in helps:
         assert help.after >= before + WORTH_READING
-        after = finish(card_legibility(with_help(bumpy, help), settings))
+        after = run_steps(card_legibility(with_help(bumpy, help), settings))
         assert after == pytest.approx(help.after)
 
 
@@ -168,10 +168,10 @@ def test_a_remedy_that_was_measured_to_help_too_little_is_not_told(monkeypatch):
         return measured.get(help.operator, measured.get(help.amount))
 
     monkeypatch.setattr(helps_module, "card_legibility", card_of)
-    (help,) = finish(legible_by(ball_rig(4), Settings(), 0.4))
+    (help,) = run_steps(legible_by(ball_rig(4), Settings(), 0.4))
     assert (help.operator, help.amount, help.after) == ("kiriko.smooth_glass", 100, 0.69)
     measured[10] = READABLE
-    (help,) = finish(legible_by(ball_rig(4), Settings(), 0.4))
+    (help,) = run_steps(legible_by(ball_rig(4), Settings(), 0.4))
     assert (help.amount, help.after) == (10, READABLE)
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.light_paths import NOTHING, Tails, following
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace
@@ -26,9 +26,9 @@ PIXELS = np.array([[256.0, 256.0], [200.5, 301.0], [311.0, 180.0], [222.0, 222.0
 
 
 def ways_of(a_rig, xy=PIXELS, aim=1.0, **settings):
-    plan = make_plan(a_rig, Settings(**settings))
+    plan = compile_plan(a_rig, Settings(**settings))
     o, d = a_rig.viewer.rays(xy)
-    ways = finish(following(plan, o, d, np.full(len(xy), aim), TAILS))
+    ways = run_steps(following(plan, o, d, np.full(len(xy), aim), TAILS))
     landings = trace(plan, o, d)
     kinds = [
         ["NONE" if p == NOTHING else Kind(plan.parts.kind[p]).name for p in w.parts] for w in ways

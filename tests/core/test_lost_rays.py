@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.glass.curved_hits import Lines
+from kiriko.core.glass.curved_hits import RayLines
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light import layer_hits
 from kiriko.core.light.hits import Hits, Question
@@ -34,7 +34,7 @@ def test_lost_rays_are_looked_for_in_pieces():
     def accept(i, found):
         return ~found.enters & (found.distance > 1e-9), np.zeros(len(i), bool)
 
-    question = Question(Lines(origins, away), accept, leaves=np.ones(5000, bool))
+    question = Question(RayLines(origins, away), accept, leaves=np.ones(5000, bool))
     tracemalloc.start()
     try:
         steps = sum(1 for _ in layer_hits.ask_all_triangles(layer, question, rays, hits))
@@ -65,7 +65,7 @@ def test_of_faces_in_one_place_the_first_by_number_is_met(monkeypatch, pairs_at_
 
     def met(rays):
         hits = Hits.none(40, None)
-        question = Question(Lines(origins, away), accept)
+        question = Question(RayLines(origins, away), accept)
         for _ in layer_hits.ask_all_triangles(layer, question, rays, hits):
             pass
         return hits.triangle[rays]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.numbers import millimetres
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench import measured_remedies
-from kiriko.core.bench.measured_remedies import Help, what_helps
+from kiriko.core.bench.measured_remedies import Help, find_remedies
 from kiriko.core.bench.part_sizes import Fitted, fit_plate
 from kiriko.core.bench.picture_light import outline_of
 from kiriko.core.rig.rig import ConstantIndex, Glass
@@ -23,7 +23,7 @@ def test_each_remedy_is_told_with_its_amount() -> None:
     """A display too small by 5 mm: it may be 5 mm larger, the picture smaller by as much; no place
     is better than the middle.
     """
-    found = finish(what_helps(rig_around(SLAB, picture=0.025, display=0.02), plan_of()))
+    found = run_steps(find_remedies(rig_around(SLAB, picture=0.025, display=0.02), plan_of()))
     assert found.share == pytest.approx((0.02 / 0.025) ** 2, abs=0.04)  # 32 rays
     assert list(found.lost) == ["missed the display"]
     assert {help.operator for help in found.helps} == {
@@ -31,15 +31,15 @@ def test_each_remedy_is_told_with_its_amount() -> None:
         "kiriko.fit_picture_size",
     }
     assert all(help.after > 0.999 for help in found.helps)
-    words = {str(help.told(millimetres)) for help in found.helps}
+    words = {str(help.sentence(millimetres)) for help in found.helps}
     assert words == {"make the display 5.3 mm larger", "make the picture 20 mm wide"}
 
 
 def test_a_plate_that_is_too_small_is_named() -> None:
     """With the amount that its own button gives it; a picture beside the display may move, too."""
     rig = rig_around(SLAB, picture=0.02, display=0.03, plate=0.02)
-    found = finish(what_helps(rig, plan_of()))
-    fitted = finish(fit_plate(rig, plan_of()))
+    found = run_steps(find_remedies(rig, plan_of()))
+    fitted = run_steps(fit_plate(rig, plan_of()))
     help = next(help for help in found.helps if help.operator == "kiriko.fit_plate")
     assert help.amount == pytest.approx(fitted.more, rel=1e-2)
 
@@ -47,10 +47,10 @@ def test_a_plate_that_is_too_small_is_named() -> None:
     plane = outline_of(rig.picture_place.mesh, np.array([1.0, 0, 0]), "It")
     moved = plane.changed(rig.picture_place.mesh, 1.0, np.array([0.009, 0, 0]))
     rig = replace(rig, pictures=(replace(rig.picture_place, mesh=moved),))
-    found = finish(what_helps(rig, plan_of()))
+    found = run_steps(find_remedies(rig, plan_of()))
     assert "kiriko.best_place" in {help.operator for help in found.helps}
     help = next(help for help in found.helps if help.operator == "kiriko.best_place")
-    assert help.told(millimetres) == "move it"
+    assert help.sentence(millimetres) == "move it"
 
 
 @pytest.mark.parametrize(("gain", "is_told"), [(0.05, False), (0.9, True)])
@@ -62,7 +62,7 @@ def test_no_part_grows_without_end_for_little(
     """
 
     def fitted(size: float) -> Fitted:
-        share = finish(what_helps(rig, plan_of())).share
+        share = run_steps(find_remedies(rig, plan_of())).share
         return Fitted(size, size * 0.02, np.zeros(3), share, share + gain * (1 - share), {})
 
     rig = rig_around(SLAB, picture=0.02, display=0.03, plate=0.02)
@@ -75,26 +75,26 @@ def test_no_part_grows_without_end_for_little(
 
         with monkeypatch.context() as patched:
             patched.setattr(measured_remedies, "fit_plate", fit)
-            told = {help.operator for help in finish(what_helps(rig, plan_of())).helps}
+            told = {help.operator for help in run_steps(find_remedies(rig, plan_of())).helps}
         assert ("kiriko.fit_plate" in told) == is_expected
 
 
 def test_where_all_arrives_nothing_is_told() -> None:
     """No remedy for a picture that is whole."""
-    found = finish(what_helps(rig_around(SLAB, picture=0.02, display=0.03), plan_of()))
+    found = run_steps(find_remedies(rig_around(SLAB, picture=0.02, display=0.03), plan_of()))
     assert (found.share, found.lost, found.helps) == (1.0, {}, ())
 
 
 def test_a_remedy_that_leaves_some_lost_says_how_much_arrives() -> None:
     """A picture that a plate of any size serves in part alone."""
-    told = Help("kiriko.fit_plate", 0.02, 0.98).told(millimetres)
+    told = Help("kiriko.fit_plate", 0.02, 0.98).sentence(millimetres)
     assert told == "make the plate 20 mm larger (98 % arrives)"
 
 
 def test_it_takes_no_longer_than_it_may() -> None:
     """The seconds are over before the first remedy, and it says so."""
-    found = finish(
-        what_helps(rig_around(SLAB, picture=0.025, display=0.02), plan_of(), seconds=0.0)
+    found = run_steps(
+        find_remedies(rig_around(SLAB, picture=0.025, display=0.02), plan_of(), seconds=0.0)
     )
     assert (found.helps, found.is_whole) == ((), False)
     assert "missed the display" in found.lost

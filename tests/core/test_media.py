@@ -5,7 +5,7 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.media import Solid, boxes_touch, make_media
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
@@ -33,7 +33,7 @@ def test_boxes_touch_up_to_the_slack(gap, touch, axis, swap):
 def traced(glasses, n=4000, **bench):
     """Landings of random rays, by the plan for some glasses."""
     a_rig = rig(glasses, display=0.2, field=0.045, **bench)
-    plan = make_plan(a_rig, Settings(max_events=200))
+    plan = compile_plan(a_rig, Settings(max_events=200))
     o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 512, (n, 2)))
     return plan, trace_all(plan, o, d)
 
@@ -133,6 +133,6 @@ def test_more_solids_in_one_place_than_a_mask_has_bits_are_refused():
         Glass(f"shell {i}", box([0.05 * 0.95**i] * 3), ConstantIndex(1.3 + 0.01 * i))
         for i in range(53)
     )
-    make_plan(rig(shells[:52]), Settings())
+    compile_plan(rig(shells[:52]), Settings())
     with pytest.raises(RigError, match="More than 52 glass solids around 'shell 52' touch"):
-        make_plan(rig(shells), Settings())
+        compile_plan(rig(shells), Settings())

@@ -13,7 +13,7 @@ import pytest
 from environments import link_package
 from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.files import image_io, picture_file
 from kiriko.core.native.loading import SWITCH, library
 from kiriko.core.rig.settings import Settings
@@ -133,7 +133,7 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
     """Before anything is made, by the largest part of it; the session stays."""
     session = Session()
     small = ball_rig(2, pixels=32, display_pixels=32)
-    first = finish(session.solve(small))
+    first = run_steps(session.solve(small))
     free = 10e6 if not change else 100e6
     monkeypatch.setattr(free_memory, "available", lambda: free)
     side = change.get("picture", 64)
@@ -144,8 +144,8 @@ def test_what_would_not_fit_is_refused(monkeypatch, change, words):
         image=np.zeros((side, side, 4), np.float32),
     )
     with pytest.raises(RigError, match=words):
-        finish(session.solve(large, Settings(tolerance=change.get("tolerance", 0.1))))
-    again = finish(session.solve(replace(small)))
+        run_steps(session.solve(large, Settings(tolerance=change.get("tolerance", 0.1))))
+    again = run_steps(session.solve(replace(small)))
 
     assert again.n_rays == 0  # nothing solved was lost
     assert (again.source == first.source).all()
@@ -162,7 +162,7 @@ def test_light_that_may_not_be_there_refuses_nothing(monkeypatch):
         whole = sum(parts.values())
         monkeypatch.setattr(free_memory, "available", lambda whole=whole: 0.9 * whole)
         if a_rig is dark:
-            assert finish(Session().solve(a_rig)).source.any()
+            assert run_steps(Session().solve(a_rig)).source.any()
             continue
 
         told, steps = [], Session().solve(a_rig)
@@ -184,7 +184,7 @@ def test_light_and_picture_count_together(monkeypatch):
     assert parts["display"] + parts["light"] < free
     monkeypatch.setattr(free_memory, "available", lambda: free)
     with pytest.raises(RigError, match="GB are free"):
-        finish(Session().solve(a_rig))
+        run_steps(Session().solve(a_rig))
 
 
 @pytest.mark.numpy_alone

@@ -29,7 +29,7 @@ def test_a_message_is_its_sentence() -> None:
 
 def test_text_without_values_stays_as_it_is() -> None:
     """Braces of a text that has no values are no places of values."""
-    assert Message("{a} stays") == Message("{a} stays").told() == str(RigError("{a} stays"))
+    assert Message("{a} stays") == Message("{a} stays").sentence() == str(RigError("{a} stays"))
 
 
 def test_another_order_of_words() -> None:
@@ -41,14 +41,14 @@ def test_another_order_of_words() -> None:
     inner = Message("glass '{name}'", name="Ball")
     message = Message("{count} of the {thing} are off: turn it.", count="3 %", thing=inner)
     assert message == "3 % of the glass 'Ball' are off: turn it."
-    assert message.told(lambda text: german[text]) == "Dreh es, denn Glas 'Ball': 3 % daneben."
+    assert message.sentence(lambda text: german[text]) == "Dreh es, denn Glas 'Ball': 3 % daneben."
 
 
 def test_lengths_are_told_at_the_border() -> None:
     """A length reads in millimetres, and as the scene's people read it where that is known."""
     message = Message("Glass nearer than {gap} touches.", gap=Length(0.003))
     assert message == "Glass nearer than 3 mm touches."
-    assert message.told(length_text=lambda metres: f"{metres:g} ells") == (
+    assert message.sentence(length_text=lambda metres: f"{metres:g} ells") == (
         "Glass nearer than 0.003 ells touches."
     )
 
@@ -64,7 +64,7 @@ def test_joined_messages_are_translated_each() -> None:
     """Sentences that are told together keep their own templates."""
     both = joined([Message("One {a}.", a=1), "Two."])
     assert both == "One 1. Two."
-    assert both.told(lambda text: text.replace("One", "Eins")) == "Eins 1. Two."
+    assert both.sentence(lambda text: text.replace("One", "Eins")) == "Eins 1. Two."
 
 
 def name_of(call: ast.Call) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.offset import part_motions, with_amounts
 from kiriko.core.image.flat_picture import view_of_picture
 from kiriko.core.lab.calibrate.fit import extra_photographs, fit
@@ -135,7 +135,7 @@ def test_hidden_errors_are_made_up_for(cube, seed):
     hidden = random.standard_normal(len(tolerances)) * tolerances
     photograph = cube.seen(hidden) + random.normal(0, 0.3, cube.view.shape)
     photograph[random.random(49) < 0.1] = np.nan
-    found = finish(fit(cube, photograph, tolerances))
+    found = run_steps(fit(cube, photograph, tolerances))
 
     assert found.before > 20
     assert found.after < 0.55  # 0.3 sqrt 2, less the part that the fit follows
@@ -156,7 +156,7 @@ def test_points_that_are_none_of_this_bench_are_refused(cube):
         (cube.view + np.random.default_rng(0).normal(0, 60, (49, 2)), "another rig"),
     ):
         with pytest.raises(RigError, match=words):
-            finish(fit(cube, measured, tolerances))
+            run_steps(fit(cube, measured, tolerances))
 
 
 def test_a_bench_on_which_most_points_have_no_light_is_refused():
@@ -168,7 +168,7 @@ def test_a_bench_on_which_most_points_have_no_light_is_refused():
     with pytest.raises(
         RigError, match="Only 15 of 49 measured points can be followed to the display"
     ):
-        finish(fit(small, whole.view, tolerances_of(small)))
+        run_steps(fit(small, whole.view, tolerances_of(small)))
 
 
 def test_a_few_points_that_are_off_alone_are_left_out(cube):
@@ -179,7 +179,7 @@ def test_a_few_points_that_are_off_alone_are_left_out(cube):
     photograph = cube.seen(hidden) + random.normal(0, 0.3, cube.view.shape)
     photograph[25] += [4.0, 0.0]
     photograph[[12, 30]] = photograph[[30, 12]]
-    found = finish(fit(cube, photograph, tolerances))
+    found = run_steps(fit(cube, photograph, tolerances))
 
     assert np.flatnonzero(found.left_out).tolist() == [12, 25, 30]
     assert not (found.used & found.left_out).any()
@@ -193,8 +193,8 @@ def test_a_few_points_that_are_off_alone_are_left_out(cube):
 def test_another_photograph_tells_more(cube):
     """Of no amount less, of the plate's turn a third more; the most telling place comes first."""
     tolerances = tolerances_of(cube)
-    found = finish(fit(cube, cube.view, tolerances))
-    extras = finish(extra_photographs(cube, found, tolerances))
+    found = run_steps(fit(cube, cube.view, tolerances))
+    extras = run_steps(extra_photographs(cube, found, tolerances))
     assert len(extras) == 5
 
     gains = [extra.gain for extra in extras]

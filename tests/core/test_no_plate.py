@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.base.fingerprint import fingerprint
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.offset import parameters
-from kiriko.core.image.glare import look_beside
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.image.glare import trace_stray_light
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import REASON_WORDS, Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
@@ -76,7 +76,7 @@ def rays_of(rig, n=2000, seed=0):
 
 
 def landed(rig, rays, **how):
-    return trace_all(make_plan(rig, Settings(**how)), *rays)
+    return trace_all(compile_plan(rig, Settings(**how)), *rays)
 
 
 def straight_down(p, d, z):
@@ -325,7 +325,7 @@ def test_light_beside_the_glass_comes_straight():
     """Where the settings look beside the glass, light straight from the display has a place."""
     rig = on_display(icosphere(0.015, 3, centre=(0, 0, 0.015)), gap=0.01, direction=(0, 0.1, -1))
     found = landed(rig, rays_of(rig), suppress_glare=1.0)
-    light = finish(look_beside(make_plan(rig, Settings())))
+    light = run_steps(trace_stray_light(compile_plan(rig, Settings())))
     assert found.is_beside_glass.sum() > 100
     assert light.seen_of(np.ones((120, 120, 3), np.float32)).share > 0.1
 
@@ -334,13 +334,13 @@ def test_a_rig_without_a_plate_is_solved():
     """Shares sum to one, the seen image is the picture, and no sentence knows of a plate."""
     rig = on_display(slab(), gap=0.005, pixels=64)
     rig.check()
-    solution = finish(Session().solve(rig, Settings()))
+    solution = run_steps(Session().solve(rig, Settings()))
     assert solution.picture_coverage > 0.999
     assert REASON_WORDS[Reason.MISSED_PLATE] not in solution.misses
     assert abs(solution.picture_coverage + sum(solution.misses.values()) - 1) < 1e-6
     wanted, seen = solution.first.ideal(), solution.seen()
     assert np.sqrt(((wanted - seen) ** 2).mean()) < 0.1
-    assert not any("plate" in remark.told() for remark in solution.remarks)
+    assert not any("plate" in remark.sentence() for remark in solution.remarks)
     assert "mirror array (there is no plate)" in solution.left_out
     assert not any("plate" in parameter.name for parameter in parameters(rig))
 
@@ -354,5 +354,5 @@ def test_a_dark_display_without_a_plate_speaks_of_no_plate():
     ):
         turned = replace(rig, displays=(replace(rig.display, mesh=mesh),))
         with pytest.raises(RigError, match=remedy) as told:
-            finish(Session().solve(turned, Settings()))
+            run_steps(Session().solve(turned, Settings()))
         assert "plate" not in str(told.value)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import MeshError, RigError
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.optics import plane_symmetry, refract
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
@@ -41,7 +41,7 @@ def glasses(*meshes):
 
 
 def traced(a_rig, n=41):
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     x, y = np.meshgrid(np.linspace(5, 507, n), np.linspace(5, 507, n))
     o, d = a_rig.viewer.rays(np.stack([x.ravel(), y.ravel()], axis=1))
     return plan, d, trace_all(plan, o, d)
@@ -70,14 +70,14 @@ def test_light_that_leaves_by_a_gap_enters_the_next_glass_from_air(before):
     )
 
     assert (landings.leak == len(first)).all()
-    assert finish(leaks(plan)) == (0.0,) * len(first) + (pytest.approx(1.0), 0.0)
+    assert run_steps(leaks(plan)) == (0.0,) * len(first) + (pytest.approx(1.0), 0.0)
 
 
 def test_light_that_comes_in_by_a_gap_is_told():
     """A slab without its front: light meets the back from within without having entered."""
     plan, _, landings = traced(rig(glasses(without(slab(0.0), -BACK))))
     assert (landings.leak == 0).all()
-    assert finish(leaks(plan)) == (pytest.approx(1.0),)
+    assert run_steps(leaks(plan)) == (pytest.approx(1.0),)
 
 
 def test_a_gap_that_no_light_comes_by_is_not_told():
@@ -110,7 +110,7 @@ def test_the_share_of_light_that_goes_through_a_gap_is_told(share):
         np.concatenate([holed.triangles, [[2, 3, 8], [2, 8, 9]]]),
     )
     a_rig = rig(holed, pixels=64)
-    (found,) = drain(measure(make_plan(a_rig, Settings()))).leaks
+    (found,) = drain(measure(compile_plan(a_rig, Settings()))).leaks
 
     assert found == pytest.approx(share, abs=0.02)
     (note,) = [note for note in solve(a_rig).notes if "gaps" in note]
@@ -131,7 +131,7 @@ def test_closed_glass_has_no_leak():
     plan, _, landings = traced(ball_rig(4))
     assert plan.open_parts == ()
     assert (landings.leak == -1).all()
-    assert finish(leaks(plan)) == (0.0,)
+    assert run_steps(leaks(plan)) == (0.0,)
 
 
 def test_what_left_by_a_gap_and_misses_all_is_not_lost_inside():

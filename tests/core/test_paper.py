@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.optics import refract
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.settings import Settings
@@ -15,7 +15,9 @@ PIXEL = 0.05 / 512  # m, of the display
 
 
 def landings(a_rig, xy):
-    found = trace_all(make_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy))
+    found = trace_all(
+        compile_plan(a_rig, Settings(only_through_glass=False)), *a_rig.viewer.rays(xy)
+    )
     assert found.has_arrived.all()
     return found.xy * PIXEL
 

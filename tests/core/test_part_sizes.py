@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.part_sizes import (
     ROOM_SPARE,
     Wanted,
@@ -70,7 +70,7 @@ def through_slab(across: np.ndarray, ior: float, distance: float, thick: float) 
 def test_a_slabs_display_is_the_projected_picture(ior: float) -> None:
     """The width that its light takes, by Snell's law, and a hundredth."""
     rig = rig_around(slab(ior), picture=0.05, display=0.02)
-    fitted = finish(fit_display(rig, plan_of()))
+    fitted = run_steps(fit_display(rig, plan_of()))
     line = np.linspace(-0.025, 0.025, 1001)
     outline = np.stack([line, np.full_like(line, 0.025)], axis=1)
     half = np.abs(through_slab(outline, ior, 1.0, 0.02)).max()
@@ -88,7 +88,7 @@ def test_the_plate_is_as_large_as_the_picture_seen_on_it(moves: bool) -> None:
     """
     rig = rig_around(slab(1.0), picture=0.06, plate=0.04, display=0.02)
     rig = with_plate(rig, 1.0, np.array([0.002, 0.0, 0.0]))
-    fitted = finish(fit_plate(rig, plan_of(), Wanted(moves=moves)))
+    fitted = run_steps(fit_plate(rig, plan_of(), Wanted(moves=moves)))
 
     # corners on the plate's plane
     outline = plate_outline(rig.plates[0])
@@ -109,9 +109,9 @@ def test_a_balls_parts_are_as_large_as_they_have_to_be() -> None:
     """By brute force: all arrives, and not where display or plate are 2 % smaller."""
     rig = rig_around(ball(), picture=0.03, plate=0.4, display=0.02)
     for _ in range(2):
-        fitted = finish(fit_plate(rig, plan_of()))
+        fitted = run_steps(fit_plate(rig, plan_of()))
         rig = with_plate(rig, fitted.size, fitted.shift)
-        fitted = finish(fit_display(rig, plan_of()))
+        fitted = run_steps(fit_display(rig, plan_of()))
         rig = with_display(rig, fitted.size, fitted.shift)
 
     assert (fitted.after, share_arrived(rig, 150)) == (1.0, 1.0)
@@ -129,13 +129,13 @@ def test_a_picture_is_as_large_as_gets_through(glass: Glass, moves: bool) -> Non
     rig = rig_around(glass, picture=0.05, display=0.3)
     if glass.name == "goblet":
         rig = with_picture(rig, 1.0, np.array([0.008, 0.0, 0.05]))
-    fitted = finish(fit_picture(rig, plan_of(), Wanted(moves=moves)))
+    fitted = run_steps(fit_picture(rig, plan_of(), Wanted(moves=moves)))
     changed = with_picture(rig, fitted.size, fitted.shift)
     assert fitted.after == 1.0
     assert share_arrived(changed, 150) == 1.0
     assert share_arrived(with_picture(changed, 1.02), 300) < 1.0
     if moves:
-        assert fitted.size >= finish(fit_picture(rig, plan_of())).size * 0.99
+        assert fitted.size >= run_steps(fit_picture(rig, plan_of())).size * 0.99
     else:
         assert (fitted.shift == 0).all()
 
@@ -143,15 +143,15 @@ def test_a_picture_is_as_large_as_gets_through(glass: Glass, moves: bool) -> Non
 def test_a_small_picture_grows() -> None:
     """As far as its light lands on the display, but to no more than twice its size."""
     rig = rig_around(slab(1.0), picture=0.02, display=0.03)
-    assert finish(fit_picture(rig, plan_of())).size == pytest.approx(1.5 / ROOM_SPARE, rel=2e-3)
+    assert run_steps(fit_picture(rig, plan_of())).size == pytest.approx(1.5 / ROOM_SPARE, rel=2e-3)
     rig = rig_around(slab(1.0), picture=0.01, display=0.06)
-    assert finish(fit_picture(rig, plan_of())).size == 2
+    assert run_steps(fit_picture(rig, plan_of())).size == 2
 
 
 def test_a_share_is_as_much_as_was_asked_for() -> None:
     """Of light that spreads as the picture does, 90 % take 0.9 of its area."""
     rig = rig_around(slab(1.0), picture=0.05, display=0.08)
-    fitted = finish(fit_display(rig, plan_of(), Wanted(share=0.9)))
+    fitted = run_steps(fit_display(rig, plan_of(), Wanted(share=0.9)))
     assert fitted.width == pytest.approx(ROOM_SPARE * 0.05 * np.sqrt(0.9), rel=0.01)
     assert fitted.after == pytest.approx(0.9 * ROOM_SPARE**2, rel=0.01)
 
@@ -178,19 +178,19 @@ def test_what_cannot_be_sized_is_refused_with_a_sentence() -> None:
     bent[0] += 0.01
     display = replace(rig.display, mesh=replace(rig.display.mesh, vertices=bent))
     with pytest.raises(RigError, match="The display 'Kiriko Display' is not flat"):
-        finish(fit_display(replace(rig, displays=(display,)), plan_of()))
+        run_steps(fit_display(replace(rig, displays=(display,)), plan_of()))
     with pytest.raises(RigError, match=r"plate 'Kiriko Plate' is for you .* display 'Kiriko Disp"):
-        finish(fit_plate(replace(rig, displays=(display,)), plan_of()))
+        run_steps(fit_plate(replace(rig, displays=(display,)), plan_of()))
     with pytest.raises(RigError, match="Hardly any of the picture"):
-        finish(fit_picture(with_display(rig, 1.0, np.array([0.05, 0, 0])), plan_of()))
+        run_steps(fit_picture(with_display(rig, 1.0, np.array([0.05, 0, 0])), plan_of()))
     with pytest.raises(RigError, match="No light of the picture comes to the plane"):
-        finish(fit_display(with_plate(rig, 1.0, np.array([1.0, 0, 0])), plan_of()))
+        run_steps(fit_display(with_plate(rig, 1.0, np.array([1.0, 0, 0])), plan_of()))
     with pytest.raises(RigError, match="No light of the picture comes to the display by way"):
-        finish(fit_plate(with_plate(rig, 0.1, np.array([3.0, 0, 0])), plan_of()))
+        run_steps(fit_plate(with_plate(rig, 0.1, np.array([3.0, 0, 0])), plan_of()))
     own = replace(rig.picture_place, mesh=None)
     with pytest.raises(RigError, match="viewer's own pixels"):
-        finish(fit_picture(replace(rig, pictures=(own,)), plan_of()))
-    fitted = finish(fit_display(replace(rig, pictures=(own,)), plan_of()))
+        run_steps(fit_picture(replace(rig, pictures=(own,)), plan_of()))
+    fitted = run_steps(fit_display(replace(rig, pictures=(own,)), plan_of()))
     assert fitted.after == 1.0  # the whole of the viewer's image
 
 
@@ -202,7 +202,7 @@ def test_a_picture_fits_once(size: float, share: float) -> None:
     wanted = Wanted(share=share)
     sizes = []
     for _ in range(4):
-        fitted = finish(fit_picture(rig, plan_of(), wanted))
+        fitted = run_steps(fit_picture(rig, plan_of(), wanted))
         assert fitted.size >= 1 or fitted.before < share
         rig = with_picture(rig, fitted.size, fitted.shift)
         sizes.append(fitted.size)
@@ -212,14 +212,14 @@ def test_a_picture_fits_once(size: float, share: float) -> None:
 def test_a_limit_that_was_reached_is_told() -> None:
     """Where light goes as far as it was looked for; and nowhere else."""
     rig = rig_around(ball(), picture=0.03, plate=0.4, display=0.02)
-    assert finish(fit_display(rig, plan_of())).limit == 0
-    near = finish(fit_display(rig, plan_of(), Wanted(most=1.05)))
+    assert run_steps(fit_display(rig, plan_of())).limit == 0
+    near = run_steps(fit_display(rig, plan_of(), Wanted(most=1.05)))
     assert near.limit == pytest.approx(1.05 * 0.02, rel=1e-9)
     assert near.size <= 1.05 * ROOM_SPARE
     small = with_plate(rig, 0.05)
-    assert finish(fit_plate(small, plan_of())).limit == pytest.approx(4 * 0.02, rel=1e-9)
+    assert run_steps(fit_plate(small, plan_of())).limit == pytest.approx(4 * 0.02, rel=1e-9)
     rig = rig_around(slab(1.0), picture=0.01, display=0.06)
-    assert finish(fit_picture(rig, plan_of())).limit == pytest.approx(0.02, rel=1e-9)
+    assert run_steps(fit_picture(rig, plan_of())).limit == pytest.approx(0.02, rel=1e-9)
 
 
 def aside(rig: Rig, x: float) -> Rig:
@@ -233,9 +233,9 @@ def aside(rig: Rig, x: float) -> Rig:
 def test_a_part_is_as_large_as_that_of_the_viewer_who_needs_most(fit) -> None:
     """With its middle kept; in whatever order the viewers are. All light of both arrives."""
     rig = aside(with_plate(with_display(rig_around(ball(), display=0.5), 0.2), 0.4), 0.02)
-    alone = [finish(fit(replace(rig, viewers=(one,)), plan_of())) for one in rig.viewers]
-    both = finish(fit(rig, plan_of()))
-    turned = finish(fit(replace(rig, viewers=rig.viewers[::-1]), plan_of()))
+    alone = [run_steps(fit(replace(rig, viewers=(one,)), plan_of())) for one in rig.viewers]
+    both = run_steps(fit(rig, plan_of()))
+    turned = run_steps(fit(replace(rig, viewers=rig.viewers[::-1]), plan_of()))
     assert both.width == pytest.approx(max(one.width for one in alone), rel=1e-9)
     assert turned.width == pytest.approx(both.width, rel=1e-9)
     assert alone[0].width != pytest.approx(alone[1].width, rel=1e-3)
@@ -248,7 +248,7 @@ def test_a_picture_is_as_large_as_gets_through_to_each_viewer() -> None:
     both see all of it.
     """
     rig = aside(rig_around(ball(), display=0.5), 0.02)
-    alone = [finish(fit_picture(replace(rig, viewers=(one,)), plan_of())) for one in rig.viewers]
-    both = finish(fit_picture(rig, plan_of()))
+    alone = [run_steps(fit_picture(replace(rig, viewers=(one,)), plan_of())) for one in rig.viewers]
+    both = run_steps(fit_picture(rig, plan_of()))
     assert both.width == pytest.approx(min(one.width for one in alone), rel=0.02)
     assert both.after > 0.999

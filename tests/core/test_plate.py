@@ -11,13 +11,13 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.optics import plane_symmetry, reflect
 from kiriko.core.light.plate import ArrayFrame, PlatePath, array_frame, fold
 from kiriko.core.light.rays import Reason
-from kiriko.core.light.rig_parts import find_sheets
+from kiriko.core.light.rig_parts import find_thin_surfaces
 from kiriko.core.light.trace import trace
 from kiriko.core.rig.rig import Kind, MirrorArray, Plate
 from kiriko.core.rig.settings import Settings
@@ -581,8 +581,8 @@ def test_a_plate_smaller_than_a_pitch_is_refused_in_one_sentence():
         RigError,
         match=r"'plate' is 0\.4 mm wide, less than the 0\.5 mm from mirror to mirror: scale",
     ):
-        make_plan(with_array(MirrorArray(), plate=0.4e-3), Settings())
-    make_plan(with_array(MirrorArray(), plate=0.6e-3), Settings())
+        compile_plan(with_array(MirrorArray(), plate=0.4e-3), Settings())
+    compile_plan(with_array(MirrorArray(), plate=0.6e-3), Settings())
     strip = rectangle(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), 0.1, 0.3e-3)
     with pytest.raises(RigError, match=r"0\.3 mm wide, less than"):
         array_frame(Plate("plate", strip, MirrorArray()), np.array([0, 0, 1.0]))
@@ -598,7 +598,7 @@ def test_light_in_the_plates_own_plane_passes_it_by(light):
     x, y, z = np.eye(3)
     plate = replace(rig.plates[0], mesh=rectangle(0.15 * y, x, y, 0.1, 0.1))
     rig = replace(rig, plates=(plate,))
-    plan = make_plan(rig, replace(Settings(), only_through_glass=False))
+    plan = compile_plan(rig, replace(Settings(), only_through_glass=False))
     heights = np.array([0.0, 0.0, 1e-15, 1e-12, 1e-6])
     start = np.array([[0.0, 0.08, 0.0]] * 5) + heights[:, None] * z
     directions = np.tile(y, (5, 1))
@@ -619,7 +619,7 @@ def test_a_viewer_in_the_plates_plane_is_told_so_in_one_sentence():
     x, y, _ = np.eye(3)
     rig = replace(rig, plates=(replace(rig.plates[0], mesh=rectangle(0.15 * y, x, y, 0.1, 0.1)),))
     with pytest.raises(RigError, match=r"^The display stays dark: .*\.$"):
-        finish(Session().solve(rig))
+        run_steps(Session().solve(rig))
 
 
 def two_plates(second_centre, second_normal):
@@ -648,7 +648,7 @@ def two_plates(second_centre, second_normal):
         bench, glasses=(shard,), plates=plates, displays=(replace(bench.display, mesh=inward),)
     )
 
-    return make_plan(shown, Settings(only_through_glass=False, brightness=True))
+    return compile_plan(shown, Settings(only_through_glass=False, brightness=True))
 
 
 def onto(frame, positions, directions):
@@ -721,5 +721,5 @@ def test_plates_in_one_plane_are_one_sheet_however_far_apart():
     far = make_surface(rounded)
     off = make_surface(beside)
     kind = np.full(3, Kind.PLATE)
-    assert find_sheets([near, far, off], kind).tolist() == [0, 0, 2]
-    assert find_sheets([near, far, off], np.full(3, Kind.MIRROR)).tolist() == [0, 1, 2]
+    assert find_thin_surfaces([near, far, off], kind).tolist() == [0, 0, 2]
+    assert find_thin_surfaces([near, far, off], np.full(3, Kind.MIRROR)).tolist() == [0, 1, 2]

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.image.picture import picture_from_view
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.optics import reflect, refract
 from kiriko.core.light.rays import BY_GAPS, REASON_WORDS, Rays, Reason
 from kiriko.core.light.trace import trace_all
@@ -196,15 +196,17 @@ def test_light_is_in_what_its_place_is_in(glasses, shape, seed):
     random = np.random.default_rng(seed)
     if shape >= 0:
         glasses = (*glasses, Glass("faceted", faceted()[shape], ConstantIndex(1.7), 1))
-    plan = make_plan(out_of_the_way(glasses), Settings())
+    plan = compile_plan(out_of_the_way(glasses), Settings())
     o, d = rays_at(random, RAYS)
 
     asked = 0
     for events in range(1, 9):
         rays = Rays(o, d, None, False)
-        finish(plan.tracer.follow(replace(plan, settings=Settings(max_events=events)), rays))
+        run_steps(plan.tracer.follow(replace(plan, settings=Settings(max_events=events)), rays))
         further = Rays(o, d, None, False)
-        finish(plan.tracer.follow(replace(plan, settings=Settings(max_events=events + 1)), further))
+        run_steps(
+            plan.tracer.follow(replace(plan, settings=Settings(max_events=events + 1)), further)
+        )
         way = np.linalg.norm(further.positions - rays.positions, axis=1)
         some = np.flatnonzero(
             (rays.n_events == events) & ((way > 2 * BESIDE) | (further.n_events == events))
@@ -232,7 +234,7 @@ def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
     a_rig = rig(glasses, display=0.4)
     viewer = a_rig.viewer
     o, d = viewer.rays(random.uniform(0, viewer.width, (RAYS, 2)))
-    landings = trace_all(make_plan(a_rig, Settings()), o, d)
+    landings = trace_all(compile_plan(a_rig, Settings()), o, d)
     found = landings.has_arrived
     if not found.any():
         return
@@ -240,7 +242,7 @@ def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
         "eye", rectangle(viewer.position - [0, 0.2, 0], [-1, 0, 0], [0, 0, 1], 20, 20), 10, 10
     )
     back = trace_all(
-        make_plan(replace(a_rig, displays=(screen,)), Settings()),
+        compile_plan(replace(a_rig, displays=(screen,)), Settings()),
         landings.positions[found],
         -landings.directions[found],
     )
@@ -258,7 +260,7 @@ def test_light_sent_back_from_its_landing_comes_to_the_viewer(glasses, seed):
 
 
 def landings_of(a_rig, xy):
-    return trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
+    return trace_all(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
 
 
 def assert_same(here, there, least=0.99):
@@ -361,7 +363,7 @@ def test_nothing_that_is_no_number_comes_of_any_ray(shape, others, n, seed, ligh
     along = np.eye(3)[random.integers(0, 3, RAYS)]
     o = np.concatenate([o, o, mesh.vertices[random.integers(0, len(mesh.vertices), RAYS)] - along])
     d = np.concatenate([d, unit(to_vertex), along])
-    found = trace_all(make_plan(a_rig, Settings(brightness=True)), o, d, light)
+    found = trace_all(compile_plan(a_rig, Settings(brightness=True)), o, d, light)
 
     assert np.isfinite(found.positions).all()
     assert np.abs(np.linalg.norm(found.directions, axis=1) - 1).max() < 1e-14
@@ -410,7 +412,7 @@ def test_shares_sum_to_what_is_covered_on_both_sides(degrees, n, side, pixels, d
         pixels=pixels,
         display_pixels=display_pixels,
     )
-    solution = finish(Session().solve(a_rig, Settings(tolerance=0.01)))
+    solution = run_steps(Session().solve(a_rig, Settings(tolerance=0.01)))
 
     viewed = 0.0
     shown = 0.0
@@ -484,7 +486,7 @@ def test_coverage_and_reasons_make_the_whole(a_rig, max_events, only_through_gla
     """
     how = Settings(max_events=max_events, only_through_glass=only_through_glass, tolerance=0.5)
     try:
-        found = finish(Session().solve(a_rig, how))
+        found = run_steps(Session().solve(a_rig, how))
     except RigError:  # no ray arrives
         return
     shares = [found.picture_coverage, *found.misses.values()]
@@ -508,12 +510,12 @@ def test_shares_by_reason_are_those_of_rays(shape):
     )
     a_rig = rig(ball, ior=1.7, pixels=256, display_pixels=64, picture=0.034, **options)
     how = Settings(max_events=5 if shape == "cut" else 32)
-    found = finish(Session().solve(a_rig, how))
+    found = run_steps(Session().solve(a_rig, how))
     random = np.random.default_rng(5)
     xy = random.uniform(0, 256, (200_000, 2))
     cover = picture_from_view(a_rig.picture_place, a_rig.viewer, xy).cover
     seen = cover > 0
-    landings = trace_all(make_plan(a_rig, how), *a_rig.viewer.rays(xy[seen]))
+    landings = trace_all(compile_plan(a_rig, how), *a_rig.viewer.rays(xy[seen]))
     reason = np.where(
         landings.has_arrived & (landings.xy < 0).any(axis=1), Reason.MISSED_DISPLAY, landings.reason
     )

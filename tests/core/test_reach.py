@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.mesh_cache import Kept
-from kiriko.core.light.rays import ReachedError
+from kiriko.core.light.compile_plan import compile_plan
+from kiriko.core.light.mesh_cache import MeshCache
+from kiriko.core.light.rays import DeferredObjectError
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.sampling import sample
 from kiriko.core.rig.rig import ConstantIndex, Glass
@@ -40,7 +40,7 @@ def test_what_stands_far_aside_is_left_out_and_changes_nothing():
     assert sum("no light comes near it" in text for text in found.left_out) == 2
 
     whole = drain(
-        sample(make_plan(a_rig, Settings()))
+        sample(compile_plan(a_rig, Settings()))
     )  # another ray engine: cells may be cut otherwise
     at = np.random.default_rng(0).uniform(0, 96, (2000, 2))
     one = found.first.view_map.display_from_view(at)
@@ -63,27 +63,27 @@ def test_what_light_comes_by_is_found_though_the_viewer_does_not_look_at_it(thin
 
     assert out_of_sight(a_rig, a_rig.viewer) == (1,)
     laps = []
-    plan, found = drain(sample_reached(a_rig, a_rig.viewer, Settings(), Kept(), laps.append))
+    plan, found = drain(sample_reached(a_rig, a_rig.viewer, Settings(), MeshCache(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
     assert plan.aside.glasses == ()
 
     at = np.random.default_rng(0).uniform(0, 128, (2000, 2))
-    whole = drain(sample(make_plan(a_rig, Settings())))
+    whole = drain(sample(compile_plan(a_rig, Settings())))
     assert np.array_equal(found.display_from_view(at), whole.display_from_view(at), equal_nan=True)
     assert not any("comes near" in text for text in solve(a_rig).left_out)
 
 
 def test_rays_that_come_near_are_told():
     a_rig = with_others(ball_rig(3, pixels=32), box([0.01] * 3, (0.3, 0, 0)))
-    plan = make_plan(a_rig, Settings(), aside=(1,))
+    plan = compile_plan(a_rig, Settings(), aside=(1,))
     away = np.array([[0.3, -1.0, 0], [0.4, -1.0, 0]])
     along = np.tile([[0.0, 1, 0]], (2, 1))
-    with pytest.raises(ReachedError) as found:
+    with pytest.raises(DeferredObjectError) as found:
         trace_all(plan, away, along)
     assert found.value.boxes == {0}
     assert not trace_all(plan, away[1:], along[1:]).has_arrived.any()
     # beside the cube, but within the bulge that a curved one may have
-    with pytest.raises(ReachedError):
+    with pytest.raises(DeferredObjectError):
         trace_all(plan, np.array([[0.3069, -1.0, 0]]), along[:1])
 
 
@@ -116,12 +116,13 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     # with no walls of its box to pass by, none of the rays
     # comes near the rod: none raises ReachedError
     blind = replace(
-        make_plan(a_rig, Settings(), aside=(1,)), thin_parts=make_plan(plain, Settings()).thin_parts
+        compile_plan(a_rig, Settings(), aside=(1,)),
+        thin_parts=compile_plan(plain, Settings()).thin_parts,
     )
 
     assert drain(sample(blind)).n_rays > 1000
     laps = []
-    plan, _ = drain(sample_reached(a_rig, a_rig.viewer, Settings(), Kept(), laps.append))
+    plan, _ = drain(sample_reached(a_rig, a_rig.viewer, Settings(), MeshCache(), laps.append))
     assert laps == ["plan", "tracing", "plan"]
     assert plan.aside.glasses == ()
     assert not any("comes near" in text for text in plan.left_out)

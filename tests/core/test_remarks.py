@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.words import percent
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map.view_map import NO_ERROR
 from kiriko.core.rig.rig import Mesh
@@ -61,7 +61,7 @@ def test_what_the_frame_cuts_off_is_told(projection, part, axis):
     aside = (0.05 - 0.03) / 2 + part * 0.03
     moved = replace(viewer, position=viewer.position + aside * viewer.axes[axis])
     solution = solve(replace(a_rig, viewers=(moved,)))
-    found = [remark.told() for remark in solution.remarks if "frame" in remark.text]
+    found = [remark.sentence() for remark in solution.remarks if "frame" in remark.text]
     assert found == [
         f"The frame of the viewer 'viewer' cuts off {percent(part)} of the picture: turn it to the"
         " picture, or give it a wider view."
@@ -136,7 +136,7 @@ def true_and_told(mesh):
     ball, rms display px, and the note on it.
     """
     a_rig = rig(mesh, picture=0.015)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     at = np.linspace(0, 512, 65)
     o, d = a_rig.viewer.rays(np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2))
     landings = trace_all(plan, o, d)
@@ -150,8 +150,8 @@ def true_and_told(mesh):
 
 def notes_without_solving(mesh, error=NO_ERROR):
     """The note on a mesh by a sample of rays."""
-    plan = make_plan(rig(mesh), Settings())
-    return [remark.told() for remark in remarks_of(plan, drain(measure(plan)), error)]
+    plan = compile_plan(rig(mesh), Settings())
+    return [remark.sentence() for remark in remarks_of(plan, drain(measure(plan)), error)]
 
 
 def remarks_of(plan, accuracy, error, misses=MappingProxyType({})):
@@ -179,8 +179,8 @@ def test_notes_on_the_mesh_follow_the_tolerance():
     """An error of the mesh is noted from the tolerance on, whatever that is."""
     told = Accuracy(Tessellation(order=0.2), 0.0, (0.0,), 0.0, (0.0,))
     for tolerance, is_noted in ((0.1, True), (0.19, True), (0.21, False), (0.5, False)):
-        plan = make_plan(ball_rig(3, pixels=8), Settings(tolerance=tolerance))
-        notes = [remark.told() for remark in remarks_of(plan, told, NO_ERROR)]
+        plan = compile_plan(ball_rig(3, pixels=8), Settings(tolerance=tolerance))
+        notes = [remark.sentence() for remark in remarks_of(plan, told, NO_ERROR)]
         assert any("The mesh costs up to about 0.2" in note for note in notes) == is_noted
 
 
@@ -253,7 +253,7 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
 
     By whether more surfaces would set it free.
     """
-    plan = make_plan(ball_rig(1, pixels=8), Settings())
+    plan = compile_plan(ball_rig(1, pixels=8), Settings())
     for leaked, cut_off, caught, words in (
         (share, 0.0, 0.0, "goes through gaps in the glass 'glass'"),
         (0.0, share, 0.0, "and is cut off: raise Max Events"),
@@ -269,7 +269,7 @@ def test_what_is_lost_is_told_from_a_thousandth_on(share, is_told):
 @pytest.mark.parametrize(("share", "is_told"), [(0.0099, False), (0.0101, True)])
 def test_light_at_contradicting_normals_is_told_from_a_hundredth_on(share, is_told):
     """In place of the number of such triangles, which says nothing of the light."""
-    plan = make_plan(ball_rig(1, pixels=8), Settings())
+    plan = compile_plan(ball_rig(1, pixels=8), Settings())
     plan = replace(plan, counts=replace(plan.counts, n_contradicted=(3,)))
     accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0, (share,))
     (remark,) = remarks_of(plan, accuracy, NO_ERROR)
@@ -292,7 +292,7 @@ def test_the_remedy_is_for_the_largest_cause(bends, unresolved, cut_off, noise, 
 
     Noise is no cause.
     """
-    plan = make_plan(ball_rig(3, pixels=8), Settings())
+    plan = compile_plan(ball_rig(3, pixels=8), Settings())
     accuracy = Accuracy(Tessellation(), 0.0, (0.0,), 0.0, (0.0,))
     error = replace(
         NO_ERROR, facet_limited=bends, unresolved=unresolved, cut_off=cut_off, noise=noise

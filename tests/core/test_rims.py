@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass.meshes import find_edges, find_joined, geometric_normals
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.glass.vertices import find_vertices, seen_across
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
@@ -119,7 +119,7 @@ def test_the_kernel_finds_the_same_normals():
 def landings(mesh, rays):
     """Where rays land, by number, through the lens 2 cm before the picture's place."""
     mesh = replace(mesh, vertices=mesh.vertices - [0, 0.02, 0])
-    plan = make_plan(rig(mesh, display=0.1, display_pixels=1024), Settings())
+    plan = compile_plan(rig(mesh, display=0.1, display_pixels=1024), Settings())
     found = trace_all(plan, *rays)
     return plan, found.sample[found.has_arrived], found.xy[found.has_arrived]
 
@@ -162,7 +162,7 @@ def test_the_error_of_rims_is_told(surface):
     through = through[np.hypot(through[:, 0], through[:, 2]) < APERTURE]
     plan, off = apart(replace(lens(), surface=surface), through)
     true = np.sqrt((off**2).mean())
-    told = finish(tessellation(plan)).error
+    told = run_steps(tessellation(plan)).error
     assert true / 3 < told < 3 * true
     assert (told > 0.5) == (surface == "facets")
 

@@ -7,7 +7,7 @@ import pytest
 
 from kiriko.core.base.vectors import dot
 from kiriko.core.glass.meshes import geometric_normals
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Landings, Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.native import loading
@@ -73,7 +73,7 @@ def traced(a_rig: Rig, xy: np.ndarray) -> tuple[Landings, np.ndarray, np.ndarray
     """Landings of rays through viewer px (n, 2), and the rays."""
     origins, directions = a_rig.viewer.rays(xy)
     rays = np.broadcast_to(origins, directions.shape), directions
-    return trace_all(make_plan(a_rig, SETTINGS), *rays), *rays
+    return trace_all(compile_plan(a_rig, SETTINGS), *rays), *rays
 
 
 @pytest.mark.usefixtures("has_kernel")
@@ -116,7 +116,7 @@ def test_no_ray_slips_through_glass_and_what_stands_behind():
     front = corners[dot(geometric_normals(corners), corners[:, 0] - eye) < 0]
     weight = np.random.default_rng(1).random((40, 1, 1, 1))
     aims = (weight * front + (1 - weight) * np.roll(front, 1, axis=1)).reshape(-1, 3)
-    plan = make_plan(a_rig, SETTINGS)
+    plan = compile_plan(a_rig, SETTINGS)
     with loading.off():
         found = trace_all(plan, np.broadcast_to(eye, aims.shape), unit(aims - eye))
     assert not (found.reason == Reason.MISSED_GLASS).any()

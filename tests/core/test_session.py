@@ -12,7 +12,7 @@ from kiriko.core.base.errors import MeshError, RigError
 from kiriko.core.glass import surfaces
 from kiriko.core.glass.meshes import geometric_normals
 from kiriko.core.light import ray_engine
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import rasterise, shares
@@ -125,7 +125,7 @@ def test_a_new_picture_alone_traces_nothing(monkeypatch):
     other = replace(a_rig, pictures=(replace(a_rig.picture, image=lattice_image(64)[::-1].copy()),))
     expected = solve(other)
     monkeypatch.setattr(channel, "Sampling", lambda plan: pytest.fail("traced again"))
-    monkeypatch.setattr(painting, "find_strokes", lambda *_: pytest.fail("placed again"))
+    monkeypatch.setattr(painting, "find_filter_taps", lambda *_: pytest.fail("placed again"))
     found = solve(other, kept)
     assert np.array_equal(found.source, expected.source)
     assert found.n_rays == 0
@@ -203,14 +203,14 @@ def test_only_a_changed_mesh_builds_an_engine(monkeypatch):
     solve(a_rig, kept)
     built = []
 
-    original = ray_engine.Asked
+    original = ray_engine.EngineTriangles
 
     def counted(corners, *others):
         if len(corners) > ray_engine.FEW_TRIANGLES:
             built.append(1)
         return original(corners, *others)
 
-    monkeypatch.setattr(ray_engine, "Asked", counted)
+    monkeypatch.setattr(ray_engine, "EngineTriangles", counted)
     v = a_rig.viewer
     moved = replace(a_rig, viewers=(replace(v, position=v.position + np.array([0.01, 0, 0])),))
     assert np.array_equal(solve(moved, kept).source, solve(moved).source)
@@ -532,7 +532,7 @@ def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, su
     """
     radii = SHAPES[shape]
     a_rig = rig(replace(icosphere(radii, levels), surface=surface), picture=0.015)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     at = np.linspace(0, 512, 65)
     o, d = a_rig.viewer.rays(np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2))
     landings = trace_all(plan, o, d)
@@ -551,7 +551,9 @@ def test_the_tessellation_error_is_of_the_size_of_the_true_one(shape, levels, su
 @pytest.mark.parametrize("levels", [(2, 4), (3, 2)])
 def test_glass_that_touches_with_other_triangles_is_told(levels):
     """Light arrives elsewhere, or could, or does not: the film between is an accident of meshes."""
-    assert drain(tessellation(make_plan(filled_cavity(*levels), Settings()))).undecided > UNDECIDED
+    assert (
+        drain(tessellation(compile_plan(filled_cavity(*levels), Settings()))).undecided > UNDECIDED
+    )
 
 
 @pytest.mark.parametrize("n", [1.0, 1.333, 1.49, 1.6])
@@ -560,7 +562,7 @@ def test_glass_that_touches_with_the_same_triangles_leaves_nothing_undecided(n):
     a_rig = filled_cavity(3, 3)
     block, ball = a_rig.glasses
     a_rig = replace(a_rig, glasses=(block, replace(ball, ior=ConstantIndex(n))))
-    assert drain(tessellation(make_plan(a_rig, Settings()))).undecided == 0.0
+    assert drain(tessellation(compile_plan(a_rig, Settings()))).undecided == 0.0
 
 
 @pytest.mark.parametrize(
@@ -581,7 +583,7 @@ def test_glass_that_touches_with_the_same_triangles_leaves_nothing_undecided(n):
     ],
 )
 def test_thin_walls_and_coarse_meshes_leave_no_light_undecided(a_rig):
-    assert drain(tessellation(make_plan(a_rig, Settings()))).undecided == 0.0
+    assert drain(tessellation(compile_plan(a_rig, Settings()))).undecided == 0.0
 
 
 ROUNDED = {
@@ -602,11 +604,13 @@ def test_the_rounding_error_is_of_the_size_of_the_true_one(shape, far):
     mesh = ROUNDED[shape]
     a_rig = rig(mesh)
     o, d = rays_of(a_rig)
-    here = trace_all(make_plan(a_rig, Settings()), o, d)
+    here = trace_all(compile_plan(a_rig, Settings()), o, d)
     shift = far * closed_forms.unit(np.array([0.3137, -0.7091, 0.4173]))
     moved = (mesh.vertices + shift).astype(np.float32).astype(float)
     rounded = replace(mesh, vertices=moved - shift, rounding=2.0**-24 * np.abs(moved).max())
-    plan = make_plan(replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=rounded),)), Settings())
+    plan = compile_plan(
+        replace(a_rig, glasses=(replace(a_rig.glasses[0], mesh=rounded),)), Settings()
+    )
     there = trace_all(plan, o, d)
     same = here.has_arrived & (here.branch == there.branch)
 
@@ -659,7 +663,7 @@ def test_a_plate_behind_another_turns_the_light_back_again():
 
 
 def landings_of(a_rig):
-    return trace_all(make_plan(a_rig, Settings()), *rays_of(a_rig))
+    return trace_all(compile_plan(a_rig, Settings()), *rays_of(a_rig))
 
 
 def test_a_tolerance_as_blender_keeps_it_is_the_one_that_was_set():
@@ -683,7 +687,7 @@ def test_a_bevel_and_faces_without_area_are_no_matter_of_rounding():
         mesh = replace(
             joined(block, replace(other, corner_normals=None, is_smooth=None)), rounding=1.5e-9
         )
-        plan = make_plan(rig(block), Settings())
+        plan = compile_plan(rig(block), Settings())
         plan = replace(
             plan, rig=replace(plan.rig, glasses=(replace(plan.rig.glasses[0], mesh=mesh),))
         )

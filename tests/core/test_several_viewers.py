@@ -9,7 +9,7 @@ from kiriko.core.base import free_memory
 from kiriko.core.base.errors import RigError
 from kiriko.core.image.source_image import splat
 from kiriko.core.lab.measure.viewer_errors import conflict_in_light, displaced, viewer_reports
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.map import shares
 from kiriko.core.native import loading
 from kiriko.core.rig.settings import Settings
@@ -164,7 +164,7 @@ def test_blended_is_the_limit_of_the_splat_over_all_viewers():
     """The distance falls as samples^-1/2, to the end of the ladder."""
     a_rig = eyes(ball_rig(4, pixels=96, display_pixels=48, image=waves()), 0.02, (1, 2.5))
     solution = solve(a_rig, disagreement="blended")
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     whole = np.minimum(*(one.coverage.of_display for one in solution.channels)) > 0.999
     assert whole.mean() > 0.2
     ladder = np.array([1, 4, 16, 64])

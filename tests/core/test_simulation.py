@@ -9,7 +9,7 @@ import pytest
 
 from kiriko.core.image import simulation
 from kiriko.core.image.simulation import LUMINANCE, simulate
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Display, MirrorArray
@@ -42,7 +42,7 @@ def test_an_ideal_plate_shows_the_seen_image():
     a_rig = cube_rig(pixels=48, display_pixels=64, image=lattice_image(64))
     solution = solve(a_rig, brightness=True, only_through_glass=False)
     seen = solution.seen()
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     found = [drain(simulate(plan, solution.source, 60, seed)) for seed in range(4)]
     off = [(some.image - seen) @ LUMINANCE for some in found]
     for some, apart in zip(found, off, strict=True):
@@ -62,10 +62,10 @@ def test_all_the_light_of_a_white_room_is_counted_once():
         room, triangles=room.triangles[:, ::-1], uv=np.tile([[0.0, 0], [1, 0], [0, 1]], (12, 1, 1))
     )
     a_rig = replace(a_rig, displays=(Display("room", inward, 4, 4),))
-    found = drain(simulate(make_plan(a_rig, Settings()), np.ones((4, 4, 3), np.float32), 2))
+    found = drain(simulate(compile_plan(a_rig, Settings()), np.ones((4, 4, 3), np.float32), 2))
 
     # light that the first face reflects is seen, light of the second is lost
-    (faces,) = make_plan(a_rig, Settings()).arrays
+    (faces,) = compile_plan(a_rig, Settings()).arrays
     reflected = faces.reflected(np.zeros((1, 3)), np.array([[0.0, 1, 0]])).throughput[0]
     white = (1 - reflected) ** 2 + reflected
 
@@ -81,7 +81,7 @@ def test_brightness_and_blur_have_closed_forms():
     light, and blur uniform in +- p P along each mirror.
     """
     a_rig = with_mirrors(plain_rig(pixels=200, field=0.02), has_fresnel=False)
-    found = plate_view(make_plan(a_rig, Settings(only_through_glass=False)))
+    found = plate_view(compile_plan(a_rig, Settings(only_through_glass=False)))
     tangent = np.sin(np.pi / 4) / 1.52
     r = 2.5 * tangent / np.sqrt(1 - tangent**2) / np.sqrt(2)
     share = 1 - abs(r % 2 - 1)
@@ -109,7 +109,7 @@ def test_the_blur_is_of_the_viewer_whatever_the_display(size, turns):
         uv = np.stack([-uv[..., 1], uv[..., 0]], axis=-1)
     turned = replace(a_rig.display.mesh, uv=uv + 0.5)
     display = Display("display", turned, *size)
-    plan = make_plan(replace(a_rig, displays=(display,)), Settings(only_through_glass=False))
+    plan = compile_plan(replace(a_rig, displays=(display,)), Settings(only_through_glass=False))
 
     # mirrors along both diagonals shift by up to p P: each adds half of its variance across the
     # viewer's image, and half along the plane of incidence, which is seen under 45 degrees
@@ -121,14 +121,16 @@ def test_the_blur_is_of_the_viewer_whatever_the_display(size, turns):
 
 
 def test_an_ideal_plate_has_no_brightness_to_tell():
-    assert plate_view(make_plan(plain_rig(pixels=16), Settings())) is None
+    assert plate_view(compile_plan(plain_rig(pixels=16), Settings())) is None
 
 
 def test_a_display_that_is_not_seen_has_none_either():
     a_rig = with_mirrors(plain_rig(pixels=16))
     away = Display("display", rectangle([5.0, 0, 0], [1, 0, 0], [0, 1, 0], 0.01, 0.01), 8, 8)
     assert (
-        plate_view(make_plan(replace(a_rig, displays=(away,)), Settings(only_through_glass=False)))
+        plate_view(
+            compile_plan(replace(a_rig, displays=(away,)), Settings(only_through_glass=False))
+        )
         is None
     )
 
@@ -138,7 +140,7 @@ def test_the_standard_error_holds_for_any_number_of_samples(spp):
     """Of independent seeds: rms of their difference / sqrt 2, to 10 %. An odd number is
     rounded up.
     """
-    plan = make_plan(with_mirrors(plain_rig(pixels=48)), Settings())
+    plan = compile_plan(with_mirrors(plain_rig(pixels=48)), Settings())
     source = np.ones((512, 512, 3), np.float32)
     source[::16] = 0
     one, other = (drain(simulate(plan, source, spp, seed)) for seed in (1, 2))
@@ -154,7 +156,7 @@ def test_a_display_looked_at_straight_has_its_own_colours():
     x, _, z = np.eye(3)
     a_rig = with_mirrors(rig(box([0.01] * 3, (0.5, 0, 0)), pixels=16, field=0.05))
     facing = Display("display", rectangle(np.zeros(3), x, z, 0.05, 0.05), 2, 2)
-    plan = make_plan(replace(a_rig, displays=(facing,)), Settings())
+    plan = compile_plan(replace(a_rig, displays=(facing,)), Settings())
     source = np.array([[[0.1, 0.9, 0.3], [2.0, 0, 0]], [[0, 0.5, 0], [0.2, 0.3, 0.7]]], np.float32)
     found = drain(simulate(plan, source, 4))
     assert found.image == pytest.approx(source.repeat(8, axis=0).repeat(8, axis=1), abs=1e-6)
@@ -169,8 +171,8 @@ def test_brightness_is_the_share_that_each_direction_leaves():
     """Behind a ball, by angle: least, mean and most are those of
     other rays by the formula, without the ball's loss.
     """
-    plan = make_plan(ball_rig(3, pixels=64, field=0.02), Settings())
-    found = plate_view(make_plan(with_mirrors(plan.rig), Settings()))
+    plan = compile_plan(ball_rig(3, pixels=64, field=0.02), Settings())
+    found = plate_view(compile_plan(with_mirrors(plan.rig), Settings()))
     landings = trace_all(
         plan, *plan.rig.viewer.rays(np.random.default_rng(9).uniform(0, 64, (40_000, 2)))
     )
@@ -190,7 +192,7 @@ def test_brightness_is_the_share_that_each_direction_leaves():
 
 def test_the_standard_errors_are_how_samples_spread():
     """Over 12 seeds, to a factor of 1.6: of 12 values a standard deviation is known to a fifth."""
-    plan = make_plan(with_mirrors(ball_rig(2, pixels=64)), Settings())
+    plan = compile_plan(with_mirrors(ball_rig(2, pixels=64)), Settings())
     found = [plate_view(plan, seed) for seed in range(12)]
     for name in ("brightness", "blur"):
         spread = np.std([getattr(some, name) for some in found], ddof=1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.sketch import (
     HATCH,
     OUT_OF_VIEW,
@@ -16,7 +16,7 @@ from kiriko.core.bench.sketch import (
     sight_lines,
     sketching,
 )
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace
 from kiriko.core.rig.rig import PicturePlace
@@ -28,7 +28,7 @@ SLAB = box([0.1, 0.02, 0.1])
 
 
 def sketch_of(a_rig):
-    return finish(sketching(a_rig, make_plan(a_rig, Settings())))
+    return run_steps(sketching(a_rig, compile_plan(a_rig, Settings())))
 
 
 def points_of(sketch):
@@ -74,7 +74,7 @@ def test_the_lost_half_is_hatched_and_only_that():
     hatch = sketch.light.hatch
     assert np.abs(hatch[..., 1]).max() < 1e-12  # in the picture's plane
 
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     o, d, _, _ = sight_lines(a_rig.viewer, hatch.mean(axis=1))
     assert (trace(plan, o, d).reason == Reason.MISSED_PLATE).all()
     part = 0.03 / HATCH.n_grid
@@ -220,7 +220,7 @@ def divided(mesh, n=4):
 @pytest.mark.parametrize("without", ["viewers", "glasses", "plates", "displays", "pictures"])
 def test_an_incomplete_rig_is_sketched_as_far_as_it_goes(without):
     """Each part may be missing: what needs it is not there, all else is."""
-    sketch = finish(sketching(replace(rig(SLAB), **{without: ()}), None))
+    sketch = run_steps(sketching(replace(rig(SLAB), **{without: ()}), None))
     assert sketch.light.ways == ()
     assert np.isfinite(points_of(sketch)).all()
     states = {line.state for line in sketch.lines}
@@ -237,6 +237,6 @@ def test_numbers_that_are_none_are_not_drawn(part):
     vertices = broken.mesh.vertices.copy()
     vertices[0, 0] = np.nan
     broken = replace(broken, mesh=replace(broken.mesh, vertices=vertices))
-    sketch = finish(sketching(replace(a_rig, **{part: (broken,)}), None))
+    sketch = run_steps(sketching(replace(a_rig, **{part: (broken,)}), None))
     assert np.isfinite(points_of(sketch)).all()
     assert len(sketch.lines)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import surface_fit
 from kiriko.core.glass.splines import find_quad_lines, looking_for_splines
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh
 from kiriko.core.rig.settings import Settings
@@ -21,7 +21,7 @@ from known.reference_rigs import mean_normals, rig, split_quads, torus
 def looked_for(mesh):
     """Its vertices, and where it lies on splines."""
     v, edges = vertices_and_edges(mesh)
-    return v, finish(looking_for_splines(v, find_quad_lines(v, edges, mesh.polygon)))
+    return v, run_steps(looking_for_splines(v, find_quad_lines(v, edges, mesh.polygon)))
 
 
 def grid_mesh(places):
@@ -83,7 +83,7 @@ def test_rings_of_one_level_land_light_where_their_limit_does(points, seed):
 
     def landings(mesh, surface):
         a_rig = rig(replace(mesh, surface=surface), display=0.2, display_pixels=512)
-        found = trace_all(make_plan(a_rig, Settings()), *rays)
+        found = trace_all(compile_plan(a_rig, Settings()), *rays)
         xy = np.full((1500, 2), np.nan)
         xy[found.sample] = found.xy
         return xy
@@ -148,5 +148,5 @@ def test_around_poles_nothing_is_taken_for_splines(level):
 def test_meshes_of_triangles_pay_nothing(monkeypatch):
     """Without polygons nothing is looked for."""
     mesh = replace(mean_normals(torus(0.018, 0.007, 16, 8)), surface="automatic")
-    monkeypatch.setattr(surface_fit, "looking_for_known", lambda *_: pytest.fail("looked for"))
+    monkeypatch.setattr(surface_fit, "exact_limit_steps", lambda *_: pytest.fail("looked for"))
     assert make_surface(mesh).n_curved == len(mesh.triangles)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from kiriko.core.light import interactions, trace
-from kiriko.core.light.compile_plan import MOST_COPIES, make_plan
-from kiriko.core.light.meetings import Law
+from kiriko.core.light.compile_plan import MOST_COPIES, compile_plan
+from kiriko.core.light.meetings import Interaction
 from kiriko.core.light.optics import reflect
 from kiriko.core.light.rays import MIRROR, PASS, main_landings
 from kiriko.core.light.trace import trace_all
@@ -35,7 +35,7 @@ def meet(plan, rays, i, hits, by_layer):
 
 @pytest.fixture(params=["kernel", "numpy"])
 def way(request, monkeypatch):
-    monkeypatch.setitem(interactions.LAWS, SPLITTER, Law(meet, None, splits=True))
+    monkeypatch.setitem(interactions.INTERACTIONS, SPLITTER, Interaction(meet, None, splits=True))
     monkeypatch.setattr(trace, "ENDS", np.append(trace.ENDS, False))
     with nullcontext() if request.param == "kernel" else loading.off():
         yield
@@ -62,8 +62,8 @@ def test_both_ways_are_those_of_no_pane_and_of_a_mirror(way):
     """
     a_rig = panes(1)
     o, d = a_rig.viewer.rays(np.random.default_rng(0).uniform(0, 64, (3000, 2)))
-    mirrored = make_plan(a_rig, SETTINGS)
-    apart = [make_plan(replace(a_rig, mirrors=()), SETTINGS), mirrored]
+    mirrored = compile_plan(a_rig, SETTINGS)
+    apart = [compile_plan(replace(a_rig, mirrors=()), SETTINGS), mirrored]
     straight, reflected = (trace_all(plan, o, d) for plan in apart)
     found = trace_all(splitting(mirrored), o, d)
     order = np.lexsort((found.n_events, found.sample))
@@ -88,6 +88,6 @@ def test_both_ways_are_those_of_no_pane_and_of_a_mirror(way):
 
 def test_ways_are_bounded(way):
     """Light to and fro between panes splits at each; no ray has more than eight ways."""
-    plan = splitting(make_plan(panes(4, up=Z), SETTINGS))
+    plan = splitting(compile_plan(panes(4, up=Z), SETTINGS))
     found = trace_all(plan, *plan.viewer.rays(np.full((500, 2), 32.5)))
     assert (np.bincount(found.sample, minlength=500) == 1 + MOST_COPIES).all()

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.bench.picture_light import SEVERAL, Spread, part_of_picture, points_of, spread_of
 from kiriko.core.bench.placement import Proposal, Wishes, propose, rig_of, viewer_of
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.rig import ConstantIndex, Glass, Rig
 from kiriko.core.rig.settings import Settings
 from known.closed_forms import landing, through_ball
@@ -25,7 +25,7 @@ def rig_around(
 
 def spread_around(glass: Glass, wishes: Wishes) -> tuple[Rig, Spread]:
     rig, proposal = rig_around(glass, wishes)
-    return rig, finish(spread_of(make_plan(rig, Settings()), proposal.placement.display))
+    return rig, run_steps(spread_of(compile_plan(rig, Settings()), proposal.placement.display))
 
 
 def ball(ior: float = 1.49) -> Glass:

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import subdivided
 from kiriko.core.glass.quartics import AT_NODES
-from kiriko.core.glass.subdivided import looking_for_known
+from kiriko.core.glass.subdivided import exact_limit_steps
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.native import loading
 from kiriko.core.rig.rig import Mesh
@@ -21,7 +21,7 @@ def looked_for(mesh):
     """Its vertices, and where it is known."""
     v, edges = vertices_and_edges(mesh)
     usable = np.ones(len(mesh.triangles), bool)
-    return v, finish(looking_for_known(v, edges, mesh.polygon, usable))
+    return v, run_steps(exact_limit_steps(v, edges, mesh.polygon, usable))
 
 
 def cube_cage():

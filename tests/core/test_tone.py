@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.files.encoding import encode
 from kiriko.core.image.tone import Tone
 from kiriko.core.rig.settings import Settings
@@ -61,8 +61,8 @@ def test_black_level_is_made_up_for(black_level):
 
     So the viewer sees the same, where light comes from pixels that have a colour.
     """
-    plain = finish(Session().solve(grey_rig(0.6, 0.0)))
-    found = finish(Session().solve(grey_rig(0.6, black_level)))
+    plain = run_steps(Session().solve(grey_rig(0.6, 0.0)))
+    found = run_steps(Session().solve(grey_rig(0.6, black_level)))
     is_seen = plain.source[..., 0] > black_level
     wanted = (plain.source - black_level) / (1 - black_level)
     assert found.source[is_seen] == pytest.approx(np.maximum(wanted, 0)[is_seen], abs=1e-6)
@@ -77,25 +77,25 @@ def test_black_level_is_made_up_for(black_level):
 
 def test_darker_than_black_is_told():
     """A picture darker than the display's black is shown as dark as it can be, which is told."""
-    found = finish(Session().solve(grey_rig(0.02, 0.05)))
+    found = run_steps(Session().solve(grey_rig(0.02, 0.05)))
     assert not found.source.any()
     (note,) = found.notes
     assert note.startswith("100 % of the source image is wanted darker than the black of")
     assert "5 % of its white" in note
     assert "Picture Brightness" in note
     assert "Black Level" in note
-    assert not finish(Session().solve(grey_rig(0.2, 0.05))).notes
+    assert not run_steps(Session().solve(grey_rig(0.2, 0.05))).notes
 
 
 def test_another_black_level_traces_nothing():
     """Light lands where it did."""
     session = Session()
-    finish(session.solve(grey_rig(0.6, 0.0)))
-    assert finish(session.solve(grey_rig(0.6, 0.1))).n_rays == 0
+    run_steps(session.solve(grey_rig(0.6, 0.0)))
+    assert run_steps(session.solve(grey_rig(0.6, 0.1))).n_rays == 0
 
 
 @pytest.mark.parametrize("black_level", [-0.1, 1.0, np.nan])
 def test_a_black_as_light_as_white_is_refused(black_level):
     """In one sentence that names the display."""
     with pytest.raises(RigError, match=r"The display '.*' has a black level of .*: set one from 0"):
-        finish(Session().solve(grey_rig(0.5, black_level), Settings()))
+        run_steps(Session().solve(grey_rig(0.5, black_level), Settings()))

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Display, Glass
@@ -32,7 +32,7 @@ def made_of(*meshes, indices=(1.49,), **bench):
 
 
 def traced(a_rig, o, d, **settings):
-    return trace_all(make_plan(a_rig, Settings(**settings)), o, d)
+    return trace_all(compile_plan(a_rig, Settings(**settings)), o, d)
 
 
 def planes(n, seed):

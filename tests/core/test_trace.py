@@ -11,7 +11,7 @@ import pytest
 from kiriko.core.base.errors import RigError
 from kiriko.core.glass.solids import solids_from_mesh
 from kiriko.core.glass.surfaces import make_surface
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.layer_hits import first_hits
 from kiriko.core.light.ray_engine import Layer
 from kiriko.core.light.rays import Reason
@@ -31,7 +31,7 @@ def grid(viewer, n=65):
 def traced(a_rig, xy=None, **settings):
     xy = grid(a_rig.viewer) if xy is None else xy
     o, d = a_rig.viewer.rays(xy)
-    return o, d, trace_all(make_plan(a_rig, Settings(**settings)), o, d)
+    return o, d, trace_all(compile_plan(a_rig, Settings(**settings)), o, d)
 
 
 def error_px(a_rig, landings, through, o, d, **shape):
@@ -243,12 +243,12 @@ def test_total_internal_reflection_goes_on_up_to_the_limit():
     o = np.stack(
         [np.linspace(-0.02, 0.02, 50), np.full(50, -1.0), np.linspace(-0.01, 0.01, 50)], axis=1
     )
-    landings = trace_all(make_plan(a_rig, Settings()), o, d)
+    landings = trace_all(compile_plan(a_rig, Settings()), o, d)
 
     assert (landings.reason == Reason.MISSED_PLATE).all()
     np.testing.assert_allclose(landings.directions, np.tile([-1.0, 0, 0], (50, 1)), atol=1e-15)
     assert (landings.n_events == 3).all()
-    short = trace_all(make_plan(a_rig, Settings(max_events=2)), o, d)
+    short = trace_all(compile_plan(a_rig, Settings(max_events=2)), o, d)
 
     assert (short.reason == Reason.CUT_OFF).all()
 
@@ -335,7 +335,7 @@ def test_rays_at_vertices_and_edges_do_not_leak(surface):
     """
     mesh = replace(icosphere(0.025, 4), surface=surface)
     a_rig = rig(mesh)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
     targets = vertices_and_edges(mesh)
     targets = targets[targets[:, 1] < -0.008]  # those the viewer sees, off the silhouette
     o = np.tile(a_rig.viewer.position, (len(targets), 1))
@@ -370,7 +370,7 @@ def test_rays_from_inside_end_at_the_vertices_and_edges_they_are_aimed_at(start)
 def test_viewer_inside_the_glass_is_refused(options):
     """One sentence that names viewer and glass."""
     with pytest.raises(RigError, match="viewer 'viewer' is inside the glass 'glass'"):
-        make_plan(rig(box([3, 3, 3]), **options), Settings())
+        compile_plan(rig(box([3, 3, 3]), **options), Settings())
 
 
 ABOUT_AN_AXIS = np.linalg.qr([[0.3, 0.8, 0.5], [-0.7, 0.4, 0.2], [0.1, -0.6, 0.9]])[0]
@@ -473,7 +473,7 @@ def test_a_mirror_as_drawn_reflects_by_its_normals():
     u, v = 0.25, 0.3
     at = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
     normal = closed_forms.unit((1 - u - v) * bent[0] + u * bent[1] + v * bent[2])
-    plan = make_plan(a_rig, Settings(only_through_glass=False))
+    plan = compile_plan(a_rig, Settings(only_through_glass=False))
 
     for slope, by in ((0.3, normal), (60.0, np.array([0, -1.0, 0]))):
         d = closed_forms.unit(np.array([-slope, 1.0, 0.1 * slope]))
@@ -496,7 +496,7 @@ def test_light_jumps_within_no_branch():
         surface="facets",
     )
     a_rig = rig(ball, pixels=64, display=0.4, field=0.06)
-    plan = make_plan(a_rig, Settings())
+    plan = compile_plan(a_rig, Settings())
 
     # places around the inside's rim, and others about a pixel away
     random = np.random.default_rng(3)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.glass import bounding_shell
-from kiriko.core.glass.bounding_shell import making_hull
+from kiriko.core.glass.bounding_shell import bounding_shell_steps
 from kiriko.core.glass.surfaces import make_surface
 from kiriko.core.light import kernel_trees
 from kiriko.core.native import loading
@@ -21,10 +21,10 @@ def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
     """A thread of its own makes it, and it is given up when nobody wants it any longer."""
     at = np.random.default_rng(0).normal(size=(N, 3))
     boxes = np.stack([at - 0.1, at + 0.1], axis=1)
-    whole, items = finish(kernel_trees.making_tree(boxes))
+    whole, items = run_steps(kernel_trees.making_tree(boxes))
     monkeypatch.setattr(kernel_trees, "LARGE", N - 1)
     pauses = list(kernel_trees.making_tree(boxes))
-    made, same = finish(kernel_trees.making_tree(boxes))
+    made, same = run_steps(kernel_trees.making_tree(boxes))
     assert pauses
     assert np.array_equal(made.kept[0], whole.kept[0])
     assert np.array_equal(same, items)
@@ -37,7 +37,7 @@ def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
 def test_no_tree_is_too_deep():
     """A ray keeps 256 boxes in mind at the most (tree.h), however uneven they are."""
     at = 10.0 ** -np.random.default_rng(0).uniform(0, 150, (N, 3))
-    nodes = finish(kernel_trees.making_tree(np.stack([at, at], axis=1)))[0].kept[0]
+    nodes = run_steps(kernel_trees.making_tree(np.stack([at, at], axis=1)))[0].kept[0]
     todo = [(0, 1)]
     most = 0
     while todo:
@@ -53,10 +53,10 @@ def test_no_tree_is_too_deep():
 def test_a_hull_in_portions_is_the_hull(mesh, monkeypatch):
     """Whatever the number of faces that are worked on together."""
     curved = make_surface(mesh).curved
-    whole = finish(making_hull(curved))
+    whole = run_steps(bounding_shell_steps(curved))
     monkeypatch.setattr(bounding_shell, "PARTS_AT_ONCE", 1000)
-    pauses = list(making_hull(curved))
-    portioned = finish(making_hull(curved))
+    pauses = list(bounding_shell_steps(curved))
+    portioned = run_steps(bounding_shell_steps(curved))
     assert len(pauses) > 20
     for name in whole._fields:
         assert np.array_equal(getattr(portioned, name), getattr(whole, name))

@@ -20,7 +20,7 @@ def test_weights_are_those_of_least_squares():
     vertex = np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8]])
     curved = np.array([1e-3, 2e-3, 2e-3])
     drawn = np.array([3e-3, 2e-3, 1e-3])
-    trial = Trial(curved**2 / PART.told, curved**2 + drawn**2, np.zeros(3), np.zeros(3))
+    trial = Trial(curved**2 / PART.squared_error, curved**2 + drawn**2, np.zeros(3), np.zeros(3))
     found = weights(9, vertex, trial, np.zeros(3, bool))
     assert found == pytest.approx(np.repeat([0.9, 0.5, 0.0], 3), abs=1e-4)
     assert (weights(9, vertex, trial, np.ones(3, bool)) == 1).all()

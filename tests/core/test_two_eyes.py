@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from kiriko.core.base.errors import RigError
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.files.png import encoded
-from kiriko.core.lab.measure.places_seen import Look, grid_of, places_seen
+from kiriko.core.lab.measure.places_seen import Observer, grid_of, places_seen
 from kiriko.core.lab.measure.two_eyes import (
     angles_between,
     as_data,
@@ -185,8 +185,8 @@ def test_places_are_those_of_a_solve_with_pixels():
         viewers = (replace(left, weight=weights[0]), replace(right, weight=weights[1]))
         solution = solve(replace(a_rig, viewers=viewers), tolerance=1e-5)
         plan = solution.first.plan
-        looks = [Look(plan.seen_by(viewer), viewer.weight) for viewer in viewers]
-        found = finish(places_seen(looks, grid_of(7)))
+        looks = [Observer(plan.seen_by(viewer), viewer.weight) for viewer in viewers]
+        found = run_steps(places_seen(looks, grid_of(7)))
         for number in range(2):
             expected, straight = displaced(solution, number)
             np.testing.assert_allclose(found[number], expected, atol=1e-5)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.map import smooth_cells
@@ -32,7 +32,7 @@ from known.work import drain, is_sampled, solve
 
 
 def view_map(a_rig, **settings):
-    return drain(sample(make_plan(a_rig, Settings(**settings))))
+    return drain(sample(compile_plan(a_rig, Settings(**settings))))
 
 
 def areas(polygons):
@@ -188,7 +188,7 @@ def dense(a_rig, n=None):
         if n is None
         else np.random.default_rng(3).uniform(0, (w, h), (n, 2))
     )
-    landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(at))
+    landings = trace_all(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(at))
     return at, np.where((landings.branch != 0)[:, None], landings.xy, np.nan)
 
 
@@ -437,7 +437,7 @@ def test_a_slit_between_two_blockers_is_found(place):
     )
     found = solve(a_rig)
     xy = np.random.default_rng(0).uniform(0, 256, (200_000, 2))
-    landings = trace_all(make_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
+    landings = trace_all(compile_plan(a_rig, Settings()), *a_rig.viewer.rays(xy))
 
     assert found.first.view_coverage.sum() == pytest.approx(
         256**2 * landings.has_arrived.mean(), rel=0.1

@@ -9,7 +9,7 @@ import pytest
 
 from kiriko.core.base.errors import RigError
 from kiriko.core.lab.calibrate.visible_range import SURVEY, visible_range
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plate import PlatePath, light_by_angle
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.rig.settings import Settings
@@ -20,7 +20,7 @@ MIDDLE = SURVEY.n_steps // 2
 
 
 def found(a_rig, enough=1.0):
-    return drain(visible_range(make_plan(a_rig, Settings(only_through_glass=False)), enough))
+    return drain(visible_range(compile_plan(a_rig, Settings(only_through_glass=False)), enough))
 
 
 @pytest.mark.parametrize("plate", [0.1, 0.2])

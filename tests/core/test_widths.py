@@ -9,7 +9,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.light.rays import Reason
 from kiriko.core.map import pieces
 from kiriko.core.map.pieces import LEAST_PX, MOST_PX, TOGETHER, widths
@@ -32,7 +32,7 @@ def mixed(xy, size=SIZE):
 
 
 def widths_of(view, xy, size):
-    return finish(widths(view, xy, size))
+    return run_steps(widths(view, xy, size))
 
 
 @pytest.mark.parametrize("per_pixel", [0.125, 0.5, 2, 8, 60])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kiriko.core.base.arrays import Bools, Floats, Ints
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.light.hits import is_within
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.trace import Step, tracing
@@ -38,8 +38,8 @@ def find_parted(plan: Plan, origins: Floats, directions: Floats) -> Parted:
     by_numpy: list[Step] = []
     by_kernel: list[Step] = []
     with loading.off():
-        finish(tracing(plan, origins, directions, steps=by_numpy))
-    finish(tracing(plan, origins, directions, steps=by_kernel))
+        run_steps(tracing(plan, origins, directions, steps=by_numpy))
+    run_steps(tracing(plan, origins, directions, steps=by_kernel))
     n = len(origins)
     size = float(
         np.ptp(

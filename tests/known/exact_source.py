@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kiriko.core.image.flat_picture import flat_way
+from kiriko.core.image.flat_picture import flat_mapping
 from known.closed_forms import landing, through_ball
 
 NODES = 5  # along a display pixel: where on the viewer's image it is seen is a quartic between them
@@ -85,7 +85,7 @@ def _sums(a_rig, view, nodes, along):
 
     image = a_rig.picture.image[..., 0].astype(float)
     height, width = image.shape
-    matrix = flat_way(a_rig.picture_place, a_rig.viewer).matrix
+    matrix = flat_mapping(a_rig.picture_place, a_rig.viewer).matrix
     seen = place @ matrix[:, :2].T + matrix[:, 2]
     u, v = seen[..., 0] / seen[..., 2], seen[..., 1] / seen[..., 2]
     is_within = (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)

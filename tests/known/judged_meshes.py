@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Mesh, Rig, SurfaceChoice
 from kiriko.core.rig.settings import Settings
@@ -132,7 +132,7 @@ def distances(shape: str, segments: int, kind: str, mean: bool = False) -> Float
     """Display px (n,) from each judged ray's landing to the exact one; NaN where it was lost."""
     rays = judged(shape)
     landings = trace_all(
-        make_plan(drawn(shape, segments, kind, mean), Settings()), rays.origins, rays.directions
+        compile_plan(drawn(shape, segments, kind, mean), Settings()), rays.origins, rays.directions
     )
     return np.linalg.norm(landings.xy - rays.xy, axis=1)
 
@@ -284,7 +284,7 @@ def sheared(shape: str, segments: int, rings: int) -> Mesh:
 def errors(shape: str, mesh: Mesh, choice: SurfaceChoice) -> Errors:
     """How far a mesh that stands for a shape is off by one choice of surface."""
     rays = judged(shape)
-    plan = make_plan(rig(replace(mesh, surface=choice), **OPTIONS), Settings())
+    plan = compile_plan(rig(replace(mesh, surface=choice), **OPTIONS), Settings())
     px = np.linalg.norm(trace_all(plan, rays.origins, rays.directions).xy - rays.xy, axis=1)
     arrived = np.sort(px[np.isfinite(px)])
     rms, rest = (float(np.sqrt((x**2).mean())) for x in (arrived, arrived[:-10]))

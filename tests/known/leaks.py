@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.light import kernel_tracer
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.plan import Plan
 from kiriko.core.light.rays import Rays, Reason
 from kiriko.core.light.trace import TRACED_AT_ONCE
@@ -137,8 +137,8 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
     found = Leaks(0, 0, 0, 0, 0)
     if loading.library() is not None:
         # or rays that were lost on the way would begin again in air
-        finish(kernel_tracer.making(plan))
-        finish(kernel_tracer.making_whole(plan))
+        run_steps(kernel_tracer.making(plan))
+        run_steps(kernel_tracer.plan_steps(plan))
 
     for first in range(0, len(d), TRACED_AT_ONCE):
         some = slice(first, first + TRACED_AT_ONCE)
@@ -146,7 +146,7 @@ def leaks(plan: Plan, aims: Aims, start: Floats, every: int, is_inside: bool) ->
         if is_inside:
             rays.mask[:] = plan.parts.bit[0]
             rays.has_met_glass[:] = True
-        finish(plan.tracer.follow(plan, rays))
+        run_steps(plan.tracer.follow(plan, rays))
         lost = (rays.reason == Reason.LOST_INSIDE) & (
             is_straight | (rays.n_events < plan.settings.max_events)
         )
@@ -173,7 +173,7 @@ def leaks_of(shape: str, mesh: Mesh, every: int = 1) -> Leaks:
     aims = aims_at(mesh)
     inside = np.array(SHAPES[shape][1])
     outside = np.array(START)
-    straight = make_plan(rig(mesh, ior=STRAIGHT, distance=10.0), Settings())
+    straight = compile_plan(rig(mesh, ior=STRAIGHT, distance=10.0), Settings())
     glass = replace(straight.rig.glasses[0], ior=ConstantIndex(BENT))
     media = replace(straight.media, indices=np.array([[1.0, BENT]]))
     bent = replace(straight, rig=replace(straight.rig, glasses=(glass,)), media=media)

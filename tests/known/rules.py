@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kiriko.core.light import ray_engine
-from kiriko.core.light.compile_plan import make_plan
-from kiriko.core.light.mesh_cache import Kept
+from kiriko.core.light.compile_plan import compile_plan
+from kiriko.core.light.mesh_cache import MeshCache
 from kiriko.core.light.plan import Plan
 from kiriko.core.rig.rig import Glass, Rig
 from kiriko.core.rig.settings import Settings
@@ -45,7 +45,7 @@ def turned(a_rig: Rig) -> Rig:
 
 
 def plan(a_rig: Rig) -> Plan:
-    return make_plan(a_rig, Settings())
+    return compile_plan(a_rig, Settings())
 
 
 def traced_beyond(a_rig: Rig) -> Plan:
@@ -60,7 +60,7 @@ def with_engine(a_rig: Rig) -> Plan:
     few = ray_engine.FEW_TRIANGLES
     ray_engine.FEW_TRIANGLES = 0
     try:
-        made = make_plan(a_rig, Settings())
+        made = compile_plan(a_rig, Settings())
         assert all(held.layer.has_engine for held in made.layers)
         always = tuple(replace(held, layer=Always(held.layer)) for held in made.layers)
         return replace(made, layers=always)
@@ -87,13 +87,13 @@ class After:
 
     def __init__(self, first: Callable[[], Rig]) -> None:
         self._first = first
-        self._kept: Kept | None = None
+        self._kept: MeshCache | None = None
 
     def __call__(self, a_rig: Rig) -> Plan:
         if self._kept is None:
-            self._kept = Kept()
-            make_plan(self._first(), Settings(), self._kept)
-        return make_plan(a_rig, Settings(), self._kept)
+            self._kept = MeshCache()
+            compile_plan(self._first(), Settings(), self._kept)
+        return compile_plan(a_rig, Settings(), self._kept)
 
 
 def moved_viewer(a_rig: Rig) -> Rig:
@@ -112,7 +112,7 @@ def with_another_aside() -> Rig:
 
 
 def without_the_other(a_rig: Rig) -> Plan:
-    return make_plan(a_rig, Settings(), aside=out_of_sight(a_rig, a_rig.viewer))
+    return compile_plan(a_rig, Settings(), aside=out_of_sight(a_rig, a_rig.viewer))
 
 
 def two_boxes() -> Rig:
@@ -125,13 +125,13 @@ def two_boxes() -> Rig:
 RULES = {
     "few flat faces build no ray engine": Rule(lambda: cube_rig(pixels=256), plan, with_engine),
     "disjoint solids share a layer and a bit": Rule(
-        two_boxes, plan, lambda a_rig: make_plan(touching(a_rig), Settings())
+        two_boxes, plan, lambda a_rig: compile_plan(touching(a_rig), Settings())
     ),
     "nothing is traced beyond the plate but a flat display": Rule(
         ellipsoid_rig, plan, traced_beyond
     ),
     "without brightness there is no Fresnel": Rule(
-        ellipsoid_rig, plan, lambda a_rig: make_plan(a_rig, Settings(brightness=True))
+        ellipsoid_rig, plan, lambda a_rig: compile_plan(a_rig, Settings(brightness=True))
     ),
     "glass that no light comes near is not made ready": Rule(
         with_another_aside, without_the_other, plan
@@ -139,7 +139,7 @@ RULES = {
     "flat glass has no curved faces": Rule(
         lambda: cube_rig(pixels=256),
         plan,
-        lambda a_rig: make_plan(marked_smooth(a_rig), Settings()),
+        lambda a_rig: compile_plan(marked_smooth(a_rig), Settings()),
     ),
     "a moved viewer builds nothing": Rule(
         lambda: moved_viewer(ellipsoid_rig()), After(ellipsoid_rig), plan

@@ -99,7 +99,7 @@ def bootstrap(tmp_path) -> ModuleType:
     return module
 
 
-def told(
+def reported(
     bootstrap: ModuleType,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
@@ -128,7 +128,7 @@ def write_zip(path: Path, *change: str, packing: int = ZIP_STORED) -> None:
 
 def test_worker_without_kiriko(bootstrap, monkeypatch, capsys):
     """Without a zip the sentence names the platform whose zip belongs there."""
-    said = told(bootstrap, monkeypatch, capsys)
+    said = reported(bootstrap, monkeypatch, capsys)
     assert "There is no zip of Kiriko" in said
     assert bootstrap.this_platform() in said
 
@@ -146,7 +146,7 @@ def test_zips_that_do_not_fit(bootstrap, tmp_path, monkeypatch, capsys, change, 
     """Another platform, another version, a newer Blender and a broken zip each have a sentence."""
     write_zip(tmp_path / "kiriko.zip", *change)
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text("utf-8"))["version"]
-    assert said in told(bootstrap, monkeypatch, capsys, "--version", version)
+    assert said in reported(bootstrap, monkeypatch, capsys, "--version", version)
 
 
 def encrypted(path: Path) -> None:
@@ -193,7 +193,7 @@ ODD = (
 def test_an_odd_zip_does_not_block_a_good_one(bootstrap, tmp_path, monkeypatch, capsys, make):
     """Alone, a zip that cannot be used gets one sentence; beside a good one it is passed over."""
     make(tmp_path / "kiriko-a.zip")
-    told(bootstrap, monkeypatch, capsys)
+    reported(bootstrap, monkeypatch, capsys)
     write_zip(tmp_path / "kiriko-good.zip")
     assert bootstrap.fitting_zip(tmp_path, None) == tmp_path / "kiriko-good.zip"
 

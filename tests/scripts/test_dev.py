@@ -12,7 +12,7 @@ from dev import OWN, SCRIPTS
 DEV = Path(environments.__file__).with_name("dev.py")
 
 
-def told(verb: str) -> str:
+def reported(verb: str) -> str:
     """The answer of dev.py to --help after a verb, in a Python that has no package but its own."""
     command = [sys.executable, "-S", "-E", str(DEV), verb, "--help"]
     answer = subprocess.run(command, capture_output=True, text=True, timeout=60)
@@ -36,7 +36,7 @@ def test_help_after_a_verb_shows_the_options_of_its_script(verb):
     added = re.findall(
         r'(?:add_argument|option)\(\s*"([\w-]+)"(?![^)]*SUPPRESS)', script.read_text()
     )
-    answer = told(verb)
+    answer = reported(verb)
     assert "usage" in answer
     assert all(option in answer for option in added)
 
@@ -44,7 +44,7 @@ def test_help_after_a_verb_shows_the_options_of_its_script(verb):
 @pytest.mark.parametrize("verb", OWN)
 def test_help_after_a_verb_of_dev_itself_is_its_own(verb):
     """The verbs that hand nothing on say their work."""
-    assert f"dev.py {verb}" in told(verb)
+    assert f"dev.py {verb}" in reported(verb)
 
 
 @pytest.mark.parametrize("version", ["3.7", "3.9", "3.10"])

@@ -320,7 +320,7 @@ def _remedy(
 
     fits = {button.operator for button in buttons} | set(FOR_ALL)
     found = [help for help in seen.helps if help.operator in fits]
-    clauses = [help.told(length_text) for help in found]
+    clauses = [help.sentence(length_text) for help in found]
     mends = [BY_OPERATOR[help.operator] for help in found]
     if not found or TURN_BACK in buttons:
         clauses.append(Message("turn the glass"))

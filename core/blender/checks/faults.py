@@ -12,7 +12,7 @@ from ...glass.inner_faces import find_bodies
 from ...glass.meshes import components, volume_of
 from ...glass.solids import turned_beside
 from ..read.read_mesh import column, read_local
-from .to_do import Counts
+from .to_do import FaultCounts
 
 BENT = 0.01  # between unit normals; those of files are rounded to 1e-3 or less
 LEAST, MOST = np.radians([0.05, 12.0])  # between facets; faces of one flat facet have less
@@ -21,12 +21,12 @@ MANY = 400  # hand-cut glass has fewer facets; a sphere as Blender adds it has 5
 WORTH = 0.25  # of the whole area
 
 
-def counts_of(mesh: bpy.types.Mesh) -> Counts:
+def counts_of(mesh: bpy.types.Mesh) -> FaultCounts:
     """Faults of a Blender mesh, evaluated or as it is drawn. Vertices in one place count as one."""
     local = read_local(mesh)
     n = len(mesh.polygons)
     if not len(local.triangles) or not np.isfinite(local.vertices).all():
-        return Counts(n_faces=n)
+        return FaultCounts(n_faces=n)
 
     # one vertex for those that are welded
     mesh.calc_loop_triangles()
@@ -46,7 +46,7 @@ def counts_of(mesh: bpy.types.Mesh) -> Counts:
     is_turned = np.zeros(n, bool)
     is_turned[polygon[local.loops[turned_beside(local.triangles), 0]]] = True
     edges = one[column(mesh.edges, "vertices", 2, np.int32).astype(np.int64)]
-    return Counts(
+    return FaultCounts(
         n_faces=n,
         n_open=int(open_edges(edges, triangles[is_outer], body[is_outer]).sum()),
         n_turned=int(is_turned.sum()),
@@ -91,7 +91,7 @@ def _keys(edges: Ints, n: int) -> Ints:
     return edges.min(axis=1) * n + edges.max(axis=1)
 
 
-class _Sides(NamedTuple):
+class _EdgeSides(NamedTuple):
     """Edges between two polygons: both polygons (n,) and (n,), the angle (n,) between their planes,
     rad, whichever way each is wound, and whether the shading breaks (n,) there.
     """
@@ -129,7 +129,7 @@ def n_facets(mesh: bpy.types.Mesh, one: Ints) -> int:
     return int(is_of_curve[facets].sum())
 
 
-def _sides(mesh: bpy.types.Mesh, one: Ints) -> _Sides:
+def _sides(mesh: bpy.types.Mesh, one: Ints) -> _EdgeSides:
     """The edges of a mesh that have two polygons."""
     edge = column(mesh.loops, "edge_index", 1, np.int32)
     if (one != np.arange(len(one))).any():
@@ -151,7 +151,7 @@ def _sides(mesh: bpy.types.Mesh, one: Ints) -> _Sides:
     normal = column(mesh.polygons, "normal", 3, np.float32)
     angle = _angle(normal[polygon[a]], normal[polygon[b]])
     shaded = _angle(corner[a] + corner[after[a]], corner[b] + corner[after[b]])
-    return _Sides(polygon[a], polygon[b], angle, shaded > angle / 2)
+    return _EdgeSides(polygon[a], polygon[b], angle, shaded > angle / 2)
 
 
 def _angle(one: Floats, other: Floats) -> Floats:

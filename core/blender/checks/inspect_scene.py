@@ -28,9 +28,9 @@ from ..data.lost_data import find_lost, on_lost, placeholders_of
 from ..data.made_objects import OBJECT_MARK
 from ..data.moving import number_at
 from ..data.rigs import RIG_MARK, active_rig, elsewhere
-from ..data.stored_records import Numbers
+from ..data.stored_records import StoredNumbers
 from ..data.units import length_of_unit
-from ..data.visibility import Shown, is_visible
+from ..data.visibility import VisibleObjects, is_visible
 from ..lifecycle.copies import is_doubled
 from ..lifecycle.given_glass import has_place
 from ..materials.material import Bends, bends_light, refracts
@@ -40,7 +40,7 @@ from ..read.scene_picture import check_at
 from ..read.shapes import used_materials
 from ..result.result_images import lacks_numbers
 from .faults import counts_of
-from .to_do import Counts, Inspection, Named, Thing
+from .to_do import FaultCounts, Inspection, Named, Thing
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
@@ -52,8 +52,8 @@ class InspectedMesh(NamedTuple):
     of its box in the object's own space.
     """
 
-    as_read: Counts
-    own: Counts
+    as_read: FaultCounts
+    own: FaultCounts
     sides: tuple[float, ...] = ()
 
 
@@ -75,7 +75,7 @@ def inspect(
     """
     result = scene.kiriko.result
     is_solved = result.source is not None
-    numbers = Numbers.read(result.details).by_name  # Add Rig knows the legibility alone
+    numbers = StoredNumbers.read(result.details).by_name  # Add Rig knows the legibility alone
     details = numbers if is_solved else {}
     helps = details.get("helps")
     bends = cache(bends_light)  # each material is asked once, though thousands of objects have it
@@ -153,13 +153,13 @@ def _thing(
         has_no_scale=min(map(abs, thing.scale)) == 0,
         is_flat=has_mesh and is_flat(sides),
         no_picture=why_no_picture(scene, thing) if role == "PICTURE" else "",
-        faults=_worth_telling(scene, looked.as_read) if has_thickness else Counts(),
-        own_faults=looked.own if has_thickness else Counts(),
+        faults=_worth_telling(scene, looked.as_read) if has_thickness else FaultCounts(),
+        own_faults=looked.own if has_thickness else FaultCounts(),
         has_facets=thing.kiriko.surface == "FACETS",
     )
 
 
-def _worth_telling(scene: bpy.types.Scene, faults: Counts) -> Counts:
+def _worth_telling(scene: bpy.types.Scene, faults: FaultCounts) -> FaultCounts:
     """Faults. Closed glass may look inward, unless Cycles shows it, which does not know inside."""
     is_told = faults.n_open > 0 or bool(scene.kiriko_scene.looking)
     return faults._replace(is_inside_out=faults.is_inside_out and is_told)
@@ -195,7 +195,7 @@ def _in_glass(
     boxes = [box_of(scene, glass) for glass, by in glasses.items() if not by]
     if not boxes:
         return
-    shown = Shown(scene, bpy.context.view_layer)
+    shown = VisibleObjects(scene, bpy.context.view_layer)
     found = []
     for thing in scene.objects:
         if thing.kiriko.role != "NONE" or OBJECT_MARK in thing or bodiless(thing):
@@ -228,7 +228,7 @@ def inspect_mesh(thing: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Ins
         as_read = counts_of(mesh)
         points = column(mesh.vertices, "co", 3, np.float32)
         sides = tuple(np.ptp(points, axis=0).tolist()) if len(points) else ()
-    own = Counts()
+    own = FaultCounts()
     if thing.type == "MESH":
         is_made = thing.data.shape_keys or any(m.show_viewport for m in thing.modifiers)
         own = counts_of(thing.data) if is_made else as_read

@@ -16,7 +16,7 @@ class Named(NamedTuple):
     library: str = ""
 
 
-class Counts(NamedTuple):
+class FaultCounts(NamedTuple):
     """Faults of a mesh.
 
     n_faces : polygons in all
@@ -39,7 +39,7 @@ class Counts(NamedTuple):
     n_loose: int = 0
 
 
-NO_FAULTS = Counts()
+NO_FAULTS = FaultCounts()
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ class Thing:
     has_no_scale: bool = False
     is_flat: bool = False
     no_picture: str = ""
-    faults: Counts = NO_FAULTS
-    own_faults: Counts = NO_FAULTS
+    faults: FaultCounts = NO_FAULTS
+    own_faults: FaultCounts = NO_FAULTS
     has_facets: bool = False
 
 

@@ -124,13 +124,13 @@ class Changed:
 
 
 @dataclass(frozen=True)
-class Numbers:
+class StoredNumbers:
     """Numbers by name, of the last result or the last calibration."""
 
     by_name: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, text: str) -> "Numbers":
+    def read(cls, text: str) -> "StoredNumbers":
         """The record of a text."""
         return cls(fields_of(text))
 

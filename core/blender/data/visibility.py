@@ -17,7 +17,7 @@ Switch = tuple[bpy.types.bpy_struct, str]  # its owner, its name
 HIDES = "hide_viewport", "hide_render"  # switches of objects and collections
 
 
-class Shown:
+class VisibleObjects:
     """The objects that a scene shows in one of its view layers, as it is now."""
 
     def __init__(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
@@ -183,7 +183,7 @@ def show(thing: bpy.types.Object, scene: bpy.types.Scene, layer: bpy.types.ViewL
             shown.update_tag(refresh={"TIME"})  # keyframes may hide it again
 
         layer.update()
-        by = Shown(scene, layer).hidden_by(thing)
+        by = VisibleObjects(scene, layer).hidden_by(thing)
         if by:
             raise RigError(
                 "'{name}' stays hidden{by}: it is linked from another file, animated or driven.",

@@ -23,7 +23,7 @@ EYES = 0.065  # m, between people's two
 EYE_MARK = "kiriko_eye"  # on cameras that were made here, and that others may take the place of
 
 
-class Place(NamedTuple):
+class EyePlace(NamedTuple):
     """Where a camera is to be in the world, its name, and how it looks."""
 
     name: str
@@ -32,7 +32,7 @@ class Place(NamedTuple):
     shift_x: float
 
 
-def two_eyes(viewer: bpy.types.Object) -> Iterator[Place]:
+def two_eyes(viewer: bpy.types.Object) -> Iterator[EyePlace]:
     """The eyes of a camera by its own stereo settings, half of their distance to either side.
 
     The eyes look parallel; at the convergence distance with their images shifted (off-axis); or
@@ -50,7 +50,7 @@ def two_eyes(viewer: bpy.types.Object) -> Iterator[Place]:
         elif stereo.convergence_mode == "TOE":
             turn = Matrix.Rotation(side * np.arctan(slope), 4, "Y")
         place = _unscaled(viewer) @ Matrix.Translation((side * half, 0, 0)) @ turn
-        yield Place(name, place, lens.lens, lens.shift_x + shift)
+        yield EyePlace(name, place, lens.lens, lens.shift_x + shift)
 
 
 def keep_eyes_apart(scene: bpy.types.Scene, before: float, after: float) -> None:
@@ -66,7 +66,7 @@ def keep_eyes_apart(scene: bpy.types.Scene, before: float, after: float) -> None
 
 def heads(
     viewer: bpy.types.Object, own: Viewer, others: list[Viewer], metres: float
-) -> Iterator[Place]:
+) -> Iterator[EyePlace]:
     """Cameras like a viewer's that look as other viewers do.
 
     own : as the camera looks itself
@@ -75,11 +75,11 @@ def heads(
     for other in others:
         zoom = np.ptp(own.window[:2]) / np.ptp(other.window[:2])
         place = _looking(other.axes, other.position / metres)
-        yield Place(data_name("Kiriko Head"), place, lens.lens * zoom, lens.shift_x)
+        yield EyePlace(data_name("Kiriko Head"), place, lens.lens * zoom, lens.shift_x)
 
 
 def make_viewers(
-    scene: bpy.types.Scene, viewer: bpy.types.Object, places: list[Place]
+    scene: bpy.types.Scene, viewer: bpy.types.Object, places: list[EyePlace]
 ) -> list[bpy.types.Object]:
     """Make cameras like a viewer's, and put them into the list in place of it and of those that
     were made before, whose weights and images they take over where as many had their names.
@@ -164,7 +164,7 @@ def _is_used(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
     return any(view.camera == thing for view in views)
 
 
-def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: Place) -> bpy.types.Object:
+def _like(scene: bpy.types.Scene, viewer: bpy.types.Object, place: EyePlace) -> bpy.types.Object:
     """A camera like a viewer's at another place, which goes along with it."""
     lens = viewer.data.copy()
     lens.animation_data_clear()

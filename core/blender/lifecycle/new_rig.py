@@ -20,22 +20,22 @@ from ..data.made_objects import Workbench, ball_mesh
 from ..data.overridden import overridden, take_away
 from ..data.rigs import RIG, is_copy, mark_made, rigs_of
 from ..data.units import length_of_unit
-from ..data.visibility import Shown
+from ..data.visibility import VisibleObjects
 from ..read.elements import DEFAULT_IOR
 from ..read.part_roles import in_blender
 from ..read.read_mesh import in_world, read_local
-from ..read.scene_parts import Part, parts_by_role, read_parts
-from ..read.shapes import Kept
+from ..read.scene_parts import WorldPart, parts_by_role, read_parts
+from ..read.shapes import ShapeCache
 from ..view.viewport_look import be_seen_as_glass, see_through
 from .rig_objects import in_units, make_display, make_picture, make_plate, make_viewer
 
 
-def bounds_of(parts: Sequence[Part | Glass]) -> Floats:
+def bounds_of(parts: Sequence[WorldPart | Glass]) -> Floats:
     """Bounds (2, 3) of parts, world, m."""
     return box_of(np.concatenate([part.mesh.bounds for part in parts]))
 
 
-def looked_through(parts: list[Part], active: bpy.types.Object | None) -> list[Part]:
+def looked_through(parts: list[WorldPart], active: bpy.types.Object | None) -> list[WorldPart]:
     """Those of the glass that the viewer looks through: of the active object or, where that is
     none of them, as after a box selection, of the one nearest to the middle of all.
     """
@@ -55,7 +55,7 @@ MOST_NAMED = 3  # tools that are left out
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class RigSite:
     """The parts that a new rig is built around.
 
     glasses : objects that are to be glass; none: a ball is made
@@ -97,7 +97,7 @@ def glass_among(things: list[bpy.types.Object]) -> tuple[bpy.types.Object, ...]:
 
 
 def on_left_out(
-    things: list[bpy.types.Object], active: bpy.types.Object | None, shown: Shown
+    things: list[bpy.types.Object], active: bpy.types.Object | None, shown: VisibleObjects
 ) -> list[Message]:
     """Sentences on what a new rig around the selected objects leaves out, that may be missed: tools
     of modifiers and, where nothing is selected, an active object that is hidden.
@@ -124,7 +124,7 @@ def on_left_out(
 
 def read_bench(
     context: bpy.types.Context, scene: bpy.types.Scene, glasses: tuple[bpy.types.Object, ...]
-) -> Bench:
+) -> RigSite:
     """Read the bench as it stands without other rigs, these objects as glass; nothing is changed.
 
     Raises
@@ -132,7 +132,7 @@ def read_bench(
     RigError : one of them encloses nothing, or is not shown
     """
     metres = length_of_unit(scene)
-    kept = Kept()
+    kept = ShapeCache()
 
     with _as_glass(glasses):
         context.view_layer.update()
@@ -149,7 +149,7 @@ def read_bench(
 
     if glasses:
         chosen = [part for part in solids if part.owner in glasses]
-        _check_bodies(glasses, chosen, Shown(scene, context.view_layer))
+        _check_bodies(glasses, chosen, VisibleObjects(scene, context.view_layer))
     else:
         found.append(_ball(scene, metres))
         chosen = found[-1:]
@@ -166,7 +166,7 @@ def read_bench(
     }
     rig = Rig(viewers=(), glasses=tuple(found), displays=(), **others)
     not_refracting = tuple(thing for thing in glasses if thing.name in opaque)
-    return Bench(glasses, rig, bounds, aim, not_refracting)
+    return RigSite(glasses, rig, bounds, aim, not_refracting)
 
 
 @contextmanager
@@ -182,7 +182,9 @@ def _as_glass(things: tuple[bpy.types.Object, ...]) -> Iterator[None]:
             ours.role = role
 
 
-def _check_bodies(things: tuple[bpy.types.Object, ...], parts: list[Part], shown: Shown) -> None:
+def _check_bodies(
+    things: tuple[bpy.types.Object, ...], parts: list[WorldPart], shown: VisibleObjects
+) -> None:
     """Raise RigError for objects that cannot be glass as
     they stand. The parts are those with faces.
     """
@@ -234,7 +236,7 @@ def _ball(scene: bpy.types.Scene, metres: float) -> Glass:
 
 def make_rig(
     scene: bpy.types.Scene,
-    bench: Bench,
+    bench: RigSite,
     proposal: Proposal,
     viewer_resolution: tuple[int, int] | None,
     display_resolution: tuple[int, int],

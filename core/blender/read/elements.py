@@ -25,8 +25,8 @@ from ..data.moving import Timing, at_frame, ended, number_at
 from ..data.rectangle import flat_size
 from ..materials.material import on_thin_walls, read_refraction
 from .plane import FIT_BUTTON, chosen_image, squeeze, squeezed_words
-from .scene_parts import Part
-from .shapes import Kept
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
 
 # cosine between a plate's normal and its x axis above which that axis does not lie in it
 UPRIGHT = 0.99
@@ -52,7 +52,7 @@ class MaterialReading:
     own_ior: float | None = None
 
 
-def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
+def read_glass(part: WorldPart) -> tuple[Glass, list[MaterialReading], list[str]]:
     """A glass with the index of its most used refractive material, or the override.
 
     The settings are the original object's: drivers and keys are written to them
@@ -81,7 +81,7 @@ def read_glass(part: Part) -> tuple[Glass, list[MaterialReading], list[str]]:
     return glass, readings, notes
 
 
-def _readings_of(part: Part) -> tuple[list[MaterialReading], list[str]]:
+def _readings_of(part: WorldPart) -> tuple[list[MaterialReading], list[str]]:
     """The refractive materials of a glass, with the override where there is one; their notes."""
     settings = part.owner.kiriko
     readings = []
@@ -108,7 +108,7 @@ def _readings_of(part: Part) -> tuple[list[MaterialReading], list[str]]:
     return readings, notes
 
 
-def _notes_on_materials(part: Part, readings: list[MaterialReading]) -> list[str]:
+def _notes_on_materials(part: WorldPart, readings: list[MaterialReading]) -> list[str]:
     """Notes on materials that do not refract, and on those that disagree."""
     name = part.owner.name
     notes = []
@@ -160,7 +160,7 @@ def mirrors(ours: bpy.types.PropertyGroup) -> MirrorArray:
     )
 
 
-def read_plate(part: Part) -> Plate:
+def read_plate(part: WorldPart) -> Plate:
     """A plate with its mirrors, counted from the object's origin
     and turned with its x axis, or y if x stands on it.
     """
@@ -179,7 +179,7 @@ def read_plate(part: Part) -> Plate:
     )
 
 
-def shown_image(part: Part) -> tuple[bpy.types.Image, Timing | None, list[str]]:
+def shown_image(part: WorldPart) -> tuple[bpy.types.Image, Timing | None, list[str]]:
     """The image that is solved for a picture plane, when it shows which of its frames where a node
     tells that, and notes on it.
     """
@@ -217,7 +217,7 @@ def tone_of(ours: bpy.types.PropertyGroup) -> Tone:
     return Tone(ours.brightness, ours.gamma, ours.black_level)
 
 
-def read_picture(part: Part, kept: Kept) -> tuple[Picture, list[str]]:
+def read_picture(part: WorldPart, kept: ShapeCache) -> tuple[Picture, list[str]]:
     """The picture plane with the pixels of its image.
 
     Its faces are asked for first: the material of one that has none is on no face.

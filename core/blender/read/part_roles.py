@@ -12,11 +12,11 @@ import bpy
 
 from ...rig.rig import Rig
 from .elements import MaterialReading
-from .scene_parts import Part
-from .shapes import Kept
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
 
 
-class Found(NamedTuple):
+class FoundPart(NamedTuple):
     """A part of the rig as read from its object, with notes for the artist."""
 
     part: Any
@@ -55,7 +55,7 @@ class InBlender(NamedTuple):
     is_inside_out : whether a part with such a look is drawn with its inside out
     """
 
-    read: Callable[[Part, Kept], Found]
+    read: Callable[[WorldPart, ShapeCache], FoundPart]
     shade: Callable[[bpy.types.Material, Any, Studio], None] | None
     looks: Callable[[Rig], tuple[dict[str, Any] | None, list[str]]] = no_looks
     is_inside_out: Callable[[Any], bool] = lambda look: False

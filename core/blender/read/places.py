@@ -17,17 +17,17 @@ from ..data.visibility import is_placed
 from .elements import place_of, shown_image
 from .part_roles import in_blender
 from .scene import calibrated_rig
-from .scene_parts import Part, parts_by_role, read_parts
-from .shapes import Kept
+from .scene_parts import WorldPart, parts_by_role, read_parts
+from .shapes import ShapeCache
 
 
-class KeptPlaces(Kept):
-    """Keeps meshes as `Kept` does; pixels are not asked for."""
+class PlaceCache(ShapeCache):
+    """Keeps meshes as `MeshCache` does; pixels are not asked for."""
 
     _are_compared = True
 
 
-def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: KeptPlaces) -> Rig:
+def read_places(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, kept: PlaceCache) -> Rig:
     """The rig of a scene at this frame as far as it is there, with
     a calibration's offset, and of its picture the place alone.
 
@@ -67,7 +67,7 @@ def _viewers(
                 yield read_viewer(camera, depsgraph, scene.render, metres)
 
 
-def _read(part: Part, kept: KeptPlaces) -> Any:
+def _read(part: WorldPart, kept: PlaceCache) -> Any:
     """A part as its role reads it, but of a picture the place alone."""
     if part.role == "PICTURE":
         image, timing, _ = shown_image(part)

@@ -4,16 +4,16 @@ import bpy
 
 from ...rig.rig import Display, Rig
 from ..materials import shaders
-from .part_roles import Found, InBlender, Studio
-from .scene_parts import Part
-from .shapes import Kept
+from .part_roles import FoundPart, InBlender, Studio
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
 
 
-def read(part: Part, kept: Kept) -> Found:
+def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
     """A display with its pixels, and the light of its black."""
     ours = part.owner.kiriko
     width, height = ours.resolution
-    return Found(Display(part.name, part.mesh, width, height, ours.display.black_level), [], [])
+    return FoundPart(Display(part.name, part.mesh, width, height, ours.display.black_level), [], [])
 
 
 def looks(rig: Rig) -> tuple[dict[str, float], list[str]]:

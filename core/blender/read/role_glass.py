@@ -8,15 +8,15 @@ from ...rig.rig import Rig
 from ..materials import shaders
 from .elements import read_glass
 from .nested_glass import Interface, interfaces
-from .part_roles import Found, InBlender, Studio
-from .scene_parts import Part
-from .shapes import Kept
+from .part_roles import FoundPart, InBlender, Studio
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
 
 
-def read(part: Part, kept: Kept) -> Found:
+def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
     """A glass with the index of its material."""
     glass, materials, notes = read_glass(part)
-    return Found(glass, notes, materials)
+    return FoundPart(glass, notes, materials)
 
 
 def looks(rig: Rig) -> tuple[dict[str, Any], list[str]]:

@@ -4,14 +4,14 @@ import bpy
 
 from ...rig.rig import Mirror
 from ..materials import shaders
-from .part_roles import Found, InBlender, Studio
-from .scene_parts import Part
-from .shapes import Kept
+from .part_roles import FoundPart, InBlender, Studio
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
 
 
-def read(part: Part, kept: Kept) -> Found:
+def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
     """Its mesh is all there is."""
-    return Found(Mirror(part.name, part.mesh), [], [])
+    return FoundPart(Mirror(part.name, part.mesh), [], [])
 
 
 def shade(material: bpy.types.Material, look: None, studio: Studio) -> None:

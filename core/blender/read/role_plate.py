@@ -8,14 +8,14 @@ from ...rig.rig import MirrorArray, Rig
 from ..materials import shaders
 from ..materials.plate_material import be_mirror_array
 from .elements import read_plate
-from .part_roles import Found, InBlender, Studio
-from .scene_parts import Part
-from .shapes import Kept
+from .part_roles import FoundPart, InBlender, Studio
+from .scene_parts import WorldPart
+from .shapes import ShapeCache
 
 
-def read(part: Part, kept: Kept) -> Found:
+def read(part: WorldPart, kept: ShapeCache) -> FoundPart:
     """A plate with its mirrors."""
-    return Found(read_plate(part), [], [])
+    return FoundPart(read_plate(part), [], [])
 
 
 def looks(rig: Rig) -> tuple[dict[str, MirrorArray | None], list[str]]:

@@ -28,12 +28,12 @@ from ..data.units import length_of_unit
 from ..data.visibility import is_placed
 from .elements import MaterialReading, about, tone_of
 from .part_roles import in_blender
-from .scene_parts import Part, parts_by_role, read_parts
-from .shapes import CURVED, Kept
+from .scene_parts import WorldPart, parts_by_role, read_parts
+from .shapes import CURVED, ShapeCache
 
 
-def read_in_own_pixels(
-    scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], kept: Kept
+def read_viewer_image(
+    scene: bpy.types.Scene, seats: Sequence[Seat], viewers: Sequence[Viewer], kept: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
     """The picture, none where no image is chosen, with notes on images of another size or shape.
 
@@ -73,7 +73,7 @@ def read_in_own_pixels(
 
 
 def _read_each(
-    scene: bpy.types.Scene, own: list[tuple[bpy.types.Image, Viewer]], kept: Kept
+    scene: bpy.types.Scene, own: list[tuple[bpy.types.Image, Viewer]], kept: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
     """An image for each viewer."""
     found: list[OwnImage] = []
@@ -100,7 +100,7 @@ def _read_each(
 
 
 def _read(
-    scene: bpy.types.Scene, image: bpy.types.Image, owner: str, kept: Kept
+    scene: bpy.types.Scene, image: bpy.types.Image, owner: str, kept: ShapeCache
 ) -> tuple[NDArray[np.float32], list[str]]:
     """The pixels of an image at the scene's frame, and notes on it."""
     frame = scene.frame_current
@@ -123,7 +123,7 @@ def renders_differ(owner: bpy.types.Object, scene: bpy.types.Scene) -> bool:
     )
 
 
-def modifier_notes(parts: list[Part]) -> list[str]:
+def modifier_notes(parts: list[WorldPart]) -> list[str]:
     """Notes on curved parts whose vertices a modifier leaves beside the surface that is meant."""
     drawn = dict.fromkeys(
         (part.drawn, part.mesh.surface)
@@ -171,7 +171,7 @@ def remedy_of(modifier: bpy.types.Modifier, surface: str) -> str:
 def scene_notes(
     depsgraph: bpy.types.Depsgraph,
     scene: bpy.types.Scene,
-    parts: list[Part],
+    parts: list[WorldPart],
     cameras: Iterable[bpy.types.Object],
 ) -> list[str]:
     """Notes on settings of the scene as a whole that Kiriko does not follow."""
@@ -222,7 +222,7 @@ class Reading:
 def read(
     source: bpy.types.Context | bpy.types.Depsgraph,
     scene: bpy.types.Scene | None = None,
-    kept: Kept | None = None,
+    kept: ShapeCache | None = None,
 ) -> Reading:
     """Read the rig of a scene as it stands at this frame.
 
@@ -254,7 +254,7 @@ def read(
 def read_drawn(
     source: bpy.types.Context | bpy.types.Depsgraph,
     scene: bpy.types.Scene | None = None,
-    kept: Kept | None = None,
+    kept: ShapeCache | None = None,
 ) -> Reading:
     """The same, as the scene shows it: without a calibration's result, whose amounts are along the
     axes of the first viewer, and so with the viewers in their order.
@@ -263,7 +263,7 @@ def read_drawn(
         source.evaluated_depsgraph_get() if isinstance(source, bpy.types.Context) else source
     )
     scene = depsgraph.scene if scene is None else scene
-    kept = kept or Kept()
+    kept = kept or ShapeCache()
     is_image = scene.kiriko.picture_source == "IMAGE"
     needed = tuple(
         role.name
@@ -353,10 +353,10 @@ def read_seat(seat: Seat, depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene
 
 
 def _read_image(
-    scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[Part], kept: Kept
+    scene: bpy.types.Scene, viewers: tuple[Viewer, ...], planes: list[WorldPart], kept: ShapeCache
 ) -> tuple[list[Picture], list[str]]:
     """The picture in the viewers' own pixels, with notes, also on planes that are not used."""
-    pictures, notes = read_in_own_pixels(scene, seats_of(scene), viewers, kept)
+    pictures, notes = read_viewer_image(scene, seats_of(scene), viewers, kept)
     unused = [
         Message("The picture plane '{name}' is not used: the picture is an image.", name=part.name)
         for part in planes

@@ -15,15 +15,15 @@ from ...rig.rig import ROLES, Mesh
 from ..data.bodies import check_body, has_no_place, on_no_place, role_label
 from ..data.lost_data import find_lost, on_lost, placeholders_of, refuse_lost
 from ..data.rigs import elsewhere
-from ..data.visibility import Shown, is_source_hidden
+from ..data.visibility import VisibleObjects, is_source_hidden
 from ..materials.texture import Texture
-from .shapes import Kept, used_materials
+from .shapes import ShapeCache, used_materials
 
 LeftOut = Callable[[bpy.types.Object], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class WorldPart:
     """One mesh in the world with the object whose role it has and the one it was drawn as.
 
     Materials from the most to the least used. matrix (4, 4): where the object stands, m. frame: the
@@ -76,8 +76,8 @@ def read_part(
     owner: bpy.types.Object,
     name: str,
     to_metres: Floats,
-    kept: Kept,
-) -> Part:
+    kept: ShapeCache,
+) -> WorldPart:
     """Triangles, materials and texture of one instance, read while the iterator stands on it."""
     shown = instance.object
     shape = kept.shape(instance, owner)
@@ -86,7 +86,7 @@ def read_part(
         raise RigError("{told}", told=on_no_place(owner.name))
     mesh, n_dropped = shape.at(matrix, owner.kiriko.surface)
 
-    return Part(
+    return WorldPart(
         owner=owner,
         name=name,
         mesh=mesh,
@@ -107,7 +107,7 @@ def shown_parts(
     is_left_out : tells objects that are not looked at; None: those of rigs that are not active
     """
     is_left_out = is_left_out or elsewhere(scene)
-    shown = Shown(scene, depsgraph.view_layer)
+    shown = VisibleObjects(scene, depsgraph.view_layer)
     # one object may make thousands of instances
     is_hidden = cache(lambda thing: bool(shown.hidden_by(thing)))
 
@@ -132,10 +132,10 @@ def read_parts(
     depsgraph: bpy.types.Depsgraph,
     scene: bpy.types.Scene,
     metres: float,
-    kept: Kept,
+    kept: ShapeCache,
     needed: tuple[str, ...] = (),
     is_left_out: LeftOut | None = None,
-) -> tuple[list[Part], list[str]]:
+) -> tuple[list[WorldPart], list[str]]:
     """All parts with a role that are seen both in the viewport
     and in renders; notes on those that are not.
 
@@ -145,7 +145,7 @@ def read_parts(
     rig, and where all of a role that is needed are hidden, or missing from a library.
     """
     to_metres = np.diag([metres, metres, metres, 1.0])
-    parts: list[Part] = []
+    parts: list[WorldPart] = []
     met: set[bpy.types.Object] = set()
     counts: Counter[str] = Counter()
     is_left_out = is_left_out or elsewhere(scene)
@@ -174,16 +174,16 @@ def read_parts(
 
 
 def parts_by_role(
-    parts: list[Part], glasses: Collection[bpy.types.Object] = ()
-) -> dict[str, list[Part]]:
+    parts: list[WorldPart], glasses: Collection[bpy.types.Object] = ()
+) -> dict[str, list[WorldPart]]:
     """Parts by the names of all roles; those of the objects `glasses` as glass."""
-    found: dict[str, list[Part]] = {role.name: [] for role in ROLES}
+    found: dict[str, list[WorldPart]] = {role.name: [] for role in ROLES}
     for part in parts:
         found["GLASS" if part.owner in glasses else part.role].append(part)
     return found
 
 
-def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]:
+def without_hollows(parts: list[WorldPart], met: set[bpy.types.Object]) -> list[WorldPart]:
     """Parts with faces, and one empty part for each object that
     shows none at all, for the rig's check to name.
 
@@ -194,7 +194,7 @@ def without_hollows(parts: list[Part], met: set[bpy.types.Object]) -> list[Part]
     empty = Mesh(np.empty((0, 3)), np.empty((0, 3), np.int64))
     names = sorted(o.name for o in met - {part.owner for part in full} if o.type != "META")
     owners = {o.name: o for o in met}
-    return full + [Part(owners[name], name, empty) for name in names]
+    return full + [WorldPart(owners[name], name, empty) for name in names]
 
 
 def unmet_parts(
@@ -206,7 +206,7 @@ def unmet_parts(
     """Objects of the scene that have a role but no part
     was met of, and the setting that hides each.
     """
-    shown = Shown(scene, layer)
+    shown = VisibleObjects(scene, layer)
     return {
         o: shown.hidden_by(o)
         for o in scene.objects
@@ -214,7 +214,9 @@ def unmet_parts(
     }
 
 
-def check_some_are_shown(role: str, parts: list[Part], unmet: dict[bpy.types.Object, str]) -> None:
+def check_some_are_shown(
+    role: str, parts: list[WorldPart], unmet: dict[bpy.types.Object, str]
+) -> None:
     """Raise RigError for the first object of a role of which there are some, but all hidden."""
     hidden = [(thing, by) for thing, by in unmet.items() if by and thing.kiriko.role == role]
     if hidden and not any(part.role == role for part in parts):
@@ -236,7 +238,7 @@ def hidden_words(thing: bpy.types.Object, by: str) -> str:
 
 
 def notes_on_parts(
-    parts: list[Part],
+    parts: list[WorldPart],
     met: set[bpy.types.Object],
     unmet: dict[bpy.types.Object, str],
     scene: bpy.types.Scene,

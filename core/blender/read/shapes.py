@@ -53,7 +53,7 @@ class Shape:
 
 
 @dataclass(eq=False)
-class KeptPixels:
+class CachedPixels:
     """The pixels of an image as the painter has them, and all that tells whether they still are.
 
     settings : of the image and the picture, by which they were decoded
@@ -73,7 +73,7 @@ class KeptPixels:
         return fingerprint(self.pixels)
 
 
-class Kept:
+class ShapeCache:
     """Shapes and pixels kept from one reading to the next, by
     session uid; no datablock, which undo could take away.
 
@@ -84,7 +84,7 @@ class Kept:
     def __init__(self) -> None:
         self._shapes: dict[tuple[int, str, str], Shape] = {}
         self._met: dict[tuple[int, str, str], Shape] = {}
-        self._pixels: dict[int, KeptPixels] = {}  # by session uid of the image
+        self._pixels: dict[int, CachedPixels] = {}  # by session uid of the image
         self._asked: set[int] = set()  # of these, those that this reading asked for
         self._compared: set[int] = set()  # and those of which there was no news since
         self._n_kept = 0  # shapes that the last reading asked for
@@ -169,7 +169,7 @@ class Kept:
                 if not (is_same_frame and content and before.stored == content):
                     pixels = frozen(tone.of(decoded(shown, stored, owner)))
                     if not (is_same_frame and np.array_equal(pixels, before.pixels)):
-                        self._pixels[uid] = KeptPixels(settings, content, pixels, notes_on(shown))
+                        self._pixels[uid] = CachedPixels(settings, content, pixels, notes_on(shown))
 
         self._asked.add(uid)
         self._compared.add(uid)

@@ -9,7 +9,7 @@ import bpy
 from ...base.errors import one_line
 from ...base.messages import Message, joined
 from ...solve.solution import Solution, cost
-from ..data.stored_records import Ladder, Numbers
+from ..data.stored_records import Ladder, StoredNumbers
 from ..data.units import length_text
 from ..read.scene import Reading
 
@@ -33,11 +33,11 @@ def numbers_of(
             for read in reading.materials
             if read.ignored
         ),
-        *(remark.told(in_units) for remark in solution.remarks),
+        *(remark.sentence(in_units) for remark in solution.remarks),
     ]
     details = {
         "warnings": [
-            one_line(remark.told(in_units)) for remark in solution.remarks if remark.is_warning
+            one_line(remark.sentence(in_units)) for remark in solution.remarks if remark.is_warning
         ],
         "materials": [asdict(material) for material in reading.materials],
         "picture_coverage": float(min(max(solution.picture_coverage, 0.0), 1.0)),
@@ -68,7 +68,7 @@ def costs(scene: bpy.types.Scene, seconds: dict[str, float], tolerance: float) -
 
     After one that traced nothing it is the costs of the solve before, whose cells it used.
     """
-    before = Numbers.read(scene.kiriko.result.details).by_name
+    before = StoredNumbers.read(scene.kiriko.result.details).by_name
     if "tracing" not in seconds:
         return before.get("cost", {})
 
@@ -89,7 +89,7 @@ def write_ladder(scene: bpy.types.Scene, ladder: list[tuple[float, float]]) -> N
     """
     result = scene.kiriko.result
     result.ladder = Ladder(ladder).text()
-    details = Numbers.read(result.details).by_name
+    details = StoredNumbers.read(result.details).by_name
     if "seconds" in details:  # Add Rig knows the legibility alone
         details["cost"] = costs(scene, details["seconds"], details["tolerance"])
-        result.details = Numbers(details).text()
+        result.details = StoredNumbers(details).text()

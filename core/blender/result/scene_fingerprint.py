@@ -13,7 +13,7 @@ from ...rig.rig import Mesh, Picture, Rig, Viewer
 from ...rig.settings import Settings
 from ...solve.solved_for import SolvedFor, solved_for
 from ..read.scene import read_drawn
-from ..read.shapes import Kept, Shape
+from ..read.shapes import Shape, ShapeCache
 
 # a direction along which no two places are alike by chance
 SLANTED = np.sqrt([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37])
@@ -24,7 +24,7 @@ class _Unplaced:
     objects have them, their places are noted beside.
     """
 
-    def __init__(self, kept: Kept) -> None:
+    def __init__(self, kept: ShapeCache) -> None:
         self.end, self.pixels, self.notes_on = kept.end, kept.pixels, kept.notes_on
         self._kept = kept
         self.drawn: dict[int, tuple[Mesh, Shape, Floats]] = {}
@@ -59,14 +59,14 @@ def scene_now(
     depsgraph: bpy.types.Depsgraph,
     scene: bpy.types.Scene,
     settings: Settings,
-    kept: Kept | None = None,
+    kept: ShapeCache | None = None,
     has_pixels: bool = True,
 ) -> SolvedFor:
     """The fingerprint for a solve of the scene as it stands; raises as `scene.read` does.
 
     has_pixels : do the picture's pixels count, and not its place alone?
     """
-    kept = kept or Kept()
+    kept = kept or ShapeCache()
     notes = _Unplaced(kept)
     drawn = read_drawn(depsgraph, scene, notes)
     offset = scene.kiriko.calibration.offset
@@ -94,7 +94,7 @@ def _place_of(viewer: Viewer) -> Floats:
     return np.column_stack([viewer.axes.T, viewer.position])
 
 
-def _thing(part: Any, notes: _Unplaced, kept: Kept) -> tuple[object, Floats]:
+def _thing(part: Any, notes: _Unplaced, kept: ShapeCache) -> tuple[object, Floats]:
     """A part's content, in which short fingerprints stand for large arrays, and its
     place (3, 4).
     """

@@ -11,11 +11,11 @@ import numpy as np
 from ...base.errors import one_line
 from ...base.messages import Message
 from ...base.words import NO_PLATE, summary
-from ...bench.measured_remedies import Help, Helps
+from ...bench.measured_remedies import Help, Remedies
 from ...solve.solution import Solution
 from ..data.image import holds, image_from_pixels, is_in_working_space, or_none, pack, set_pixels
 from ..data.rigs import all_settings, name_for
-from ..data.stored_records import Numbers, Sentences
+from ..data.stored_records import Sentences, StoredNumbers
 from ..read.scene import Reading
 from .on_display import is_on_display, put_on_display
 from .result_images import images_of
@@ -235,7 +235,7 @@ def _write_numbers(
     result = scene.kiriko.result
     details, notes = numbers
     result.coverage = details["picture_coverage"]
-    result.details = Numbers(details).text()
+    result.details = StoredNumbers(details).text()
     display = Message("The display") if reading.rig.plates else NO_PLATE
     text = summary(details["picture_coverage"], solution.misses, display)
     if len(solution.channels) > 1:
@@ -250,7 +250,7 @@ def _write_numbers(
     return text
 
 
-def write_helps(scene: bpy.types.Scene, helps: Helps | None) -> None:
+def write_helps(scene: bpy.types.Scene, helps: Remedies | None) -> None:
     """Keep the remedies that were found for the light a result lacks, None where none were sought.
 
     They are told as long as the result is that of the scene.
@@ -279,5 +279,5 @@ def write_viewers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:
 def _add_numbers(scene: bpy.types.Scene, found: dict[str, Any]) -> None:
     """Keep beside the numbers of a result those that were found after it."""
     result = scene.kiriko.result
-    details = Numbers.read(result.details).by_name
-    result.details = Numbers({**details, **found}).text()
+    details = StoredNumbers.read(result.details).by_name
+    result.details = StoredNumbers({**details, **found}).text()

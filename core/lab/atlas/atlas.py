@@ -14,7 +14,7 @@ from ...base.errors import MALFORMED, ImageError, RigError
 from ...base.fingerprint import fingerprint
 from ...base.messages import Message
 from ...base.numbers import number
-from ...base.steps import within
+from ...base.steps import subprogress
 from ...files import disk
 from ...rig.rig import Rig
 from ...rig.settings import Settings
@@ -263,7 +263,7 @@ def made(making: Making, atlas: Atlas, numbers: Iterable[int]) -> Generator[floa
         steps = solved_at(
             making.session, making.rig, making.viewer, making.settings, offsets[place]
         )
-        found, source = yield from within(steps, k / len(wanted), (k + 1) / len(wanted))
+        found, source = yield from subprogress(steps, k / len(wanted), (k + 1) / len(wanted))
         with disk.together(making.folder) as new_files:
             head_map.write(new_files / maps[place], found)
             if atlas.has_images:
@@ -293,7 +293,7 @@ def checked(making: Making, atlas: Atlas, n: int = CHECKED) -> Generator[float, 
     offs, names = [], atlas.maps
     for k, offset in enumerate(random_heads(atlas.grid, n)):
         steps = making.at(offset)
-        true = yield from within(steps, k / n, (k + 1) / n)
+        true = yield from subprogress(steps, k / n, (k + 1) / n)
         numbers, weights = atlas.grid.around(offset)
         maps = [head_map.read(making.folder / names[i]) for i in numbers]
         offs.append(head_map.off(head_map.between(maps, weights), true, atlas.picture_size))
@@ -374,9 +374,9 @@ def whole(
     while True:
         to_do = len(missing(making.folder, atlas))
         end = done + (1 - done) * to_do / (to_do + n)
-        yield from within(made(making, atlas, range(len(atlas.grid))), done, end)
+        yield from subprogress(made(making, atlas, range(len(atlas.grid))), done, end)
         done = (end + 1) / 2  # it may have to be finer
-        atlas = yield from within(halved(making, atlas, most, n), end, done)
+        atlas = yield from subprogress(halved(making, atlas, most, n), end, done)
         if atlas.checked is not None:
             yield 1.0
             return atlas

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Bools, Floats
 from ...base.errors import ImageError, RigError
-from ...base.steps import within
+from ...base.steps import subprogress
 from ...files import disk
 from ...image.ghosts import NO_PATH
-from ...light.mesh_cache import Kept
+from ...light.mesh_cache import MeshCache
 from ...rig.rig import PicturePlace, Rig
 from ...rig.settings import Settings
 from ...rig.viewer import Viewer
@@ -180,8 +180,8 @@ def solved_at(
     """
     head = viewer_at(viewer, rig.picture_place, offset)
     moved = replace(rig, viewers=(head,))
-    solution = yield from within(session.solve(moved, settings), 0.0, SOLVED)
-    found = yield from within(head_map(solution.first), SOLVED, 1.0)
+    solution = yield from subprogress(session.solve(moved, settings), 0.0, SOLVED)
+    found = yield from subprogress(head_map(solution.first), SOLVED, 1.0)
     return found, solution.source
 
 
@@ -227,7 +227,7 @@ def check_heads(rig: Rig, viewer: Viewer, settings: Settings, box: HeadBox, most
     """Raise RigError or MeshError where a head in the middle of a box or at one of its corners sees
     nothing, by a coarse look from each.
     """
-    kept = Kept()
+    kept = MeshCache()
     middle = tuple((a + b) / 2 for a, b in zip(box.low, box.high, strict=True))
     for offset in (middle, *_corners(box, most)):
         head = viewer_at(viewer, rig.picture_place, offset)
@@ -258,7 +258,7 @@ def refine(
         while True:
             so_far, done = done, (done + end) / 2  # how many halvings come is not known
             steps = _worst_between(line, grid, axis, (place.width, place.height))
-            worst = yield from within(steps, so_far, done)
+            worst = yield from subprogress(steps, so_far, done)
             if worst.most <= tolerance / n_axes:
                 break
             grid = grid.halved(axis)
@@ -329,7 +329,7 @@ def _worst_between(
         maps = []
         for j, x in enumerate(places):
             maps.append(
-                (yield from within(line.map(axis, x), (k + j / 3) / n, (k + (j + 1) / 3) / n))
+                (yield from subprogress(line.map(axis, x), (k + j / 3) / n, (k + (j + 1) / 3) / n))
             )
         low, middle, high = maps
         found.append(off(between([low, high], np.array([0.5, 0.5])), middle, picture_size))

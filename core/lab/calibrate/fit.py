@@ -11,7 +11,7 @@ import numpy as np
 from ...base.arrays import Bools, Floats
 from ...base.errors import RigError
 from ...base.messages import Message
-from ...base.steps import within
+from ...base.steps import subprogress
 from ...bench.offset import moved, parameters, turned
 from ...glass.motion import Motion
 from ...rig.rig import Viewer
@@ -102,7 +102,7 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
     """The fit of all points that are measured, from a state on."""
     tolerances = task.tolerances
     damping = DAMPING.first
-    state = yield from within(task.with_movements(state), 0.0, 0.2)
+    state = yield from subprogress(task.with_movements(state), 0.0, 0.2)
 
     for k in range(DAMPING.most_steps):
         d = state.movements
@@ -116,7 +116,7 @@ def settle(task: Task, state: State) -> Generator[float, None, State]:
         if tried.cost <= state.cost:
             # how many steps it takes is not known: each gets a part of the rest
             done = 1 - 0.8 ** (k + 1), 1 - 0.8 ** (k + 2)
-            tried = yield from within(task.with_movements(tried), *done)
+            tried = yield from subprogress(task.with_movements(tried), *done)
 
         if tried.movements is None:
             damping *= DAMPING.step
@@ -161,7 +161,7 @@ FITTING = Fitting()
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BenchFit:
     """The errors that a bench seems to have.
 
     Parameters
@@ -223,7 +223,7 @@ class Fit:
 
 def fit(
     bench: Bench, measured: Floats, tolerances: Floats, noise: float = 0.3
-) -> Generator[float, None, Fit]:
+) -> Generator[float, None, BenchFit]:
     """Find the errors from points that were measured (m, 2),
     viewer px, NaN where they were not. Yields progress.
 
@@ -266,7 +266,7 @@ def fit(
 
     covariance = covariance_of(state.movements)
     deviation = np.sqrt(np.diag(covariance))
-    return Fit(
+    return BenchFit(
         amounts=state.amounts,
         errors=deviation * task.tolerances,
         correlation=covariance / np.outer(deviation, deviation),
@@ -288,7 +288,7 @@ def _without_strangers(
     done = 0.0
 
     while True:
-        state = yield from within(settle(task, state), done, 0.5 + 0.5 * done)
+        state = yield from subprogress(settle(task, state), done, 0.5 + 0.5 * done)
         done = 0.5 + 0.5 * done
 
         far = np.full(len(task.measured), np.nan)
@@ -368,7 +368,7 @@ class Extra:
 
 
 def extra_photographs(
-    bench: Bench, found: Fit, tolerances: Floats, noise: float = 0.3
+    bench: Bench, found: BenchFit, tolerances: Floats, noise: float = 0.3
 ) -> Generator[float, None, list[Extra]]:
     """Other places to take a photograph from, the most telling first; yields progress.
 
@@ -402,7 +402,9 @@ def extra_photographs(
     for k, (where, motion) in enumerate(places.items()):
         try:
             there = _bench_from(bench, motion, points, own)
-            d = yield from within(there.sensitivities(), k / len(places), (k + 1) / len(places))
+            d = yield from subprogress(
+                there.sensitivities(), k / len(places), (k + 1) / len(places)
+            )
         except RigError:  # nothing is seen from there
             continue
 

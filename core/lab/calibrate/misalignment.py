@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...base.arrays import Floats
-from ...base.steps import finish
+from ...base.steps import run_steps
 from ...bench.offset import Parameter, parameters, with_part
-from ...light.compile_plan import make_plan
-from ...light.mesh_cache import Kept
+from ...light.compile_plan import compile_plan
+from ...light.mesh_cache import MeshCache
 from ...light.plan import Plan
 from ...light.rays import Words, main_landings
 from ...light.trace import trace_all
@@ -70,7 +70,7 @@ class Bench:
         self.settings = replace(settings, suppress_glare=0.0)
         self.view = np.asarray(view, float)
         self.parameters = parameters(rig) if among is None else among
-        self._kept = Kept()
+        self._kept = MeshCache()
         self._off = np.zeros(len(self.parameters)), rig
         self.display, self._branch = self._land(self.plan(), self.view)
 
@@ -82,7 +82,7 @@ class Bench:
     def plan(self, amounts: Floats | None = None) -> Plan:
         """Of the bench, with amounts (p,) of its parameters."""
         amounts = np.zeros(len(self.parameters)) if amounts is None else np.array(amounts, float)
-        return make_plan(self._rig(amounts), self.settings, self._kept)
+        return compile_plan(self._rig(amounts), self.settings, self._kept)
 
     def _rig(self, amounts: Floats) -> Rig:
         """The rig with amounts (p,) off.
@@ -148,7 +148,7 @@ class Bench:
         amounts (p,) and at (m, 2): the errors, and where the
         points are seen then; by default nothing, as planned
         """
-        return finish(self.sensitivities(amounts, at))
+        return run_steps(self.sensitivities(amounts, at))
 
     def sensitivities(
         self, amounts: Floats | None = None, at: Floats | None = None

@@ -36,7 +36,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")  # letters that no job's name has
 
 
 @dataclass(frozen=True)
-class Choice:
+class TaskChoice:
     """A value that tasks differ in, and the folder for the results of each."""
 
     value: str
@@ -63,11 +63,11 @@ class Job:
     version: str
     frames: str = ""
     chunk: int = 10
-    rigs: tuple[Choice, ...] = ()
+    rigs: tuple[TaskChoice, ...] = ()
     path: str = ""
-    values: tuple[Choice, ...] = ()
+    values: tuple[TaskChoice, ...] = ()
     options: tuple[str, ...] = ()
-    viewers: tuple[Choice, ...] = ()
+    viewers: tuple[TaskChoice, ...] = ()
 
     def check(self) -> None:
         """Raise RigError where no scheduler would take such a job, or no task could run."""
@@ -437,7 +437,7 @@ def logged(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
-def told(n: int, size: tuple[int, int], folder: Path) -> Message:
+def join_report(n: int, size: tuple[int, int], folder: Path) -> Message:
     """The result in a sentence."""
     return Message(
         "all {n} images in '{folder}' are whole, each of {width} x {height} pixels",

@@ -17,7 +17,7 @@ import numpy as np
 from ...base.arrays import Floats
 from ...base.errors import RigError
 from ...base.numbers import number
-from ...base.steps import Pauses, at
+from ...base.steps import Steps, hold_progress
 from ...bench.part_sizes import plane_of
 from ...image.flat_picture import view_of_picture
 from ...light.plan import Plan
@@ -25,7 +25,7 @@ from ...rig.rig import PicturePlace, Rig
 from ...rig.viewer import Viewer
 from ..atlas.heads import AXES, HeadBox, Offset, check_viewer, evenly, viewer_at
 from ..drawing.svg import Curve, draw, from_zero, points_mm, sheet
-from .places_seen import Look, grid_on, places_of_shown, places_shown
+from .places_seen import Observer, grid_on, places_of_shown, places_shown
 from .viewer_errors import arcmin_between
 
 FILE = "head_box.svg"
@@ -131,18 +131,18 @@ def head_box(plan: Plan) -> Generator[float, None, BoxServed]:
 
     found = []
     for looks in (
-        [Look(plan.seen_by(viewer), viewer.weight) for viewer in rig.viewers],
-        [Look(plan.seen_by(centre), 1.0)],
+        [Observer(plan.seen_by(viewer), viewer.weight) for viewer in rig.viewers],
+        [Observer(plan.seen_by(centre), 1.0)],
     ):
         told = len(found) / 2
-        shown = yield from at(told, places_shown(looks, uv))
-        off = yield from at(told + 0.25, off_by(plan, heads, uv, shown))
+        shown = yield from hold_progress(told, places_shown(looks, uv))
+        off = yield from hold_progress(told + 0.25, off_by(plan, heads, uv, shown))
         found.append(_served(off, len(grid), box.axes, size))
     yield 1.0
     return BoxServed(tuple(size.tolist()), len(rig.viewers), len(grid), *found)
 
 
-def off_by(plan: Plan, heads: Sequence[Viewer], uv: Floats, shown: Floats) -> Pauses[Floats]:
+def off_by(plan: Plan, heads: Sequence[Viewer], uv: Floats, shown: Floats) -> Steps[Floats]:
     """The angles (k, n), arcmin, by which heads see places uv (n, 2) of the picture off; NaN where
     one sees none.
 

@@ -17,20 +17,20 @@ import numpy as np
 from ...base.arrays import Floats, Ints
 from ...base.errors import RigError
 from ...base.numbers import number
-from ...base.steps import Pauses, at, within
+from ...base.steps import Steps, hold_progress, subprogress
 from ...base.vectors import normalise
 from ...bench.part_sizes import plane_of
 from ...glass.quartics import grid
 from ...image.flat_picture import view_of_picture
-from ...light.compile_plan import planning
-from ...light.mesh_cache import Kept
+from ...light.compile_plan import compile_plan_steps
+from ...light.mesh_cache import MeshCache
 from ...light.plan import Plan
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ..atlas.heads import Offset, check_viewer, viewer_at
 from ..drawing.svg import Curve, linear, points_mm, sheet
 from .head_box import angles_of
-from .places_seen import Look, grid_on, places_of_shown, places_shown
+from .places_seen import Observer, grid_on, places_of_shown, places_shown
 from .viewer_errors import arcmin_between
 
 LIMIT = 5.0  # arcmin
@@ -82,7 +82,7 @@ def eye_box(
     settings: Settings,
     limit: float = LIMIT,
     least: float = LEAST,
-    kept: Kept | None = None,
+    kept: MeshCache | None = None,
 ) -> Generator[float, None, EyeBox]:
     """Find how far the head of a rig's first viewer may go, before a display that is solved for all
     of the rig's viewers; yields progress 0..1.
@@ -94,7 +94,7 @@ def eye_box(
     """
     rig.check()
     settings.check()
-    plan = yield from at(0.0, planning(rig, settings, kept))
+    plan = yield from hold_progress(0.0, compile_plan_steps(rig, settings, kept))
     return (yield from Walk(plan, limit, least).box())
 
 
@@ -118,14 +118,14 @@ class Walk:
         self.distance = float(np.linalg.norm(middle - plan.viewer.position))
         self.uv = grid_on(plan.rig.picture_place, N_POINTS, EDGE)
         self.plan, self.limit, self.least = plan, limit, least
-        self.solved = [Look(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
+        self.solved = [Observer(plan.seen_by(viewer), viewer.weight) for viewer in plan.rig.viewers]
         # the outermost stand for half of a step, in corners for a quarter
         along = np.array([1, *[2] * (N_POINTS - 2), 1])
         self.weights = np.outer(along, along).ravel()
         self.seen, self.begun = 0, np.inf
         self._shown: Floats | None = None  # where on the display the points are, once it is looked
 
-    def begin(self) -> Pauses[None]:
+    def begin(self) -> Steps[None]:
         """Count the points that are seen from the viewer's own place."""
         off = yield from self.off((0.0, 0.0, 0.0))
         is_seen = np.isfinite(off)
@@ -135,26 +135,26 @@ class Walk:
     def box(self) -> Generator[float, None, EyeBox]:
         """Find how far the head may go each way; yields progress 0..1."""
         if not self.seen:
-            yield from at(0.05, self.begin())
+            yield from hold_progress(0.05, self.begin())
         ways = [(sign * np.eye(3)[axis], most * self.distance) for axis, sign, most in WAYS]
-        found = yield from within(self.farthest(ways), 0.1, 1.0)
+        found = yield from subprogress(self.farthest(ways), 0.1, 1.0)
         yield 1.0
         ends, are_open = zip(*found, strict=True)
         return EyeBox(*ends, limit=self.limit, least=self.least, is_open=are_open)
 
-    def off(self, offset: Offset) -> Pauses[Floats]:
+    def off(self, offset: Offset) -> Steps[Floats]:
         """By how much points (n,) are off, arcmin, as seen from a place of the head; NaN where not
         seen.
         """
         head = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
         return (yield from self.off_by([head]))[0]
 
-    def off_by(self, heads: Sequence[Viewer]) -> Pauses[Floats]:
+    def off_by(self, heads: Sequence[Viewer]) -> Steps[Floats]:
         """The same (k, n) for several heads."""
         seen = yield from self.seen_by(heads)
         return angles_of(self.plan.rig.picture_place, heads, self.uv, seen)
 
-    def seen_by(self, heads: Sequence[Viewer]) -> Pauses[Floats]:
+    def seen_by(self, heads: Sequence[Viewer]) -> Steps[Floats]:
         """Where viewers see the points, (k, n, 2) px of their images, NaN where one does not see
         one.
         """
@@ -170,7 +170,7 @@ class Walk:
                 heads[k] = viewer_at(self.plan.viewer, self.plan.rig.picture_place, tuple(offset))
         return heads
 
-    def parts(self, offsets: Sequence[Offset]) -> Pauses[list[float]]:
+    def parts(self, offsets: Sequence[Offset]) -> Steps[list[float]]:
         """The largest of the angles by which points are off from each of some places of the head,
         as part of the limit; inf where too few are seen, or the head is at the picture.
         """
@@ -182,7 +182,7 @@ class Walk:
                 parts[k] = float(off[is_seen].max()) / self.limit
         return parts
 
-    def part(self, offset: Offset) -> Pauses[float]:
+    def part(self, offset: Offset) -> Steps[float]:
         """The same from one place."""
         return (yield from self.parts([offset]))[0]
 
@@ -209,7 +209,7 @@ class Walk:
             if not asks:
                 return found
             offsets = [one for some in asks.values() for one in some]
-            parts = yield from at(min(1.0, n / ABOUT_ROUNDS), self.parts(offsets))
+            parts = yield from hold_progress(min(1.0, n / ABOUT_ROUNDS), self.parts(offsets))
             for k, some in asks.items():
                 answers[k], parts = parts[: len(some)], parts[len(some) :]
             n += 1
@@ -288,7 +288,7 @@ def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve,
         distances.append(np.linspace(0.0, reach, N_STEPS + 1))
         offsets += [distance * sign * np.eye(3)[axis] for distance in distances[-1][1:]]
 
-    own, *others = yield from at(0.0, _at(walk, offsets))
+    own, *others = yield from hold_progress(0.0, _at(walk, offsets))
     yield 1.0
     found = []
     for k, name in enumerate(NAMES):
@@ -297,7 +297,7 @@ def curves_of(walk: Walk, box: EyeBox) -> Generator[float, None, tuple[WayCurve,
     return tuple(found)
 
 
-def _at(walk: Walk, offsets: list[Floats]) -> Pauses[list[tuple[float | None, ...]]]:
+def _at(walk: Walk, offsets: list[Floats]) -> Steps[list[tuple[float | None, ...]]]:
     """The numbers of a curve, in their order, at each of some places of the head."""
     heads = walk.heads_at(offsets)
     seen = yield from walk.seen_by(list(heads.values()))
@@ -401,7 +401,7 @@ def surface_of(walk: Walk, box: EyeBox) -> Generator[float, None, HeadSurface]:
 
     coarse, faces = octahedron()
     offsets = _swelled(coarse, ends)
-    parts = yield from at(0.0, walk.parts(list(offsets)))
+    parts = yield from hold_progress(0.0, walk.parts(list(offsets)))
     off = box.limit * np.minimum(parts, MOST)
 
     # finer, so that it looks round

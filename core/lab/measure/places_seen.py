@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Bools, Floats, Ints
-from ...base.steps import Pauses
+from ...base.steps import Steps
 from ...image.flat_picture import view_of_picture
-from ...image.inverse_lookup import Way, mapped, way_of
+from ...image.inverse_lookup import PlaneMapping, mapped, plane_mapping
 from ...light.plan import Plan
 from ...light.rays import Reason
 from ...map.points import Tracer, tracer, tracer_of
@@ -43,7 +43,7 @@ BESIDE_PX = 1e-3  # viewer px, over which the way to the picture is derived
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Observer:
     """One who looks at the display, through what is in a plan, and how much it counts.
 
     weight : 0 where the display does not show the picture for this viewer
@@ -98,7 +98,7 @@ def grid_on(place: PicturePlace, n: int, edge: float | None = None) -> Floats:
     return low + grid * (high - low)
 
 
-def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:
+def places_seen(looks: Sequence[Observer], uv: Floats) -> Steps[Floats]:
     """Where each of those who look sees places of a picture: (k, n, 2) viewer px, NaN where it
     sees none; yields numbers of rays.
 
@@ -120,7 +120,7 @@ def places_seen(looks: Sequence[Look], uv: Floats) -> Pauses[Floats]:
     return np.stack([found[id(look)] for look in looks])
 
 
-def places_shown(solved: Sequence[Look], uv: Floats) -> Pauses[Floats]:
+def places_shown(solved: Sequence[Observer], uv: Floats) -> Steps[Floats]:
     """Where on the display (n, 2) px places of a picture are shown for those who look; NaN where
     none of them is to see one; else as `places_seen`.
     """
@@ -128,7 +128,7 @@ def places_shown(solved: Sequence[Look], uv: Floats) -> Pauses[Floats]:
     return shown
 
 
-def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Pauses[Floats]:
+def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Steps[Floats]:
     """Where a plan's viewer sees places of a picture (n, 2) viewer px; NaN where it sees none.
 
     shown : (n, 2) display px, where they are shown, as `places_shown` tells
@@ -138,7 +138,7 @@ def place_of_shown(plan: Plan, uv: Floats, shown: Floats) -> Pauses[Floats]:
 
 def places_of_shown(
     plan: Plan, viewers: Sequence[Viewer], uv: Floats, shown: Floats
-) -> Pauses[Floats]:
+) -> Steps[Floats]:
     """The same for k viewers of what is in a plan, (k, n, 2) viewer px. Their rays are traced
     together: of one alone the last few points would take a batch each time they go on.
     """
@@ -153,14 +153,14 @@ def places_of_shown(
     return np.where(_is_known(one)[:, None], one.view, np.nan).reshape(k, len(uv), 2)
 
 
-def _shown(solved: Sequence[Look], uv: Floats) -> Pauses[tuple[Floats, list[Floats]]]:
+def _shown(solved: Sequence[Observer], uv: Floats) -> Steps[tuple[Floats, list[Floats]]]:
     """Where places are shown, (n, 2) display px, and where each of those who look sees them, (n, 2)
     viewer px; NaN where they are not.
     """
     place = solved[0].plan.rig.picture_place
     plans = [look.plan for look in solved]
     straight = [view_of_picture(place, plan.viewer, uv) for plan in plans]
-    ways = [way_of(place, plan.viewer) for plan in plans]
+    ways = [plane_mapping(place, plan.viewer) for plan in plans]
     wanted = mapped(ways[0].there, straight[0])[0].T
 
     found = []
@@ -193,7 +193,7 @@ def _settled(
     found: Sequence[_PlacesFound],
     weights: Floats,
     meant: Callable[[Ints], Floats],
-) -> Pauses[None]:
+) -> Steps[None]:
     """Bring the places of all viewers to where points are shown, as far as that can be.
 
     weights : (k, n), 0 where a viewer does not count
@@ -231,7 +231,7 @@ def _of_some(trace: Tracer, left: Ints) -> Tracer:
     return lambda rows, view: trace(left[rows], view)
 
 
-def _begun(trace: Tracer, view: Floats) -> Pauses[_PlacesFound]:
+def _begun(trace: Tracer, view: Floats) -> Steps[_PlacesFound]:
     """Where points (n, 2) viewer px are seen straight, to begin with."""
     n = len(view)
     traced = yield from trace(np.arange(n), view)
@@ -247,7 +247,7 @@ def _begun(trace: Tracer, view: Floats) -> Pauses[_PlacesFound]:
 
 
 def _shown_at(
-    found: list[_PlacesFound], ways: list[Way], weights: Floats, wanted: Floats
+    found: list[_PlacesFound], ways: list[PlaneMapping], weights: Floats, wanted: Floats
 ) -> Floats:
     """Where on the display (n, 2) px places are shown, to first order; NaN where on none.
 
@@ -267,7 +267,7 @@ def _shown_at(
     return np.where(inverse.any(axis=(1, 2))[:, None], at, np.nan)
 
 
-def _by_view(way: Way, view: Floats) -> Floats:
+def _by_view(way: PlaneMapping, view: Floats) -> Floats:
     """Picture px by viewer px (n, 2, 2), at places (n, 2)."""
     columns = []
     for step in BESIDE_PX * np.eye(2):
@@ -276,7 +276,7 @@ def _by_view(way: Way, view: Floats) -> Floats:
     return np.stack(columns, axis=2)
 
 
-def _go_on(trace: Tracer, one: _PlacesFound, left: Ints, shown: Floats) -> Pauses[None]:
+def _go_on(trace: Tracer, one: _PlacesFound, left: Ints, shown: Floats) -> Steps[None]:
     """Move some places of a viewer's image to where it sees points (m, 2) display px."""
     here = one.at(left)
     step = here.reach[:, None] * np.einsum("nij,nj->ni", here.inverse, shown - here.display)

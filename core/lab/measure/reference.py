@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Bools, Floats
 from ...base.errors import RigError
-from ...base.steps import within
+from ...base.steps import subprogress
 from ...bench.placement import lattice
 from ...files.encoding import encode
 from ...image.picture import of_square, picture_from_view
 from ...image.seen_image import lattice_shift
-from ...light.compile_plan import make_plan
+from ...light.compile_plan import compile_plan
 from ...light.plan import Plan
 from ...light.rays import main_landings
 from ...light.trace import trace_all
@@ -332,9 +332,9 @@ def make_reference(
         The rig cannot be solved, or no display pixel shows the picture alone.
     """
     session = Session()
-    solution = yield from within(session.solve(detailed, settings), 0.0, 0.4)
-    dots = yield from within(session.solve(dotted, settings), 0.4, 0.45)
-    source, white = yield from within(_fine_sources(detailed, settings), 0.45, 0.9)
+    solution = yield from subprogress(session.solve(detailed, settings), 0.0, 0.4)
+    dots = yield from subprogress(session.solve(dotted, settings), 0.4, 0.45)
+    source, white = yield from subprogress(_fine_sources(detailed, settings), 0.45, 0.9)
 
     is_shown = (solution.display_coverage >= HALF) & (white.max(axis=2) >= WHOLE)
     if not is_shown.any():
@@ -344,7 +344,7 @@ def make_reference(
             display=detailed.display.name,
         )
 
-    plan = make_plan(detailed, settings)
+    plan = compile_plan(detailed, settings)
     channels = tuple(
         _traced(plan.seen_by(viewer), solved, of_dots, white)
         for viewer, solved, of_dots in zip(
@@ -405,8 +405,8 @@ def _fine_sources(rig: Rig, settings: Settings) -> Generator[float, None, tuple[
     session = Session()
 
     here = replace(settings, tolerance=min(k * settings.tolerance, MOST_TOLERANCE))
-    one = yield from within(session.solve(fine, here), 0.0, 0.9)
-    other = yield from within(session.solve(white, here), 0.9, 1.0)
+    one = yield from subprogress(session.solve(fine, here), 0.0, 0.9)
+    other = yield from subprogress(session.solve(white, here), 0.9, 1.0)
     weight = one.weight[..., None]
 
     def joined(values: Floats) -> Floats:

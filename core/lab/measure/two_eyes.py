@@ -28,18 +28,18 @@ import numpy as np
 from ...base.arrays import Bools, Floats
 from ...base.errors import RigError
 from ...base.numbers import number
-from ...base.steps import at
+from ...base.steps import hold_progress
 from ...base.vectors import dot, length_of, normalise
 from ...bench.part_sizes import plane_of
 from ...files.encoding import quantised
 from ...files.png import encoded
-from ...light.compile_plan import planning
-from ...light.mesh_cache import Kept
+from ...light.compile_plan import compile_plan_steps
+from ...light.mesh_cache import MeshCache
 from ...rig.rig import Rig, Viewer
 from ...rig.settings import Settings
 from ...solve.solution import Solution, without_glass
 from ..drawing.svg import FONT, document, text_at
-from .places_seen import Look, grid_of, grid_on, places_seen
+from .places_seen import Observer, grid_of, grid_on, places_seen
 from .viewer_errors import ARCMIN, N_POINTS, displaced
 
 MOST_APART = np.cos(np.radians(45.0))  # between where two eyes look, or their sides point
@@ -131,7 +131,7 @@ class TwoEyes:
 
 
 def two_eyes(
-    rig: Rig, settings: Settings, n: int = N_POINTS, kept: Kept | None = None
+    rig: Rig, settings: Settings, n: int = N_POINTS, kept: MeshCache | None = None
 ) -> Generator[float, None, TwoEyes]:
     """Look at n x n points of the picture with the two viewers of a rig; yields progress 0..1.
 
@@ -149,19 +149,19 @@ def two_eyes(
     rig = replace(rig, viewers=(left, right))
     # glass that does not refract is no matter, but the light has to go through it
     how = replace(settings, only_through_glass=False, suppress_glare=0.0)
-    bare = yield from at(0.0, planning(without_glass(rig), how))
-    plan = yield from at(0.1, planning(rig, settings, kept))
+    bare = yield from hold_progress(0.0, compile_plan_steps(without_glass(rig), how))
+    plan = yield from hold_progress(0.1, compile_plan_steps(rig, settings, kept))
     yield 0.2
 
-    plain = [Look(bare.seen_by(eye), eye.weight) for eye in rig.viewers]
+    plain = [Observer(bare.seen_by(eye), eye.weight) for eye in rig.viewers]
     uv = grid_on(rig.picture_place, n)
     found = []
     for k, (before, counted) in enumerate(((plain, NEITHER), ([], LEFT), ([], RIGHT), ([], BOTH))):
         eyes = [
-            Look(plan.seen_by(eye), part * eye.weight)
+            Observer(plan.seen_by(eye), part * eye.weight)
             for eye, part in zip(rig.viewers, counted, strict=True)
         ]
-        view = yield from at(0.2 * (k + 1), places_seen([*before, *eyes], uv))
+        view = yield from hold_progress(0.2 * (k + 1), places_seen([*before, *eyes], uv))
         found.append(_sights(rig, view[-2:], n))
     yield 1.0
     return TwoEyes(left.name, right.name, *found)

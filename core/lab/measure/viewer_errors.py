@@ -11,13 +11,13 @@ from functools import reduce
 import numpy as np
 
 from ...base.arrays import Floats
-from ...base.steps import Pauses, at
+from ...base.steps import Steps, hold_progress
 from ...base.vectors import dot
 from ...image.flat_picture import not_flat, view_of_picture
-from ...image.inverse_lookup import mapped, way_of
+from ...image.inverse_lookup import mapped, plane_mapping
 from ...image.picture import cover_in_view
 from ...image.pyramid import Pyramid, pyramids_of
-from ...image.source_image import Painting, find_strokes
+from ...image.source_image import Painting, find_filter_taps
 from ...light.rays import main_landings
 from ...light.trace import trace_all
 from ...rig.rig import Rig
@@ -162,7 +162,7 @@ def displaced(solution: Solution, number: int, n: int = N_POINTS) -> tuple[Float
     if solution.settled is None:
         return _on_display(channel, straight), straight
 
-    way = way_of(place, viewer)
+    way = plane_mapping(place, viewer)
     wanted, _ = mapped(way.there, straight)
     steps = solution.settled.steps[number]
     at = straight.copy()
@@ -225,7 +225,7 @@ def conflict_in_light(
     pyramids = pyramids_of([rig.picture_of(channel.viewer).image for channel in channels])
     total = np.zeros_like(solution.source, dtype=float)
     for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
-        colours = yield from at(0.5 * k / len(channels), _asked_for(channel, pyramid))
+        colours = yield from hold_progress(0.5 * k / len(channels), _asked_for(channel, pyramid))
         total += _weight(channel)[..., None] * colours
         yield 0.5 * (k + 1) / len(channels)
 
@@ -234,7 +234,9 @@ def conflict_in_light(
     square = np.zeros_like(weight)
     off = []
     for k, (channel, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
-        colours = yield from at(0.5 + 0.5 * k / len(channels), _asked_for(channel, pyramid))
+        colours = yield from hold_progress(
+            0.5 + 0.5 * k / len(channels), _asked_for(channel, pyramid)
+        )
         of_pixel = _weight(channel) * ((colours - mean) ** 2).mean(axis=2)
         seen = _weight(channel).sum()
         off.append(float(np.sqrt(of_pixel.sum() / seen)) if seen > 0 else 0.0)
@@ -249,14 +251,14 @@ def _weight(channel: Channel) -> Floats:
     return channel.viewer.weighed(channel.coverage.weight)
 
 
-def _asked_for(channel: Channel, pyramid: Pyramid) -> Pauses[Floats]:
+def _asked_for(channel: Channel, pyramid: Pyramid) -> Steps[Floats]:
     """The colours (H, W, 3) that one viewer alone asks display pixels for, linear."""
     painting = Painting(channel.shares.display_size)
     place = channel.plan.rig.place_of(channel.viewer)
     for shares in channel.shares.pausing():
         if shares is not None:
             shown = channel.shown(shares)
-            painting.add(pyramid, find_strokes(place, channel.viewer, shown))
+            painting.add(pyramid, find_filter_taps(place, channel.viewer, shown))
         yield 0
     return painting.finished(channel.coverage.weight).astype(float)
 

@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.steps import finish, within
+from ...base.steps import run_steps, subprogress
 from ...image.source_image import splat
 from ...rig.rig import Rig
 from ...rig.settings import LEAST_TOLERANCE, MOST_EFFORT, Settings
@@ -70,7 +70,9 @@ def measure_choices(
 
     for n, (ghosts, glare) in enumerate(ways):
         here = replace(settings, ghosts=ghosts, suppress_glare=glare)
-        solution = yield from within(session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways))
+        solution = yield from subprogress(
+            session.solve(rig, here), n / len(ways), (n + 0.9) / len(ways)
+        )
         first = first or solution  # its map knows light beside the glass: all are seen through that
         seen = first.seen(solution.source, beside=True)
         found.append(MeasuredChoice(ghosts, glare, psnr(seen - first.ideal())))
@@ -292,15 +294,17 @@ def measure(
     ladders, own = (ladders or Ladders()).with_tolerance(settings.tolerance)
     detailed, dotted, about = pictures(rig, picture)
 
-    yield from within(Session().solve(rig, settings), 0.0, 0.03)
+    yield from subprogress(Session().solve(rig, settings), 0.0, 0.03)
     memory = peak_memory()  # before the reference, which takes more than any solve
     finest = _finest(settings, ladders)
-    reference = yield from within(make_reference(detailed, dotted, finest), 0.03, 0.15)
+    reference = yield from subprogress(make_reference(detailed, dotted, finest), 0.03, 0.15)
 
     adaptive = _adaptive(detailed, dotted, settings, reference, ladders)
-    rungs = yield from within(adaptive, 0.15, 0.55)
-    rungs += yield from within(_splats(reference, ladders), 0.55, 0.9)
-    choices = yield from within(measure_choices(rig, replace(own_settings, margin=0)), 0.9, 0.98)
+    rungs = yield from subprogress(adaptive, 0.15, 0.55)
+    rungs += yield from subprogress(_splats(reference, ladders), 0.55, 0.9)
+    choices = yield from subprogress(
+        measure_choices(rig, replace(own_settings, margin=0)), 0.9, 0.98
+    )
 
     source = reference.source
     read_seconds = median_seconds(read, ladders.runs) if read else None
@@ -354,9 +358,9 @@ def _adaptive(
         for k, tolerance in enumerate(tolerances):
             session = Session()
             here = replace(settings, tolerance=tolerance)
-            solution = finish(session.solve(detailed, here))
+            solution = run_steps(session.solve(detailed, here))
             seconds, dots = timed(
-                lambda session=session, here=here: finish(session.solve(dotted, here))
+                lambda session=session, here=here: run_steps(session.solve(dotted, here))
             )
             times[k].append(solution.seconds)
             repaints[k].append(seconds)

@@ -14,7 +14,7 @@ from ...base.arrays import Floats
 from ...base.errors import MALFORMED, ImageError, RigError
 from ...base.free_memory import check_free
 from ...base.messages import Message
-from ...base.steps import at, within
+from ...base.steps import hold_progress, subprogress
 from ...files import disk, image_io, png
 from ...rig.rig import PicturePlace, Rig
 from ...solve.channel import Channel
@@ -161,20 +161,20 @@ def maps_of(channel: Channel, options: MapOptions) -> Generator[float, None, Cha
     }
     ends = dict(zip(parts, np.cumsum(list(parts.values())) / sum(parts.values()), strict=True))
 
-    strongest = yield from at(0.0, paths_shown(channel.plan, channel.view_map))
+    strongest = yield from hold_progress(0.0, paths_shown(channel.plan, channel.view_map))
     steps = warp_map(channel, 1, options.overscan, strongest)
-    warp = yield from within(steps, 0.0, ends["warp"])
+    warp = yield from subprogress(steps, 0.0, ends["warp"])
     view = larger = mesh = None
     if parts["view"]:
-        view = yield from within(view_stmap(channel, warp), ends["warp"], ends["view"])
+        view = yield from subprogress(view_stmap(channel, warp), ends["warp"], ends["view"])
     if parts["larger"]:
         larger = warp
         if options.times > 1:
             steps = warp_map(channel, options.times, options.overscan, strongest)
-            larger = yield from within(steps, ends["view"], ends["larger"])
+            larger = yield from subprogress(steps, ends["view"], ends["larger"])
     if parts["mesh"]:
         steps = view_from_display(channel.plan, channel.view_map, grid, strongest)
-        places = yield from within(steps, ends["larger"], ends["mesh"])
+        places = yield from subprogress(steps, ends["larger"], ends["mesh"])
         pixels = grid.pixels((width, height))
         coverage = channel.coverage.of_display.ravel()[pixels].reshape(grid.rows, grid.columns)
         place = channel.plan.rig.place_of(channel.viewer)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Bools, Floats, Ints
-from ...base.steps import Pauses, Result
+from ...base.steps import Result, Steps
 from ...files import disk
-from ...image.flat_picture import flat_way
+from ...image.flat_picture import flat_mapping
 from ...image.ghosts import NO_PATH
 from ...image.picture import picture_from_view
 from ...light.rays import Reason
@@ -150,7 +150,7 @@ def view_stmap(channel: Channel, warp: STMap) -> Generator[float, None, STMap]:
     )
 
 
-def _told(work: Pauses[Result], n_rays: int, start: float) -> Generator[float, None, Result]:
+def _told(work: Steps[Result], n_rays: int, start: float) -> Generator[float, None, Result]:
     """Tell the progress of work that yields numbers of rays."""
     n = 0
     while True:
@@ -182,7 +182,7 @@ def _picture_st(place: PicturePlace, viewer: Viewer, view: Floats) -> Floats:
     """Places (n, 2) in a picture, as (s, t), of viewer px (n, 2); beyond its borders, too, where
     it is a flat rectangle.
     """
-    way = flat_way(place, viewer)
+    way = flat_mapping(place, viewer)
     if way is None:
         points = picture_from_view(place, viewer, view)
         st = _st_of(points.xy, (place.width, place.height))
@@ -203,7 +203,7 @@ def _is_on(place: PicturePlace, viewer: Viewer, st: Floats, overscan: float) -> 
     """Which places (n, 2) are on the picture, as a source image has it? Its plane may have a part
     of its image, or more than that; by overscan, per cent of the image, it reaches further.
     """
-    way = flat_way(place, viewer)
+    way = flat_mapping(place, viewer)
     if way is None:
         return np.isfinite(st).all(axis=1)
     more = overscan / 100

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Floats, Ints, taken
-from ...base.steps import Pauses, at
+from ...base.arrays import Floats, Ints, take
+from ...base.steps import Steps, hold_progress
 from ...base.vectors import cross_2d
 from ...image.ghosts import NO_PATH, paths_of, strongest_paths
 from ...light.plan import Plan
@@ -123,7 +123,7 @@ def settle(
     view: Floats,
     view_by_display: Floats,
     branch: NDArray[np.uint64],
-) -> Pauses[Places]:
+) -> Steps[Places]:
     """Bring places to the points that they are to show; yields the number of rays now and then.
 
     Parameters
@@ -175,7 +175,7 @@ def settle(
 
 def derivative(
     trace: Tracer, view: Floats, display: Floats, branch: NDArray[np.uint64]
-) -> Pauses[Floats]:
+) -> Steps[Floats]:
     """Display px per viewer px (n, 2, 2), columns x and y of the viewer, by rays beside places.
 
     0 where the rays beside them take other branches.
@@ -254,7 +254,7 @@ class Candidates(NamedTuple):
 
     def at(self, which: NDArray) -> "Candidates":
         """Some of them, by their numbers."""
-        return Candidates(*(taken(values, which) for values in self))
+        return Candidates(*(take(values, which) for values in self))
 
 
 def candidates(view_map: ViewMap, grid: Grid, rows: range) -> Iterator[Candidates]:
@@ -380,7 +380,7 @@ class ViewPlaces:
     off: Floats
 
 
-def paths_shown(plan: Plan, view_map: ViewMap) -> Pauses[NDArray[np.uint64]]:
+def paths_shown(plan: Plan, view_map: ViewMap) -> Steps[NDArray[np.uint64]]:
     """The path (H * W,) that counts for each display pixel."""
     return strongest_paths(_shares(plan, view_map))
 
@@ -399,7 +399,7 @@ def view_from_display(
     strongest : as by `paths_shown`, if it is known
     """
     if strongest is None:
-        strongest = yield from at(0.0, paths_shown(plan, view_map))
+        strongest = yield from hold_progress(0.0, paths_shown(plan, view_map))
     wanted = strongest[grid.pixels(view_map.display_size)]
 
     found = ViewPlaces(
@@ -419,21 +419,23 @@ def view_from_display(
         lot = _each_once(Candidates(*map(np.concatenate, zip(*lots, strict=True))), view_map)
         found.multiplicity[:] += np.bincount(lot.point, minlength=len(grid))
         lot = lot.at(np.flatnonzero(lot.path == wanted[lot.point]))
-        yield from at(done, _place(found, plan, view_map, grid, lot))
+        yield from hold_progress(done, _place(found, plan, view_map, grid, lot))
 
     # other parts of their pixels
     lacks = np.flatnonzero(np.isnan(found.view[:, 0]) & (wanted != NO_PATH))
     if len(lacks):
         shares = _shares(plan, view_map)
-        largest = yield from at(0.85, _largest(shares, strongest, view_map.display_size))
+        largest = yield from hold_progress(0.85, _largest(shares, strongest, view_map.display_size))
         pixels = grid.pixels(view_map.display_size)[lacks]
-        yield from at(0.9, _fill(found, plan, view_map, grid.at(lacks), lacks, largest[pixels]))
+        yield from hold_progress(
+            0.9, _fill(found, plan, view_map, grid.at(lacks), lacks, largest[pixels])
+        )
     return found
 
 
 def _largest(
     shares: ShareBatches, strongest: NDArray[np.uint64], display_size: tuple[int, int]
-) -> Pauses[Floats]:
+) -> Steps[Floats]:
     """The middle (H * W, 2), viewer px, of the largest share of each pixel's strongest path."""
     width, height = display_size
     place = np.full((width * height, 2), np.nan)
@@ -463,7 +465,7 @@ def _each_once(lot: Candidates, view_map: ViewMap) -> Candidates:
     reach = 2 * view_map.tolerance * np.abs(lot.view_by_display).sum(axis=2).max(axis=1)
     order = np.lexsort((lot.view[:, 0], lot.path, lot.point))
     point, path, view, reach = (
-        taken(values, order) for values in (lot.point, lot.path, lot.view, reach)
+        take(values, order) for values in (lot.point, lot.path, lot.view, reach)
     )
     repeated = np.zeros(len(order), bool)
     for k in range(1, len(order)):
@@ -478,7 +480,7 @@ def _each_once(lot: Candidates, view_map: ViewMap) -> Candidates:
 
 def _place(
     found: ViewPlaces, plan: Plan, view_map: ViewMap, grid: Grid, lot: Candidates
-) -> Pauses[None]:
+) -> Steps[None]:
     """Set the places of points: of each the candidate that shows it largest, brought to the point.
     Light ends, or jumps, where the map knows only as well as its tolerance: where a candidate does
     not show its point, the next largest does.
@@ -507,7 +509,7 @@ def _place(
 
 def _fill(
     found: ViewPlaces, plan: Plan, view_map: ViewMap, points: Floats, number: Ints, start: Floats
-) -> Pauses[None]:
+) -> Steps[None]:
     """Set the places of points (n, 2) by their numbers (n,) from shares in their pixels: the very
     points where the way leads there within the viewer's image, else the middles (n, 2) of the
     shares.

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kiriko.core.base.errors import KirikoError
-from kiriko.core.base.steps import finish
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.base.steps import run_steps
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Landings
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import Glass, Mesh, Rig
@@ -129,7 +129,7 @@ def ball_rig(quick: bool, **options: object) -> Rig:
 
 
 def solve(a_rig: Rig, **settings: object) -> Solution:
-    return finish(Session().solve(a_rig, Settings(**settings)))
+    return run_steps(Session().solve(a_rig, Settings(**settings)))
 
 
 def tells(solution: Solution, words: str) -> bool:
@@ -150,7 +150,7 @@ def rays_of(
 
 
 def traced(a_rig: Rig, o: Floats, d: Floats, **settings: object) -> Landings:
-    return trace_all(make_plan(a_rig, Settings(**settings)), o, d)
+    return trace_all(compile_plan(a_rig, Settings(**settings)), o, d)
 
 
 def on(points: Floats, directions: Floats, faces: list[Face]) -> tuple[Floats, Floats]:

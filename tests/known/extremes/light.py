@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.base.vectors import dot
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.optics import refract
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import tracing
@@ -148,7 +148,7 @@ def ball_of_two(quick: bool) -> Rows:
     a_rig = ball_rig(quick, ior=2.0, projection="orthographic", field=0.02)
     o, d = rays_of(a_rig)
     steps = []
-    finish(tracing(make_plan(a_rig, Settings()), o, d, steps=steps))
+    run_steps(tracing(compile_plan(a_rig, Settings()), o, d, steps=steps))
     b = np.hypot(o[:, 0], o[:, 2])
 
     # the chord turns the exit point to 2 a' - a off the

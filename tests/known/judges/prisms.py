@@ -7,7 +7,7 @@ from typing import NamedTuple
 import mpmath
 import numpy as np
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh
@@ -203,7 +203,7 @@ def through_one_prism(random: np.random.Generator) -> Cases:
     d = d[some]
     ends = [ends[i] for i in some]
     glass = Glass("prism", prism.mesh, ConstantIndex(prism.index))
-    landings = trace_all(make_plan(rig((glass,), **OUT_OF_THE_WAY), Settings()), o, d)
+    landings = trace_all(compile_plan(rig((glass,), **OUT_OF_THE_WAY), Settings()), o, d)
     place, direction, n_events, k, off, _ = (np.array(column) for column in zip(*ends, strict=True))
     is_wrong = (landings.n_events != n_events) | (landings.reason != Reason.MISSED_PLATE)
     error = far_from(place, landings.positions) / (np.linalg.norm(o, axis=1) + prism.height)

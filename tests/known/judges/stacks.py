@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.light.rays import Reason
 from kiriko.core.light.trace import trace_all
 from kiriko.core.rig.rig import ConstantIndex, Glass, Mesh, Rig
@@ -161,7 +161,7 @@ def through_one_stack(random: np.random.Generator) -> Cases:
     o = o[some]
     d = d[some]
     path = Path(*(part[some] for part in path))
-    plan = make_plan(rig(stack.glasses, **OUT_OF_THE_WAY), Settings())
+    plan = compile_plan(rig(stack.glasses, **OUT_OF_THE_WAY), Settings())
     landings = trace_all(plan, o, d)
     is_wrong = (landings.n_events != path.n_events) | (landings.reason != Reason.MISSED_PLATE)
 
@@ -210,7 +210,7 @@ def onto_the_display(random: np.random.Generator) -> Cases:
     o = place - 10 ** random.uniform(-1, 3, (PER_RIG, 1)) * d
     path = through_stack(stack, o, d)
     a_rig = rig(stack.glasses, display=0.4)
-    landings = trace_all(make_plan(a_rig, Settings()), o, d)
+    landings = trace_all(compile_plan(a_rig, Settings()), o, d)
     error = far_from(landing(a_rig, path.places, path.directions), landings.positions)
     error /= np.linalg.norm(o, axis=1) + HALF
     return Cases(error, path.k, ~landings.has_arrived, path.off, named(stack, o, d))
