@@ -13,8 +13,7 @@ from ..core.base.errors import ImageError, RigError
 from ..core.base.messages import Message, as_message, joined
 from ..core.blender.data.image import or_none
 from ..core.blender.data.image_file import as_seen, check_whole, notes_on
-from ..core.blender.data.moving import Timing, at_frame, number_at, rate_of
-from ..core.blender.data.numbered_files import sequence_of
+from ..core.blender.data.moving import Timing, at_frame, number_at, rate_of, sequence_of
 from ..core.blender.data.paths import RELATIVE_PATH, absolute, is_chosen
 from ..core.blender.read import plane
 from ..core.blender.read import plane as blender_plane

@@ -14,7 +14,7 @@ from ..core.base.arrays import Floats
 from ..core.base.messages import Message
 from ..core.base.words import arcmin, percent
 from ..core.blender.data.made_objects import values_of
-from ..core.blender.result.viridis import viridis
+from ..core.blender.result.conflict import viridis
 from ..operators import outdated_surfaces as surfaces
 from ..operators import watch
 from ..operators.eye_box import DISPLACEMENT

@@ -31,8 +31,6 @@ class AgreementKnobs:
     coarse : jumps of coarse faces, in parts of the gain, over the square of the turn, or of the
         part of a circle or an ellipse that an edge spans, rad, as lines tell it: on balls and tori
         0.3 to 1.5, and 8 by the turn in the shoulder of a bottle, whose lines are smooth as well
-    far : rad: where faces turn by more they are coarse, wherever their vertices lie. Noise of a
-        hundredth of the size turns half of a torus of 4096 triangles as far, and less of a ball
     by_lines : jumps that are trusted at most where lines are coarse and faces turn little, as in
         the flat parts of ellipsoids: at 0.8 and more single ones of 6 to 12 faces get worse
     fine : rad: where faces turn by less, and lines run on smoothly, jumps may come of the curves
@@ -47,7 +45,6 @@ class AgreementKnobs:
     trusted: float = 0.2
     scattered: float = 0.14
     coarse: float = 4.0
-    far: float = 0.3
     by_lines: float = 0.7
     fine: float = 0.15
     smooth: float = 0.06

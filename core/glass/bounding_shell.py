@@ -140,9 +140,8 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
 
     # put together bit by bit: of many faces that takes most of a second
     n = sum(len(face) for face, _, _ in portions)
-    hull = BoundingShell(
-        np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32)
-    )
+    made = np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32)
+    hull = BoundingShell(*made)
     last = 0
     for face, places, points in portions:
         vertex = faces.vertex[face]

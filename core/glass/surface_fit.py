@@ -36,7 +36,7 @@ from .fitted_faces import (
 from .meshes import Edges, areas_of, components
 from .quartics import AT_NODES, FROM_NODES, N_ON_EDGES, N_TERMS, NODES, by_term
 from .subdivided import ExactLimit, exact_limit_steps
-from .trust import FlatFaces, FlatParts, how_far_trusted, in_parts
+from .trust import FlatParts, how_far_trusted, in_parts
 from .vertices import Vertices, find_vertices, seen_across
 
 
@@ -273,7 +273,7 @@ class Drawn:
 
 def make_curved(
     drawn: Drawn, wanted: Bools, has_mean_normals: bool, is_automatic: bool = False
-) -> Steps[tuple[CurvedFaces | None, FlatFaces]]:
+) -> Steps[tuple[CurvedFaces | None, int]]:
     """Curved faces over those of the wanted triangles whose
     normals agree with their shape; and how many are doubted.
 
@@ -317,7 +317,7 @@ def make_curved(
     at_corners = take(v.normal, v.of_corner[faces.chosen])
     agreed = yield from agreeing(faces.meant, at_corners, area[faces.chosen], beside)
     yield 0
-    doubts = FlatFaces()
+    n_doubted = 0
 
     if is_automatic:
         at, given = take(corners, faces.chosen), take(found.given, v.of_corner[faces.chosen])
@@ -327,12 +327,12 @@ def make_curved(
         parts = FlatParts(flat_face, is_known[faces.chosen])
         trusted = yield from how_far_trusted(v, size, faces, trial, parts)
         if not (trusted.is_kept.all() and (trusted.weight == 1).all()):
-            doubts = trusted.doubts
+            n_doubted = int((~trusted.is_kept).sum())
             v, faces = in_parts(v, faces.at(trusted.is_kept), found.given, trusted.weight)
             beside = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
 
     if not len(faces.chosen):
-        return None, doubts
+        return None, n_doubted
 
     # drawn faces have the normals that were given: so have the faces around its vertices
     normal = _with_given(v, found.given, beside.row < 0)
@@ -343,7 +343,7 @@ def make_curved(
         agreed = yield from agreeing(faces.meant, take(normal, vertex), area[faces.chosen], beside)
 
     yield 0
-    return _put_together(corners, vertex, normal, faces, agreed, beside), doubts
+    return _put_together(corners, vertex, normal, faces, agreed, beside), n_doubted
 
 
 class _Meant(NamedTuple):

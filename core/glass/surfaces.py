@@ -22,7 +22,6 @@ from .meshes import (
 )
 from .motion import Motion
 from .surface_fit import Drawn, make_curved
-from .trust import FlatFaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +32,7 @@ class Surface:
     triangles, or None; corner_normals (t, 3, 3) or None, used on the triangles that are flat with
     bent normals, is_bent (t,); patch (t,) label within this surface; n_open edges without a
     neighbour; n_contradicted smooth triangles that stay flat because their normals contradict their
-    shape; n_doubted because their curved faces would be no nearer to the surface meant, n_coarse
-    of these because they are coarse, not uneven
+    shape; n_doubted because their curved faces would be no nearer to the surface meant
     """
 
     corners: Floats
@@ -46,7 +44,6 @@ class Surface:
     n_open: int
     n_contradicted: int
     n_doubted: int
-    n_coarse: int
 
     def moved(self, motion: Motion) -> "Surface":
         """The same surface elsewhere."""
@@ -139,7 +136,7 @@ def surface_steps(
 
     by_corner, is_bent, n_contradicted = _bent_normals(mesh, chosen, corner_normals, normals)
     curved = None
-    doubts = FlatFaces()
+    n_doubted = 0
 
     # curved faces over them, where they turn further than rounding
     is_joined = find_joined(by_corner, edges)
@@ -159,13 +156,13 @@ def surface_steps(
                 is_joined=is_joined,
                 polygon=None if mesh.polygon is None else mesh.polygon[chosen],
             )
-            curved, doubts = yield from make_curved(
+            curved, n_doubted = yield from make_curved(
                 drawn, is_bent, mesh.has_mean_normals, mesh.surface == "automatic"
             )
             if curved is not None:
                 is_bent &= curved.row < 0
 
-            n_contradicted += int(is_bent.sum()) - doubts.n
+            n_contradicted += int(is_bent.sum()) - n_doubted
 
     return Surface(
         corners=corners,
@@ -176,6 +173,5 @@ def surface_steps(
         patch=components(len(index), edges.first[is_joined], edges.second[is_joined]),
         n_open=edges.n_open,
         n_contradicted=n_contradicted,
-        n_doubted=doubts.n,
-        n_coarse=doubts.n_coarse,
+        n_doubted=n_doubted,
     )

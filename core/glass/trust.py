@@ -94,27 +94,13 @@ def in_parts(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[
     return replace(v, normal=normal), replace(faces, coefficients=coefficients, meant=meant)
 
 
-class FlatFaces(NamedTuple):
-    """How many smooth triangles are left flat because their curved faces would be no nearer to the
-    surface meant, and how many of these because they are coarse, not uneven.
-    """
-
-    n: int = 0
-    n_coarse: int = 0
-
-
 class Trusted(NamedTuple):
-    """Which faces (n,) are nearer to the surface meant than their facets; how far, 0..1, the
-    vertices (f,) are to be trusted; and which faces (n,) are coarse, whatever became of them.
+    """Which faces (n,) are nearer to the surface meant than their facets, and how far, 0..1, the
+    vertices (f,) are to be trusted.
     """
 
     is_kept: Bools
     weight: Floats
-    is_coarse: Bools
-
-    @property
-    def doubts(self) -> FlatFaces:
-        return FlatFaces(int((~self.is_kept).sum()), int((~self.is_kept & self.is_coarse).sum()))
 
 
 class FlatParts(NamedTuple):
@@ -139,12 +125,11 @@ def how_far_trusted(
     weight = np.ones(len(v.at))
     if is_near.all():
         is_kept = _whole(~faces.is_swollen, of_face)
-        return Trusted(is_kept, weight, np.zeros_like(is_kept))
+        return Trusted(is_kept, weight)
 
     yield 0
     lines = yield from look_along_lines(v, size)
     scatter = lines.scatter[vertex]
-    is_coarse = _are_coarse(scatter, trial)
     is_near |= trial.on_smooth_lines(scatter).trusted(vertex)
     piece = _pieces(vertex)
     if trial.is_coarse.any() and not is_near.all():
@@ -157,7 +142,7 @@ def how_far_trusted(
     is_trusted = _whole(~faces.is_swollen & is_near, of_face)
     in_part = _more(is_irregular(scatter, trial), piece, 0.5)
     if not in_part.any():
-        return Trusted(is_trusted, weight, is_coarse)
+        return Trusted(is_trusted, weight)
 
     # there given normals are off as well, and those of the facets with them
     trial = trial._replace(gained=trial.apart)
@@ -170,15 +155,7 @@ def how_far_trusted(
     of_part = vertex[in_part]
     weight[of_part] = far[of_part]
     is_kept = _whole(~faces.is_swollen & (far[vertex] > 0).any(axis=1), of_face)
-    return Trusted(np.where(in_part, is_kept, is_trusted), weight, is_coarse)
-
-
-def _are_coarse(scatter: Floats, trial: Trial) -> Bools:
-    """Which faces (n,) turn far, or have their vertices, off by scatter (n, 3), on smooth lines:
-    there normals jump for the size of the faces, not for noise.
-    """
-    is_regular = (scatter**2).mean(axis=1) <= AGREEMENT.scattered**2 * trial.gained
-    return is_regular | (trial.turn > AGREEMENT.far)
+    return Trusted(np.where(in_part, is_kept, is_trusted), weight)
 
 
 def _whole(which: Bools, of_face: Ints) -> Bools:

@@ -127,14 +127,12 @@ class Counts:
     n_open : open edges
     n_contradicted : smooth triangles that stay flat because their normals contradict their shape
     n_doubted : the same because curved faces would be no nearer to the one meant
-    n_coarse : how many of these because they are coarse, not uneven
     n_curved : smooth triangles that are curved
     """
 
     n_open: tuple[int, ...]
     n_contradicted: tuple[int, ...]
     n_doubted: tuple[int, ...]
-    n_coarse: tuple[int, ...]
     n_curved: tuple[int, ...]
 
 

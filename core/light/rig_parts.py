@@ -189,7 +189,6 @@ class RigParts:
             n_open=self.of_glass("n_open", rig),
             n_contradicted=self.of_curved("n_contradicted", rig),
             n_doubted=self.of_curved("n_doubted", rig),
-            n_coarse=self.of_curved("n_coarse", rig),
             n_curved=self.of_curved("n_curved", rig),
         )
 

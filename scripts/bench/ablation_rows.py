@@ -249,7 +249,6 @@ TAIL = [
         trusted=(1e-9, "no jump of normals is small enough"),
         scattered=(1e-9, "vertices of coarse faces are off any line"),
         coarse=(0.0, "no face counts as coarse by its turn"),
-        far=(INF, "no face turns far enough to be coarse by this alone"),
         by_lines=(0.0, "coarse lines make no larger jump trusted"),
         fine=(0.0, "no face is fine enough for larger jumps"),
         smooth=(1e-9, "vertices of fine faces are off any line"),

@@ -64,7 +64,7 @@ def test_it_is_removed_with_its_mesh(scene):
 
 def test_colours_grow_brighter_and_end_at_the_scales_ends(kiriko):
     """Lightness grows along the whole scale, as the eye weighs its colours."""
-    module = loaded("core.blender.result.viridis")
+    module = loaded("core.blender.result.conflict")
     colours = module.viridis(np.linspace(-0.5, 1.5, 41))
     assert np.allclose(colours[0], module.ANCHORS[0])
     assert np.allclose(colours[-1], module.ANCHORS[-1])

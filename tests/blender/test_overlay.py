@@ -29,11 +29,11 @@ def sketcher(scene, monkeypatch) -> Iterator[ModuleType]:
 def overlay(sketcher, kiriko, monkeypatch) -> ModuleType:
     """Package panels.overlay, which hands all to a stand-in for the GPU, and hides no error."""
     module = loaded("panels.overlay")
-    for name in ("lines", "words"):
+    for name in ("lines", "overlay_text"):
         drawer = getattr(module, name)
         monkeypatch.setattr(drawer, "gpu", PAPER)
         monkeypatch.setattr(drawer, "batch_for_shader", Batch)
-    monkeypatch.setattr(module.words, "blf", PAPER.blf)
+    monkeypatch.setattr(module.overlay_text, "blf", PAPER.blf)
     monkeypatch.setattr(module, "_failed", [])
     PAPER.clear()
     return module
@@ -279,7 +279,7 @@ def test_words_are_distances_in_the_scenes_unit_and_reasons(sketcher, overlay, m
     bpy.context.scene.unit_settings.length_unit = "MILLIMETERS"
     rig = small_rig(distance=0.15)
     monkeypatch.setattr(
-        overlay.words,
+        overlay.overlay_text,
         "location_3d_to_region_2d",
         lambda region, data, place: Flat(place),
     )

@@ -21,9 +21,8 @@ from ..data.image import image_from_pixels, stored_numbers
 from ..data.temporary import mark, remove_leftovers
 from ..read.part_roles import Studio
 from ..read.scene import Reading, length_of_unit
-from .preview_options import Options
 from .preview_parts import PreviewParts, add_surroundings
-from .preview_settings import set_cycles, set_render
+from .preview_settings import Options, set_cycles, set_render
 
 
 class Preview:

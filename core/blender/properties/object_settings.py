@@ -170,7 +170,10 @@ class KirikoSlot(bpy.types.PropertyGroup):
 
     link: StringProperty(name="Link", description="To the object or its data", options={"HIDDEN"})
     material: PointerProperty(
-        name="Material", description="The material in the slot", type=bpy.types.Material
+        name="Material",
+        description="The material in the slot",
+        type=bpy.types.Material,
+        options={"HIDDEN"},
     )
 
 
