@@ -293,6 +293,7 @@ class KirikoScene(bpy.types.PropertyGroup):
         name="Active Rig",
         description="The rig that panels and buttons are about",
         type=bpy.types.Collection,
+        options={"HIDDEN"},
     )
     own: PointerProperty(
         name="Own",
