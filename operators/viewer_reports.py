@@ -259,7 +259,7 @@ def images_of(
     for channel in solution.channels:
         name = channel.viewer.name
         if name in asked:
-            yield from channel.look_beside()
+            yield from channel.trace_stray_light()
             found[f"ideal {name}"] = channel.ideal()
             seeing = channel.seeing(solution.source, beside=True)
             found[f"seen {name}"] = yield from hold_progress(1.0, seeing)

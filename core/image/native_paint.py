@@ -1,4 +1,4 @@
-"""Paints shares straight from a picture, as `find_strokes` and
+"""Paints shares straight from a picture, as `find_filter_taps` and
 `Painting` of `source_image.py` do by way of taps.
 """
 

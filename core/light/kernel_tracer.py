@@ -25,7 +25,7 @@ from ..native.structures import (
     RayStateStructure,
 )
 from ..rig.viewer import Viewer
-from .kernel_trees import face_tree_steps, frames_of, has_face_tree, kept, making_hull
+from .kernel_trees import face_tree_steps, frames_of, has_face_tree, hull_steps, kept
 from .layer_hits import count_starts
 from .plan import Ends, Halving, Plan, PlannedLayer
 from .plate import ArrayFrame
@@ -68,7 +68,7 @@ def growing_trees(layer: Layer) -> Steps[None]:
         yield from face_tree_steps(layer)
         yield 0
     if layer.curved is not None:
-        yield from making_hull(layer.asked)
+        yield from hull_steps(layer.asked)
         yield 0
 
 
@@ -116,7 +116,7 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
 
     if curved is not None:
         faces = _make_curved(curved)
-        hull = run_steps(making_hull(layer.asked))
+        hull = run_steps(hull_steps(layer.asked))
         made.set(curved=ctypes.addressof(faces.structure), hull=ctypes.addressof(hull.structure))
         made.keep(faces, hull)
 
@@ -124,7 +124,8 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
 
 
 FOR_EVER = 1 << 31  # events
-LAST_KIND = 5  # of those in kiriko.h: numpy follows rays that may meet others
+# as in kiriko.h: numpy follows rays that may meet parts of other kinds
+KINDS = (*range(5), 31)  # the last splits rays, for tests
 LAYOUTS = "crossed", "holes", "radial"
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
 
@@ -156,7 +157,7 @@ def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
 def _unknown(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
     if len(layers) > MOST_LAYERS:
         return Message("more than {n} layers", n=MOST_LAYERS)
-    if kind.max() > LAST_KIND or any(
+    if not np.isin(kind, KINDS).all() or any(
         type(held.layer) is not Layer or type(held.layer.curved) not in (CurvedFaces, type(None))
         for held in layers
     ):
@@ -420,7 +421,7 @@ class Kernel:
 
         Raises
         ------
-        ReachedError : a ray comes near glass that stands aside
+        DeferredObjectError : a ray comes near glass that stands aside
         """
         yield from making(plan)
         n = len(edges.start)

@@ -137,7 +137,7 @@ def _making_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[M
     return tree, take(stack_frames(layer.frames), items)
 
 
-def _making_hull(asked: EngineTriangles) -> Steps[Made]:
+def _hull_steps(asked: EngineTriangles) -> Steps[Made]:
     boxes = np.empty((len(asked.corners), 2, 3))
     for first in range(0, len(boxes), BOXES_AT_ONCE):
         some = slice(first, first + BOXES_AT_ONCE)
@@ -173,9 +173,9 @@ def has_face_tree(layer: Layer) -> bool:
     return layer.curved is None or layer.curved.whole in _trees
 
 
-def making_hull(asked: EngineTriangles) -> Steps[Made]:
+def hull_steps(asked: EngineTriangles) -> Steps[Made]:
     """Make triangles that are asked for hits known to the kernel, with a tree over them."""
-    return keeping(_hulls, asked, lambda: _making_hull(asked))
+    return keeping(_hulls, asked, lambda: _hull_steps(asked))
 
 
 class BoundingShellEngine:
@@ -184,7 +184,7 @@ class BoundingShellEngine:
     name = "the kernel's tree"
 
     def __init__(self, asked: EngineTriangles) -> None:
-        self._made = run_steps(making_hull(asked))
+        self._made = run_steps(hull_steps(asked))
 
     def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
         origins, directions = (

@@ -80,7 +80,7 @@ def _first_hits(layer: Layer, question: Question) -> Steps[Hits]:
             _test_all(layer, question, rays[first : first + FACES_AT_ONCE], hits)
         return hits
 
-    yield from layer.asked.making_engine()
+    yield from layer.asked.engine_steps()
     start = np.maximum(enter[rays], 0.0)
     lost = yield from _ask_engine(layer, question, rays, start, hits)
     if len(lost):

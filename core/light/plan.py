@@ -189,7 +189,7 @@ class Tracer(Protocol):
 
         Raises
         ------
-        ReachedError : a ray comes near glass that stands aside
+        DeferredObjectError : a ray comes near glass that stands aside
         """
 
 

@@ -63,7 +63,7 @@ class EngineTriangles:
         """The ray engine, made when it is first asked."""
         return make_engine(self.corners) if self.given is None else self.given
 
-    def making_engine(self) -> Steps[None]:
+    def engine_steps(self) -> Steps[None]:
         """Make the ray engine, with pauses, unless it is there."""
         if self.given is None and "engine" not in vars(self):
             vars(self)["engine"] = yield from engine_steps(self.corners)

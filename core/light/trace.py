@@ -147,7 +147,7 @@ def find_first_hits(
 
 
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:
-    """Raise ReachedError when a ray, on its way of a length of
+    """Raise DeferredObjectError when a ray, on its way of a length of
     `distance` (n,), enters the box of glass aside.
     """
     reached = set()

@@ -33,7 +33,7 @@
 #define N_STARTS 4
 static const double STARTS[N_STARTS][2] = {{1.0 / 3, 1.0 / 3}, {0.1, 0.1}, {0.8, 0.1}, {0.1, 0.8}};
 
-typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, SPLITTER } Kind; /* the last is of tests alone */
+typedef enum { GLASS, PLATE, MIRROR, BLOCKER, DISPLAY, SPLITTER = 31 } Kind; /* the last is of tests alone */
 
 typedef enum { ARRIVED, MISSED_GLASS, LOST_INSIDE, MISSED_PLATE, BLOCKED, MISSED_DISPLAY, CUT_OFF } Reason;
 

@@ -200,7 +200,7 @@ class Channel:
             self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True)
         )
 
-    def look_beside(self) -> Generator[float, None, None]:
+    def trace_stray_light(self) -> Generator[float, None, None]:
         """Trace light beside the glass, unless it is known or is part of the map anyway.
 
         Yields progress 0..1.
@@ -325,7 +325,7 @@ def sample_reached(
 
     Raises
     ------
-    RigError, MeshError : as by make_plan
+    RigError, MeshError : as by compile_plan
     """
     aside = out_of_sight(rig, viewer)
     _, of_map = spans(("plan",), MAP)

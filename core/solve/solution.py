@@ -121,9 +121,9 @@ class Solution:
         """The same of another source image, with pauses."""
         return self.first.seeing(source)
 
-    def look_beside(self) -> Generator[float, None, None]:
+    def trace_stray_light(self) -> Generator[float, None, None]:
         """Trace light beside the glass for the first viewer; yields progress 0..1."""
-        yield from self.first.look_beside()
+        yield from self.first.trace_stray_light()
 
 
 def without_glass(rig: Rig) -> Rig:

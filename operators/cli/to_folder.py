@@ -90,7 +90,7 @@ def solve(arguments: argparse.Namespace) -> Generator[str, None, None]:
     yield from viewer_reports.lines(scene, told.numbers)
 
     yield "looking beside the glass"
-    yield from told_in_tenths(solution.look_beside())
+    yield from told_in_tenths(solution.trace_stray_light())
 
     size = tuple(reading.display_size) if reading.display_size is not None else None
     jobs: list[tuple[str, np.ndarray, str, tuple[float, float] | None]] = [

@@ -396,5 +396,5 @@ def test_a_run_that_is_stopped_takes_its_placeholder_back(frames, kiriko, parts,
 
     files[1].touch()
     steps_of = loaded("core.base.steps")
-    assert steps_of.finish(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 2
+    assert steps_of.run_steps(frames.solved(bpy.context, frames.Run(files, "PNG8"))).written == 2
     assert files[1].stat().st_size > 100

@@ -31,7 +31,7 @@ def by_core(limit: float, least: float) -> dict:
     steps = loaded("core.lab.measure.head_range").eye_box(
         rig, work.settings_of(bpy.context.scene), limit, least
     )
-    return asdict(loaded("core.base.steps").finish(steps))
+    return asdict(loaded("core.base.steps").run_steps(steps))
 
 
 def points_of(thing: bpy.types.Object, camera: bpy.types.Object) -> np.ndarray:
@@ -196,7 +196,7 @@ def test_of_several_viewers_it_tells_how_their_box_is_served(scene, drawn):
     bpy.ops.kiriko.eye_box()
     work = loaded("operators.work")
     plan = work.session().plan(work.read(bpy.context).rig, work.settings_of(scene))
-    found = loaded("core.base.steps").finish(loaded("core.lab.measure.head_box").head_box(plan))
+    found = loaded("core.base.steps").run_steps(loaded("core.lab.measure.head_box").head_box(plan))
     served = kept()["head_box"]
     assert served["n_viewers"] == 2
     assert served["size_m"] == pytest.approx(found.size_m, abs=1e-9)

@@ -61,7 +61,7 @@ def test_the_operator_says_how_much_is_stray(scene):
     source = scene.kiriko.result.source
     source.pixels.foreach_set(np.ones(len(source.pixels), np.float32))
     module = loaded("operators.simulate")
-    finish = loaded("core.base.steps").finish
+    finish = loaded("core.base.steps").run_steps
     noises = []
     words = re.compile(
         r"([\d.]+) % \(\+- ([\d.]+) %\) of it stray light of the plate, noise"

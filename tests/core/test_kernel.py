@@ -503,7 +503,7 @@ def test_a_plan_says_what_traces_its_rays(monkeypatch, is_known):
     that the kernel does not know.
     """
     if not is_known:
-        monkeypatch.setattr(kernel_tracer, "LAST_KIND", 0)
+        monkeypatch.setattr(kernel_tracer, "KINDS", (0,))
     by_numpy = []
     by_events = trace.by_events
     monkeypatch.setattr(trace, "by_events", lambda *rays: by_numpy.append(rays) or by_events(*rays))

@@ -32,7 +32,7 @@ from kiriko.core.solve import memory
 from kiriko.core.rig.settings import Settings
 from kiriko.core.solve import memory
 from kiriko.core.solve.session import Session
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 from kiriko.core.map.sampling import sample
 def status(key):  # what getrusage tells begins with what the process had that started this one
     lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
@@ -53,10 +53,8 @@ view_map = {work}
 told = memory.estimated(a_rig, settings, view_map)
 print(json.dumps([status("VmHWM") - before, sum(told.values())]))
 """
-SOLVE = "finish(Session().solve(a_rig, settings)).first.view_map"
-TRACE = (
-    "finish(sample(Session().plan(a_rig, settings))); memory.BYTES = replace(memory.BYTES, share=0)"
-)
+SOLVE = "run_steps(Session().solve(a_rig, settings)).first.view_map"
+TRACE = "run_steps(sample(Session().plan(a_rig, settings))); memory.BYTES = replace(memory.BYTES, share=0)"
 
 
 LONG = pytest.mark.long(

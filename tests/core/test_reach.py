@@ -114,7 +114,7 @@ def test_what_is_thinner_than_rays_are_apart_is_found_by_what_passes_between_the
     assert out_of_sight(a_rig, a_rig.viewer) == (1,)
 
     # with no walls of its box to pass by, none of the rays
-    # comes near the rod: none raises ReachedError
+    # comes near the rod: none raises DeferredObjectError
     blind = replace(
         compile_plan(a_rig, Settings(), aside=(1,)),
         thin_parts=compile_plan(plain, Settings()).thin_parts,

@@ -19,7 +19,7 @@ from kiriko.core.rig.rig import Kind, Mirror
 from kiriko.core.rig.settings import Settings
 from known.reference_rigs import ball_rig, rectangle
 
-SPLITTER = 5  # as in kiriko.h
+SPLITTER = 31  # as in kiriko.h
 SETTINGS = Settings(only_through_glass=False, only_through_plate=False, max_events=40)
 X, Y, Z = np.eye(3)
 
@@ -36,7 +36,9 @@ def meet(plan, rays, i, hits, by_layer):
 @pytest.fixture(params=["kernel", "numpy"])
 def way(request, monkeypatch):
     monkeypatch.setitem(interactions.INTERACTIONS, SPLITTER, Interaction(meet, None, splits=True))
-    monkeypatch.setattr(trace, "ENDS", np.append(trace.ENDS, False))
+    monkeypatch.setattr(
+        trace, "ENDS", np.resize(trace.ENDS, SPLITTER + 1) & (np.arange(SPLITTER + 1) < 5)
+    )
     with nullcontext() if request.param == "kernel" else loading.off():
         yield
 

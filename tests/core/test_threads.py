@@ -28,27 +28,28 @@ from known.reference_rigs import ball_rig, bottle, mean_normals, rig, torus
 from kiriko.core.native import loading
 from kiriko.core.image import simulation
 from kiriko.core.bench.offset import moved, turned
-from kiriko.core.light.compile_plan import make_plan
+from kiriko.core.light.compile_plan import compile_plan
 from kiriko.core.rig.settings import Settings
 from kiriko.core.rig.rig import MirrorArray
 from kiriko.core.solve.session import Session
-from kiriko.core.base.steps import finish
+from kiriko.core.base.steps import run_steps
 
 def with_mirrors(a_rig):
     return replace(a_rig, plates=(replace(a_rig.plates[0], array=MirrorArray()),))
 
 def simulated(a_rig):
-    finish(simulation.simulate(make_plan(a_rig, Settings()), np.ones((64, 64, 3), np.float32), 4))
+    plan = compile_plan(a_rig, Settings())
+    run_steps(simulation.simulate(plan, np.ones((64, 64, 3), np.float32), 4))
 
 def turned_twice(a_rig):
     session = Session()
     for degrees in (0.0, 3.0):
         motion = turned(np.array([0, 0, 1.0]), degrees, np.zeros(3))
         glass = moved(a_rig.glasses[0], motion)
-        finish(session.solve(replace(a_rig, glasses=(glass,)), Settings()))
+        run_steps(session.solve(replace(a_rig, glasses=(glass,)), Settings()))
 
 loading.use_threads(1)
-solve = lambda a_rig: finish(Session().solve(a_rig, Settings()))
+solve = lambda a_rig: run_steps(Session().solve(a_rig, Settings()))
 np.ones((64, 64)) @ np.ones((64, 64))  # whatever it takes to begin
 time.sleep(0.5)  # threads that were begun look for work for a moment
 process, own = time.process_time(), time.thread_time()

@@ -149,14 +149,14 @@ def landing_error(
         np.linspace(0.2, a_rig.viewer.height - 0.3, 33),
     )
     at = np.stack([x.ravel(), y.ravel()], axis=1)
-    plan = core("light.compile_plan").make_plan(found_rig, core("rig.settings").Settings())
+    plan = core("light.compile_plan").compile_plan(found_rig, core("rig.settings").Settings())
     found = core("light.trace").trace_all(plan, *found_rig.viewer.rays(at))
     o, d = a_rig.viewer.rays(at)
     return furthest(a_rig, found, through(o, d))
 
 
 def solved(a_rig: Any) -> Any:
-    return core("base.steps").finish(
+    return core("base.steps").run_steps(
         core("solve.session").Session().solve(a_rig, core("rig.settings").Settings())
     )
 
