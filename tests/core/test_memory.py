@@ -54,7 +54,10 @@ told = memory.estimated(a_rig, settings, view_map)
 print(json.dumps([status("VmHWM") - before, sum(told.values())]))
 """
 SOLVE = "run_steps(Session().solve(a_rig, settings)).first.view_map"
-TRACE = "run_steps(sample(Session().plan(a_rig, settings))); memory.BYTES = replace(memory.BYTES, share=0)"
+TRACE = (
+    "run_steps(sample(Session().plan(a_rig, settings)));"
+    " memory.BYTES = replace(memory.BYTES, share=0)"
+)
 
 
 LONG = pytest.mark.long(
