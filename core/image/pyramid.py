@@ -22,18 +22,23 @@ from ..native import image_passes, loading
 from .flat_picture import LEAST
 from .picture import POINTS_AT_ONCE, PicturePoints
 
-# A footprint's side, picture px, up to twice as long as this is read at two places, a longer one at
-# four. The error of a source image falls with them until what is left is that of the map, and the
-# shape of shares that the border of a display pixel cut.
+# A footprint's side, picture px, up to twice as long as this is read at two places, up to four
+# times as long at four, a longer one at eight. The error of a source image falls with them until
+# what is left is that of the map, and the shape of shares that a display pixel's border cuts.
 SIDE = 0.9
-MOST_READS = 4  # along a side
-# sides beyond two over which each of two places becomes two: gradually, so that rounding moves no
-# read, but soon, for until then they read nearly the same
+MOST_READS = 8  # along a side
+# sides beyond two over which each of two places becomes two, and twice as many beyond four:
+# gradually, so that rounding moves no read, but soon, for until then they read nearly the same
 APART = 0.25
 POINT_SIDE = 0.2  # picture px; a shorter side is a point, and one of twice as much as long as it is
 
-# signs of the far and the near step of each read along a side, by their number
-STEPS_BY_NUMBER = {1: ((0, 0),), 2: ((-1, 0), (1, 0)), 4: tuple(product((-1, 1), repeat=2))}
+# signs of the far, the near and the nearest step of each read along a side, by their number
+STEPS_BY_NUMBER = {
+    1: ((0, 0, 0),),
+    2: ((-1, 0, 0), (1, 0, 0)),
+    4: tuple((far, near, 0) for far, near in product((-1, 1), repeat=2)),
+    8: tuple(product((-1, 1), repeat=3)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,13 +267,13 @@ class FootprintReads(NamedTuple):
 class _Side(NamedTuple):
     """How footprints are read along a side of theirs.
 
-    number : (n,) of places, 1, 2 or 4
-    steps : far and near (n,), standard deviations: from the middle to each half of them, and from
-        there to each quarter
+    number : (n,) of places, 1, 2, 4 or 8
+    steps : far, near and nearest (n,), standard deviations: from the middle to each half of them,
+        from there to each quarter, and to each of eight
     """
 
     number: NDArray[np.integer]
-    steps: tuple[Floats, Floats]
+    steps: tuple[Floats, Floats, Floats]
 
 
 def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> FootprintReads:
@@ -310,10 +315,12 @@ def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> 
 def _along(side: Floats) -> _Side:
     """How sides (n,), picture px, are read: as many places as they need, with their variance."""
     two = np.clip(side / POINT_SIDE - 1, 0, 1)
-    four = np.clip((side / SIDE - 2) / APART, 0, 1)
-    far = np.sqrt(two / (1 + four * four / 4))
-    number = np.where(four > 0, 4, np.where(two > 0, 2, 1))
-    return _Side(number, (far, four * far / 2))
+    relative = side / SIDE
+    four = np.clip((relative - 2) / APART, 0, 1)
+    eight = np.clip((relative / 2 - 2) / APART, 0, 1)
+    far = np.sqrt(two / (1 + four * four / 4 + eight * eight / 16))
+    number = np.where(eight > 0, 8, np.where(four > 0, 4, np.where(two > 0, 2, 1)))
+    return _Side(number, (far, four * far / 2, eight * far / 4))
 
 
 def _left_to_levels(axes: Floats, shorter: Floats) -> Floats:

@@ -7,10 +7,10 @@
 #define SIDE 0.9
 #define APART 0.25
 #define POINT_SIDE 0.2
-#define MOST_READS 4
+#define MOST_READS 8
 #define WELL_BELOW 0.999 /* of a limit: so far below it nothing need be worked out, whatever rounding does */
 #define MOST_LEVELS 64
-#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: at most four places along each side, on two levels */
+#define MOST_TAPS (2 * MOST_READS * MOST_READS) /* of a share: at most eight places along each side, on two levels */
 #define N_STRIPES 16    /* of display pixels, by turns: each thread looks at all shares and paints those in its own */
 #define STRIPE 1024     /* pixels */
 
@@ -30,16 +30,16 @@ typedef struct {
 /* How a share is read along a side: at how many places, as parts of the side from its middle. */
 typedef struct {
     int n;
-    const double *step; /* the same for all sides that are read at one place, or at two or four far apart */
+    const double *step; /* the same for all sides that are read at one place, or at two, four or eight far apart */
     double own[MOST_READS];
 } Side;
 
-/* A picture's sizes; sides that are read at four places far apart. */
+/* A picture's sizes; sides that are read at four places far apart, and at eight. */
 typedef struct {
     const Level *levels;
     int64_t n_levels;
     Grid grids[MOST_LEVELS];
-    Side four;
+    Side four, eight;
 } Reader;
 
 /* Where a share lies on the picture, two sides of it, each as long as its standard deviation, and what it weighs. */
@@ -145,11 +145,12 @@ static const double ONE[1] = {0}, TWO[2] = {-1, 1};
 static inline double squared(double number) { return number * number; }
 
 static void find_own_side(double length, Side *side) {
-    double two = clip(length / POINT_SIDE - 1, 0, 1), four = clip((length / SIDE - 2) / APART, 0, 1);
-    side->n = four > 0 ? 4 : two > 0 ? 2 : 1;
+    double two = clip(length / POINT_SIDE - 1, 0, 1), relative = length / SIDE;
+    double four = clip((relative - 2) / APART, 0, 1), eight = clip((relative / 2 - 2) / APART, 0, 1);
+    side->n = eight > 0 ? 8 : four > 0 ? 4 : two > 0 ? 2 : 1;
     side->step = side->own;
-    double far = two < 1 || four > 0 ? sqrt(two / (1 + four * four / 4)) : 1;
-    const double steps[2] = {far, four * far / 2};
+    double far = two < 1 || four > 0 ? sqrt(two / (1 + four * four / 4 + eight * eight / 16)) : 1;
+    const double steps[3] = {far, four * far / 2, eight * far / 4};
     for (int k = 0; k < side->n; k++) {
         side->own[k] = 0;
         for (int i = 0, half = side->n / 2; half > 0; i++, half /= 2) side->own[k] += k & half ? steps[i] : -steps[i];
@@ -166,7 +167,9 @@ static inline void find_side(double square, const Reader *reader, Side *side) {
     double less = squared(WELL_BELOW) * square;
     if (square < squared(WELL_BELOW * POINT_SIDE)) take_side(1, ONE, side);
     else if (less > squared(2 * POINT_SIDE) && square < squared(WELL_BELOW * 2 * SIDE)) take_side(2, TWO, side);
-    else if (less > squared((2 + APART) * SIDE)) take_side(reader->four.n, reader->four.own, side);
+    else if (less > squared((2 + APART) * SIDE) && square < squared(WELL_BELOW * 4 * SIDE))
+        take_side(reader->four.n, reader->four.own, side);
+    else if (less > squared(2 * (2 + APART) * SIDE)) take_side(reader->eight.n, reader->eight.own, side);
     else find_own_side(sqrt(square), side);
 }
 
@@ -280,6 +283,7 @@ static void go_through(Canvas *canvas, const Level *levels, int64_t n_levels, in
         }
     }
     find_own_side(3 * SIDE, &reader->four);
+    find_own_side(6 * SIDE, &reader->eight);
     if (n_threads < 1) n_threads = 1;
     int64_t at_once = n_threads < N_STRIPES ? (N_STRIPES + n_threads - 1) / n_threads : 1;
     if (reader->n_levels > 0) share_out(go_through_stripes, canvas, N_STRIPES, at_once, n_threads);

@@ -312,6 +312,12 @@ MAP = [
         "no number of doubtful pixels makes a square chaotic: all pixels are cut",
     ),
     Row(
+        "Cutting: apart_px",
+        (instead("map.cutting.APART_PX", INF),),
+        "samples never leave gaps",
+        "tests/core/test_allowance.py: a display of more pixels than the viewer's image",
+    ),
+    Row(
         "Cutting: gap_share",
         (instead("map.cutting.GAP_SHARE", 1.0),),
         "no part that pieces leave out is large enough to be looked into",

@@ -1,8 +1,8 @@
 """Display error of irregular, noisy and regular meshes by each choice of *Surface*, against closed
 forms of the surface that was meant: `dev.py irregular`.
 
-Rays and errors are those of surface.py. Vertices are moved by up to a part of an edge (aside) and
-put back onto the surface, and then off it as a scanner's are, by a part of the size (noise); or
+Rays and errors are those of regular meshes. Vertices are moved by up to a part of an edge (aside)
+and put back onto the surface, and then off it as a scanner's are, by a part of the size (noise); or
 Blender's modifiers make a mesh anew: Decimate, Remesh by voxels, Decimate after noise as on a scan;
 or it is the convex hull of random places; or it is regular and coarse, of so many segments around,
 or segments and rings. Normals are Blender's means. For each choice of *Surface*: median, rms, rms

@@ -19,8 +19,9 @@ N = 3000
 @needs_kernel
 def test_a_large_tree_is_the_small_one_with_pauses(monkeypatch):
     """A thread of its own makes it, and it is given up when nobody wants it any longer."""
-    at = np.random.default_rng(0).normal(size=(N, 3))
+    at = np.random.default_rng(0).normal(size=(50 * N, 3))  # so many that it takes a while
     boxes = np.stack([at - 0.1, at + 0.1], axis=1)
+    monkeypatch.setattr(kernel_trees, "LARGE", len(boxes) + 1)
     whole, items = run_steps(kernel_trees.making_tree(boxes))
     monkeypatch.setattr(kernel_trees, "LARGE", N - 1)
     pauses = list(kernel_trees.making_tree(boxes))

@@ -143,6 +143,5 @@ def test_the_table_is_that_of_the_results():
     """docs/ablation.md has the line of each row: `dev.py ablation --table` makes it."""
     text = TABLE.read_text(encoding="utf-8")
     results = load()
-    assert results.keys() <= {row.name for row in ROWS}
     missing = [row.name for row in ROWS if line_of(row, results.get(row.name, {})) not in text]
     assert missing == []
