@@ -663,7 +663,7 @@ def test_a_button_that_comes_under_the_pointer_waits(
     usable, waiting = grey()
     assert not waiting  # nothing has moved
     bpy.ops.kiriko.make_glass(part="Cube")
-    in_window.look_again(scene)
+    in_window.inspect_again(scene)
     in_window.tick()
     usable, waiting = grey()
     assert {"kiriko.rescale_scene", "kiriko.open_picture", "kiriko.solve"} <= set(waiting)

@@ -85,7 +85,7 @@ def test_a_remedy_is_told_before_a_solve_as_it_was_measured(scene, look, drawn, 
     assert not [text for text in told(look()) if "recognise" in text]
     bpy.ops.kiriko.solve()
     kept = loaded("core.blender.data.stored_records")
-    legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
+    legibility = kept.StoredNumbers.read(scene.kiriko.result.details).by_name["legibility"]
     assert legibility == pytest.approx(foretold, abs=0.02)
     shown = drawn("result_panel", "VIEW3D_PT_kiriko_result").texts
     assert [text for text in shown if text.startswith("Legibility: ")]
@@ -124,7 +124,7 @@ def test_a_display_far_behind_waves_moves_up_to_them_as_it_was_measured(scene, l
     assert parts["PICTURE"].matrix_world.translation.y == pytest.approx(back, abs=1e-6)
 
     bpy.ops.kiriko.solve()
-    legibility = kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"]
+    legibility = kept.StoredNumbers.read(scene.kiriko.result.details).by_name["legibility"]
     assert legibility == pytest.approx(foretold, abs=0.01)
     assert not [text for text in told(look()) if "recognise" in text]
     assert bpy.ops.kiriko.move_to_glass(take=True) == {"FINISHED"}
@@ -141,5 +141,5 @@ def test_clear_glass_needs_no_remedy(scene, look, monkeypatch):
     bumpy(scene, 0.0)
     bpy.ops.kiriko.add_rig(**SMALL)
     kept = loaded("core.blender.data.stored_records")
-    assert kept.Numbers.read(scene.kiriko.result.details).by_name["legibility"] > 0.99
+    assert kept.StoredNumbers.read(scene.kiriko.result.details).by_name["legibility"] > 0.99
     assert not [text for text in told(look()) if "recognise" in text]

@@ -230,7 +230,7 @@ def test_a_movie_whose_file_is_another_by_now_shows_the_new_one(scene, tmp_path)
     path = movie(tmp_path)
     small_rig()
     bpy.ops.kiriko.open_picture(filepath=str(path))
-    kept = module.Kept()
+    kept = module.ShapeCache()
     kept.reel = module.Reel()
 
     def shown(frame: int) -> tuple[int, list[str]]:

@@ -127,11 +127,11 @@ def test_remedies_follow_the_final_image(live, monkeypatch):
     rig = follow(live)
     result = bpy.context.scene.kiriko.result
     kept = loaded("core.blender.data.stored_records")
-    assert "helps" not in kept.Numbers.read(result.details).by_name
+    assert "helps" not in kept.StoredNumbers.read(result.details).by_name
     rig["PLATE"].scale *= 0.03 / max(rig["PLATE"].dimensions)
     bpy.context.view_layer.update()
     settle(live)
-    helps = kept.Numbers.read(result.details).by_name["helps"]
+    helps = kept.StoredNumbers.read(result.details).by_name["helps"]
     assert "kiriko.fit_plate" in {help["operator"] for help in helps}
 
 
