@@ -222,7 +222,7 @@ def test_undo_never_mixes_rigs(kiriko: ModuleType, scene: bpy.types.Scene) -> No
     """Whatever is selected, changed and undone, a setting is that of its own rig. The selection
     is followed between undo steps, as the timer does it.
     """
-    look = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").look
+    look = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").follow_selection
 
     def select(name: str) -> None:
         bpy.context.view_layer.objects.active = bpy.context.scene.objects[name]
@@ -502,7 +502,7 @@ def test_others_are_hidden_while_one_looks_through_the_viewer(
     kiriko: ModuleType, scene: bpy.types.Scene
 ) -> None:
     """And shown again; the rig that is looked through stays, until one is chosen by hand."""
-    look = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").look
+    look = importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").follow_selection
     first, second = two()
     others = [*second.objects, scene.objects["Gem"]]
     others = [thing for thing in others if thing.type != "CAMERA"]

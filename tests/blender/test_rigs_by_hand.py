@@ -26,7 +26,7 @@ def roles(kiriko: ModuleType) -> dict[str, list[str]]:
 
 def look(kiriko: ModuleType) -> None:
     """As the timer does it."""
-    importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").look()
+    importlib.import_module(f"{kiriko.__name__}.operators.choose_rig").follow_selection()
 
 
 def delete_alone(rig: bpy.types.Collection) -> list[bpy.types.Object]:
