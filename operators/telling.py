@@ -19,11 +19,6 @@ def interface(text: str) -> str:
     return translations.pgettext_iface(text, CONTEXT)
 
 
-def tips(text: str) -> str:
-    """A text in the language of tooltips, where these are translated."""
-    return translations.pgettext_tip(text, CONTEXT)
-
-
 def reports(text: str) -> str:
     """A text in the language of reports, where these are translated."""
     return translations.pgettext_rpt(text, CONTEXT)

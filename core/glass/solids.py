@@ -52,18 +52,13 @@ def holds(outer: Floats, inner: Floats) -> bool:
     return bool(contains(outer, found + OUTSTANDING * (middle - found)).all())
 
 
-def split_shells(mesh: Mesh) -> list[tuple[Ints, Bools]]:
-    """Connected shells of a mesh: triangle indices, and which
-    of them must be turned so that all face one way.
+def split_shells(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
+    """Connected shells of a mesh: triangle indices, and which of them must be turned so that all
+    face one way; and the edges of its triangles.
 
-    Of triangles between the same three vertices only the first
-    counts: drawn twice it would not join its neighbours.
+    Of triangles between the same three vertices only the first counts: drawn twice it would not
+    join its neighbours.
     """
-    return _split(mesh)[0]
-
-
-def _split(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
-    """The shells of a mesh, and the edges of its triangles, of which none is there twice."""
     drawn = np.arange(len(mesh.triangles))
     edges = find_edges(mesh.triangles)
     if edges.n_open:
@@ -126,10 +121,10 @@ def solid_steps(mesh: Mesh) -> Steps[list[Surface]]:
     shells = []
     volumes = []
     edges_of = []  # shells as they are turned, where they are known
-    split, edges = _split(mesh)
+    split, edges = split_shells(mesh)
     if edges.n_open:
         mesh = without_inner(mesh)
-        split, edges = _split(mesh)
+        split, edges = split_shells(mesh)
     yield 0
     for chosen, is_flipped in split:
         index = np.where(is_flipped[:, None], mesh.triangles[chosen, ::-1], mesh.triangles[chosen])

@@ -78,7 +78,7 @@ def test_bodies_that_touch_stay_bodies(other_way):
     vertices = corners.reshape(-1, 3)
     triangles = np.arange(3 * len(corners)).reshape(-1, 3)
     joined = welded(vertices, triangles, 1e-9)
-    shells = split_shells(Mesh(vertices, joined))
+    shells, _ = split_shells(Mesh(vertices, joined))
 
     assert [len(chosen) for chosen, _ in shells] == [12] * len(boxes)
     for chosen, is_flipped in shells:

@@ -20,8 +20,8 @@ SLANTED = np.sqrt([2.0, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37])
 
 
 class _Unplaced:
-    """Takes the place of Kept in a reading: meshes stay as their
-    objects have them, their places are noted beside.
+    """Stands in for `ShapeCache` in a reading: meshes stay as their objects have them, and their
+    places are noted.
     """
 
     def __init__(self, kept: ShapeCache) -> None:
