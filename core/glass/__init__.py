@@ -1,1 +1,1 @@
-"""Surfaces: the ones that meshes stand for, and which solids it encloses."""
+"""Surfaces of meshes: the smooth shape they represent, and the solids they enclose."""

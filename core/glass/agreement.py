@@ -1,4 +1,4 @@
-"""Normals that agree where curved faces meet, and whether the faces are to be trusted."""
+"""Agreement of normals across the edges of curved faces, and whether the faces can be trusted."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,28 +17,28 @@ from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
 
 @dataclass(frozen=True)
 class AgreementKnobs:
-    """When normals of neighbours agree, and faces are trusted for it (design.md, decision 3).
+    """Thresholds of agreement and trust (design.md, decision 3).
 
-    agree : rad: normals that differ by less move landings by 1e-3 px; those of fine regular meshes
-        do, by 1e-7 and less
-    trusted : part of a face's gain over its facet that its normals may jump by. Tuned by
-        `dev.py irregular` on noisy balls and tori: where normals jump by 0.25 of it, it gains
-        nothing
-    scattered : part of it by which the vertices of coarse faces may lie off smooth lines: there
-        jumps only tell that faces are coarse, and do no harm up to the gain. On coarse ellipsoids
-        and tori it is 0.11 and less, 0.14 on a torus whose quads are sheared, on nine in ten faces
-        of remeshed and decimated ones 0.35 and more; at 0.15 a lentil of 8 faces around gets worse
-    coarse : jumps of coarse faces, in parts of the gain, over the square of the turn, or of the
-        part of a circle or an ellipse that an edge spans, rad, as lines tell it: on balls and tori
-        0.3 to 1.5, and 8 by the turn in the shoulder of a bottle, whose lines are smooth as well
-    by_lines : jumps that are trusted at most where lines are coarse and faces turn little, as in
-        the flat parts of ellipsoids: at 0.8 and more single ones of 6 to 12 faces get worse
-    fine : rad: where faces turn by less, and lines run on smoothly, jumps may come of the curves
-        that these are made of: where two of Subdivision's meet, jump and gain fall alike. Those of
-        a vase of 32 steps, 0.2 and more, must not be trusted in one of its walls alone
-    smooth : part of the gain by which the vertices of fine faces may lie off such lines. On tori
-        whose noise spoils the gain it is 0.1 and more on most faces
-    on_smooth : jumps that are trusted on them: at 0.5 faces beside a bottle's shoulder get worse
+    agree : rad: a smaller difference of normals moves landings by 1e-3 px at most; on fine regular
+        meshes they differ by 1e-7 or less
+    trusted : largest jump of a face's normals, as a fraction of its gain over the facet. At a jump
+        of 0.25 noisy balls and tori gain nothing (`dev.py irregular`)
+    scattered : fraction of the gain by which vertices of coarse faces may lie off smooth lines. Up
+        to it jumps only show coarse faces, and are harmless up to the gain. Coarse ellipsoids and
+        tori have 0.11 or less, a torus of sheared quads 0.14, nine in ten remeshed and decimated
+        faces 0.35 or more. At 0.15 a lentil of 8 faces around gets worse
+    coarse : jump of a coarse face, as a fraction of the gain, over the square of its turn, rad, or
+        of the part of a circle or ellipse its edges span (from the lines). 0.3 to 1.5 on balls and
+        tori; 8 by the turn in the shoulder of a bottle, whose lines are smooth as well
+    by_lines : largest trusted jump on coarse lines of faces with little turn, as in the flat parts
+        of ellipsoids: at 0.8 some of 6 to 12 faces around get worse
+    fine : rad: on faces with less turn and smooth lines, jumps may come from the curves themselves:
+        between two patches of a Subdivision surface jump and gain shrink alike. A vase of 32 steps
+        turns by 0.2 or more: it must not be trusted in one of its walls alone
+    smooth : fraction of the gain by which vertices of fine faces may lie off smooth lines. On tori
+        whose noise spoils the gain it is 0.1 or more on most faces
+    on_smooth : largest trusted jump on such faces: at 0.5 faces next to a bottle's shoulder get
+        worse
     """
 
     agree: float = 1e-6
@@ -52,12 +52,12 @@ class AgreementKnobs:
 
 
 AGREEMENT = AgreementKnobs()
-LEAST_CHANGE = AGREEMENT.agree / 10  # of normals on edges: less changes none inside
+LEAST_CHANGE = AGREEMENT.agree / 10  # smaller changes on edges leave the nodes inside unchanged
 
 
 class Agreed(NamedTuple):
-    """Normals (p, 12, 3) at the nodes that neighbours agree on,
-    and about how far they are off, jump (p, 9), rad, at the nodes on edges.
+    """Agreed normals (p, 12, 3) at the nodes, and the jump (p, 9), rad, at the nodes on edges: an
+    estimate of their error.
     """
 
     normals: Floats
@@ -66,10 +66,12 @@ class Agreed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FaceNeighbours:
-    """The faces across the edges of p curved faces.
+    """Neighbours of p curved faces across their edges.
 
-    row (t,) of each triangle's curved face, -1 where it has none; triangle (p, 3) where the surface
-    runs on curved, -1 elsewhere, and its edge (p, 3); is_drawn (p, 3): where it runs on as drawn
+    row : (t,) curved face of each triangle, -1 without one
+    triangle, edge : (p, 3) triangle across each edge and its edge there, if it is curved; triangle
+        is -1 elsewhere
+    is_drawn : (p, 3) the surface continues with a flat face, as drawn
     """
 
     row: Ints
@@ -79,7 +81,7 @@ class FaceNeighbours:
 
     @classmethod
     def of(cls, chosen: Ints, n_triangles: int, edges: Edges, is_joined: Bools) -> "FaceNeighbours":
-        """Of the chosen triangles (p,), of n."""
+        """Neighbours of the chosen triangles (p,), out of n."""
         row = np.full(n_triangles, -1, np.int32)
         row[chosen] = np.arange(len(chosen))
         triangle = np.full((len(chosen), 3), -1, np.int32)
@@ -107,17 +109,17 @@ class FaceNeighbours:
 def agreeing(
     own: Floats, at_corners: Floats, area: Floats, beside: FaceNeighbours
 ) -> Steps[Agreed]:
-    """Normals that neighbours agree on.
+    """Normals shared by neighbours.
 
-    On an edge it is the mean of both sides, and a facet's own where it runs on as drawn; inside it
-    is the face's own, changed as the edges are. Both sides interpolate the same numbers along an
-    edge, so that they agree all along. A wrong height turns the normal by itself over the distance
-    to the edge: each side weighs by its area squared. Sides that weigh the same are off by as much
-    as they differ; the less one of them weighs the less it matters.
+    On an edge the normal is the mean of both sides, or the facet's own next to a flat face. Inside,
+    the face's own normals follow the changes on its edges. Both sides interpolate the same numbers
+    along an edge, and so agree all along it. A wrong height turns the normal in proportion to
+    height over distance to the edge: each side is weighted by its area squared. Two sides of equal
+    weight are off by as much as they differ; the smaller one weight, the less its error matters.
 
     Parameters
     ----------
-    own : (p, 15, 3) of the faces; at_corners : (p, 3, 3) of the vertices; area (p,)
+    own : (p, 15, 3) normals of the faces; at_corners : (p, 3, 3) of the vertices; area : (p,) m^2
     """
     if loading.library() is not None:
         found = Agreed(np.empty((len(own), N_NODES, 3)), np.empty((len(own), N_ON_EDGES)))
@@ -146,13 +148,12 @@ def agreeing(
             triangle = beside.triangle[some, edge]
             is_drawn = beside.is_drawn[some, edge]
 
-            # the face across the edge, whose area counts, too
             other = beside.row[triangle]
-            # it runs the other way there
+            # the edge runs the other way there
             first = other * len(AT) + 3 * beside.edge[some, edge]
             theirs = take(own.reshape(-1, 3), first[:, None] + [2, 1, 0])
 
-            # a mean, in which each weighs by its area squared
+            # mean, weighted by area squared
             both = squared[some] + squared[other]
             my_part = squared[some] / both
             their_part = squared[other] / both
@@ -168,7 +169,7 @@ def agreeing(
             found[is_drawn] = facets[:, nodes]
             change[:, nodes] = found - mine
 
-        # others keep their own normals
+        # faces with smaller changes keep their own normals inside
         differ = np.flatnonzero(np.abs(change).max(axis=(1, 2)) > LEAST_CHANGE)
         agreed[k + differ, N_ON_EDGES:] += np.matmul(INWARD, change[differ])
         yield 0
@@ -177,11 +178,12 @@ def agreeing(
 
 
 class Trial(NamedTuple):
-    """What curved faces (p,) stand to lose and to gain over their facets, rad squared.
+    """Error and gain of curved faces (p,) over their facets, rad squared.
 
-    unsure : by how much their normals may be wrong; gained : by how much those of the facet are,
-        apart : or would be between the given ones; turn : rad, by how much the normals at their
-        corners differ
+    unsure : error of the face's normals, from their jumps
+    gained : error of the facet's normals
+    apart : the same for normals interpolated from the given ones
+    turn : rad, between the normals at the corners
     """
 
     unsure: Floats
@@ -191,15 +193,15 @@ class Trial(NamedTuple):
 
     @property
     def is_coarse(self) -> Bools:
-        """Faces that turn so far that their jumps may come of it alone."""
+        """Faces with so much turn that it may explain their jumps."""
         return AGREEMENT.coarse * self.turn**2 > AGREEMENT.trusted
 
     def at(self, which: Ints) -> "Trial":
         return Trial(*(x[which] for x in self))
 
     def on_lines(self, scatter: Floats, phase: Floats) -> "Trial":
-        """The same where the vertices at their corners lie off smooth lines by scatter (p, 3), and
-        lines go on by phase (p, 3), rad squared, from vertex to vertex.
+        """The same for faces with corners off smooth lines by scatter (p, 3), on lines with phase
+        (p, 3), rad squared, from vertex to vertex.
         """
         by_turn = AGREEMENT.coarse * self.turn**2
         by_lines = np.minimum(AGREEMENT.coarse * phase.mean(axis=1), AGREEMENT.by_lines)
@@ -207,24 +209,22 @@ class Trial(NamedTuple):
         return self._trusting(scatter, AGREEMENT.scattered, np.maximum(part, AGREEMENT.trusted))
 
     def on_smooth_lines(self, scatter: Floats) -> "Trial":
-        """The same where the vertices at the corners of fine faces lie off smooth lines by scatter
-        (p, 3).
-        """
+        """The same for fine faces with corners off smooth lines by scatter (p, 3)."""
         part = np.where(self.turn < AGREEMENT.fine, AGREEMENT.on_smooth, AGREEMENT.trusted)
         return self._trusting(scatter, AGREEMENT.smooth, part)
 
     def _trusting(self, scatter: Floats, scattered: float, part: Floats) -> "Trial":
-        """The same where scatter and jumps are believed up to so much of the gain."""
-        # in a scale on which as much as may be believed of each is what is trusted
+        """The same, with scatter and jumps accepted up to these fractions of the gain."""
+        # rescaled so the accepted limit of each equals `trusted`
         by_scatter = (scatter**2).mean(axis=1) * (AGREEMENT.trusted / scattered) ** 2
         by_jump = self.unsure * (AGREEMENT.trusted / part) ** 2
         return self._replace(unsure=np.minimum(self.unsure, np.maximum(by_scatter, by_jump)))
 
     def trusted(self, vertex: Ints) -> Bools:
-        """Which faces, of vertices (p, 3), are nearer to the surface meant than their facets.
+        """Mask of faces, with vertices (p, 3), closer to the intended surface than their facets.
 
-        What is unsure has to be small beside the gain: around each vertex of the face, on the
-        whole, or around one vertex and in the face itself, so that a spoilt face takes few with it.
+        The error must be small against the gain: summed around each vertex of the face, or around
+        one vertex and in the face itself. A spoilt face then rejects few others.
         """
 
         def is_believed(unsure: Floats, gained: Floats) -> Bools:
@@ -238,17 +238,17 @@ class Trial(NamedTuple):
 def on_trial(
     corners: Floats, coefficients: Floats, at_corners: Floats, given: Floats, agreed: Agreed
 ) -> Steps[Trial]:
-    """Curved faces on trial, as far as the fit can tell by itself.
+    """Estimated error and gain of curved faces, from the fit alone.
 
-    The jump of normals between neighbours is about their error. The gain of a face is the angle by
-    which its normals differ from the facet's, and by which its height turns them. As drawn it has
-    what is between the given ones, which are off where faces around a vertex are uneven.
+    The jump of normals between neighbours estimates their error. The gain of a face is the angle
+    between its normals and the facet's, plus the turn caused by its height. The facet's normals
+    interpolate the given ones, which are off where faces around a vertex are uneven.
 
     Parameters
     ----------
     corners : (p, 3, 3) m; coefficients : (p, 14, 3) m; at_corners : (p, 3, 3) unit normals, and
-        given (p, 3, 3) those of the facets
-    agreed : normals that neighbours agree on
+        given : (p, 3, 3) those of the facets
+    agreed : normals shared by neighbours
     """
     gained, apart, turn = np.empty((3, len(corners)))
     for k in range(0, len(corners), FACES_AT_ONCE):
@@ -260,7 +260,7 @@ def on_trial(
             for away in [agreed.normals[some] - normalise(np.matmul(NODES, normals))]
         )
 
-        # a ray that meets the face later, by its height, finds it turned by so much more
+        # a ray meets the face later, by its height, and finds it turned by this much more
         height = length_of(np.matmul(AT_NODES, coefficients[some])).max(axis=1)
         along, turn[some] = (length_of(np.roll(x, -1, axis=1) - x).max(axis=1) for x in ends)
         by_height = height * turn[some] / along

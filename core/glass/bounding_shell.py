@@ -1,9 +1,8 @@
-"""The mesh that a ray engine is asked about in the place of curved faces: it lies just in front.
+"""Bounding shell of curved faces: a mesh just in front of them, for the ray engine to trace.
 
-A ray that meets a face, however close to a silhouette, meets this hull, too. It is the faces'
-own points, lifted along the normals of the vertices by more than the faces stand out of the
-chords between those points. Each face is cut into as many parts as its turn needs, along the
-edges that turn.
+Any ray through a face, however close to a silhouette, also hits this shell. It is made of points on
+the faces, lifted along the vertex normals by more than the faces bulge out of the chords between
+the points. Each face is split as finely as its turn requires, only along edges with some turn.
 """
 
 from dataclasses import dataclass
@@ -22,14 +21,14 @@ from .quartics import N_TERMS, monomials
 
 @dataclass(frozen=True)
 class HullKnobs:
-    """How fine a hull is, tuned for time: finer ones cost the engine more than they save.
+    """Fineness of the shell, tuned for time: a finer one costs the engine more than it saves.
 
-    angle : rad, by less than this the hull turns from one part to the next
-    uneven : a face that runs faster at one end than at the other counts as turning so much of what
-        it would if it were as far off to the side: Newton's method needs a near start there, too
+    angle : rad: largest turn of the shell from one part to the next
+    uneven : weight of an edge's offset along itself, against one to the side, in its turn: Newton's
+        method needs a near start there, too
     halvings : of an edge, at most
-    halvings_at_edges : at least, of edges and ways across of faces that have a straight edge, or
-        meet one in a corner: there hull and face are one
+    halvings_at_edges : at least, for edges of faces with a straight edge or a corner on one: shell
+        and face coincide there
     """
 
     angle: float = np.radians(3)
@@ -39,21 +38,21 @@ class HullKnobs:
 
 
 HULL = HullKnobs()
-PARTS_AT_ONCE = 1 << 14  # that are worked on together: between two pauses
-UNITS = 2**HULL.halvings  # that an edge is long where places are counted
+PARTS_AT_ONCE = 1 << 14  # between two pauses
+UNITS = 2**HULL.halvings  # length of an edge, in units of places
 
 CORNERS = UNITS * np.array([[0, 0], [1, 0], [0, 1]])  # places of a face's corners
 
-# terms at all places, and at those half way between
+# terms at all places, and half-way between them
 _AT = np.stack(np.meshgrid(*2 * [np.arange(2 * UNITS + 1)], indexing="ij"), axis=-1)
 _TERMS = monomials(*np.moveaxis(_AT / (2 * UNITS), -1, 0))
 
 
 class BoundingShell(NamedTuple):
-    """Triangles (p, 3, 3), m, that lie just in front of curved faces.
+    """Triangles (p, 3, 3), m, just in front of curved faces.
 
-    triangle (p,) whose face each is in front of; places (p, 3, 2): u, v of its corners there. Next
-    to straight edges, which faces share with flat ones, they lie on the faces instead.
+    triangle (p,): triangle of the face behind each; places (p, 3, 2): u, v of the corners on it.
+    Next to straight edges, shared with flat faces, they lie on the faces themselves.
     """
 
     corners: Floats
@@ -62,12 +61,12 @@ class BoundingShell(NamedTuple):
 
 
 def edge_turns(faces: CurvedFaces) -> Floats:
-    """By how much (p, 3), rad, edges turn."""
+    """Turn (p, 3), rad, of the edges."""
     return _edges_of(faces)[0]
 
 
 def _edges_of(faces: CurvedFaces) -> tuple[Floats, Floats]:
-    """By how much (p, 3), rad, edges turn, and how far (p, 3), m, they stand out to the side."""
+    """Turn (p, 3), rad, and sideways bulge (p, 3), m, of the edges."""
     at_middles = monomials(np.array([0.5, 0.5, 0.0]), np.array([0.0, 0.5, 0.5]))
     middles = combine(at_middles, faces.coefficient_table.reshape(N_TERMS, -1))
     middles = np.ascontiguousarray(middles.reshape(3, 3, -1).transpose(2, 0, 1))
@@ -78,8 +77,10 @@ def _edges_of(faces: CurvedFaces) -> tuple[Floats, Floats]:
 
 
 def _turn(middles: Floats, chords: Floats, heights: Floats) -> Floats:
-    """By how much (...) parabolas turn whose middles are so far off those of chords (..., 3), and
-    of that by their heights (...) to the side.
+    """Turn (...), rad, of parabolas over chords (..., 3).
+
+    middles (..., 3): offset of the parabola's middle from the chord's; heights (...): its part
+    across the chord
     """
     off = np.maximum(heights, HULL.uneven * length_of(middles))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -87,7 +88,7 @@ def _turn(middles: Floats, chords: Floats, heights: Floats) -> Floats:
 
 
 def _heights(middles: Floats, chords: Floats) -> Floats:
-    """How far points that are off the middles of chords (..., 3) are from these, to the side."""
+    """Distance (...) from chords (..., 3) of points at offsets (..., 3) from their middles."""
     with np.errstate(invalid="ignore", divide="ignore"):
         along = np.nan_to_num(dot(middles, chords) / dot(chords, chords))
 
@@ -95,8 +96,8 @@ def _heights(middles: Floats, chords: Floats) -> Floats:
 
 
 def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
-    """Make the hull of curved faces, with pauses."""
-    # vertices and edges that are shared with flat faces stay
+    """Bounding shell of curved faces, with pauses."""
+    # vertices and edges shared with flat faces are not lifted
     on_edge = faces.neighbour < 0
     is_held = np.zeros(len(faces.vertex_normal), bool)
     is_held[faces.vertex[on_edge]] = True
@@ -107,11 +108,11 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
     halvings = _count_halvings(faces, turns, at_edge)
     yield 0
 
-    # parts, and how far the faces stand out of them
+    # the parts, and how far the faces bulge out of them
     sag = np.zeros(len(turns))
     portions = []
     for some in _portions(halvings):
-        # those that are not cut are their facets
+        # uncut faces are their facets
         is_cut = halvings[some].any(axis=1)
         face = some.start + np.flatnonzero(~is_cut)
         places = np.broadcast_to(CORNERS, (len(face), 3, 2))
@@ -133,12 +134,12 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
         portions.append((face, places, points))
         yield 0
 
-    # around each vertex all faces are lifted alike, or the hull would have gaps
+    # all faces around a vertex are lifted equally, or the shell would have gaps
     lift = np.zeros(len(faces.vertex_normal))
     np.maximum.at(lift, faces.vertex.ravel(), np.repeat(HIGHER * sag, 3))
     lifted = lift[:, None] * faces.vertex_normal
 
-    # put together bit by bit: of many faces that takes most of a second
+    # filled portion by portion: many faces at once would take most of a second
     n = sum(len(face) for face, _, _ in portions)
     made = np.empty((n, 3, 3)), np.empty(n, np.int64), np.empty((n, 3, 2), np.float32)
     hull = BoundingShell(*made)
@@ -160,8 +161,9 @@ def bounding_shell_steps(faces: CurvedFaces) -> Steps[BoundingShell]:
 
 
 def _count_halvings(faces: CurvedFaces, turns: Floats, at_edge: Bools) -> Ints:
-    """How often each edge (p, 3) is halved that turns by so much: the same
-    on both sides. at_edge (p,): does the face meet a straight edge?
+    """Halvings (p, 3) of each edge for its turn (p, 3), the same on both sides.
+
+    at_edge (p,): the face touches a straight edge
     """
     n = np.ceil(np.log2(np.maximum(turns / HULL.angle, 1))).astype(int)
     n[at_edge] = np.maximum(n[at_edge], HULL.halvings_at_edges)
@@ -172,25 +174,25 @@ def _count_halvings(faces: CurvedFaces, turns: Floats, at_edge: Bools) -> Ints:
 
 
 def _portions(halvings: Ints) -> list[slice]:
-    """Faces that are worked on together, whose edges are halved so often (p, 3)."""
+    """Slices of faces to process together, for halvings (p, 3) of their edges."""
     n_before = np.cumsum(4 ** halvings.max(axis=1, initial=0))
     ends = np.flatnonzero(np.diff(n_before // PARTS_AT_ONCE, append=-1)) + 1
     return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def _cut(faces: CurvedFaces, some: Ints, halvings: Ints, at_edge: Bools) -> tuple[Ints, Ints]:
-    """Parts of some faces (f,), by number: of which face (m,)
-    each is, and places (m, 3, 2) of its corners, in units.
+    """Parts of some faces (f,): the face (m,) of each, by number, and places (m, 3, 2) of its
+    corners, in units.
 
-    Edges are halved so often (f, 3), and ways across as they turn themselves, so
-    that parts of both sides do the same; at_edge (f,) as for `_count_halvings`.
+    Edges are halved as given (f, 3). Edges inside a face are halved by their own turn, so the parts
+    on both sides agree. at_edge (f,) as in `_count_halvings`.
     """
     n_faces = len(halvings)
     corners = take(faces.corners, faces.triangle[some])
     sides = (corners[:, 1:] - corners[:, :1]) / UNITS
     face = np.arange(n_faces)
     places = np.broadcast_to(CORNERS, (n_faces, 3, 2))
-    edges = np.broadcast_to(np.arange(3), (n_faces, 3))  # of the face, -1 where a way crosses it
+    edges = np.broadcast_to(np.arange(3), (n_faces, 3))  # of the face, -1 for an edge inside it
     done = []
     for halved in range(HULL.halvings):
         ways = np.roll(places, -1, axis=1) - places
@@ -227,8 +229,8 @@ def _cut(faces: CurvedFaces, some: Ints, halvings: Ints, at_edge: Bools) -> tupl
     return some[face[in_order]], places[in_order]
 
 
-# triangles that come of one whose first n edges are cut: corners, of which 3, 4 and 5 are the
-# middles of the edges; and edges, of which 3 runs across
+# pieces of a triangle with its first n edges cut: corners (3, 4 and 5 are the middles of the
+# edges), and edges (3 runs across)
 _PIECES = {
     1: ([[0, 3, 2], [3, 1, 2]], [[0, 3, 2], [0, 1, 3]]),
     2: ([[3, 1, 4], [0, 3, 4], [0, 4, 2]], [[0, 1, 3], [0, 3, 3], [3, 1, 2]]),
@@ -242,8 +244,8 @@ _PIECES = {
 def _cut_alike(
     face: Ints, places: Ints, edges: Ints, is_cut: Bools, n: int
 ) -> tuple[Ints, Ints, Ints]:
-    """The pieces of parts of which n edges each are cut (m, 3)."""
-    # turned so that those that are cut come first
+    """Pieces of parts with n cut edges each; is_cut (m, 3)."""
+    # rotate the cut edges to the front
     start = np.zeros(len(face), int)
     if n < 3:
         start = (is_cut if n == 1 else ~is_cut).argmax(axis=1) + (n == 2)
@@ -265,8 +267,8 @@ def _weights(places: Ints) -> Floats:
 
 
 def _find_points(faces: CurvedFaces, face: Ints, places: Ints) -> tuple[Floats, Floats]:
-    """Points (m, 3, 3), m, of faces at the corners of parts, and by
-    how much (m,), m, they stand out of the parts' edges at most.
+    """Points (m, 3, 3), m, of faces at the corners of parts, and the largest bulge (m,), m, out of
+    the edges of each part.
     """
     twice = np.concatenate([2 * places, places + np.roll(places, -1, axis=1)], axis=1)
     at = np.matmul(_TERMS[twice[..., 0], twice[..., 1]], faces.coefficients[face])
@@ -278,9 +280,9 @@ def _find_points(faces: CurvedFaces, face: Ints, places: Ints) -> tuple[Floats, 
 
 
 def _hold_edges(raised: Floats, weights: Floats, is_held: Bools, on_edge: Bools) -> None:
-    """Take back how far points (m, 3, 3) are raised at held corners and edges (m, 3)."""
+    """Undo the lift of points (m, 3, 3) at held corners and edges (m, 3)."""
     at_corner = weights == 1
     raised[(at_corner & is_held[:, None]).any(axis=2)] = 0.0
-    # along the edge that begins at a corner the weight of the one after the next is 0
+    # on the edge from corner c the weight of corner c + 2 is 0
     along = np.roll(weights == 0, -2, axis=2)
     raised[(along & on_edge[:, None]).any(axis=2)] = 0.0

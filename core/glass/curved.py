@@ -1,7 +1,7 @@
 """Curved faces over triangles: quartics in barycentric coordinates.
 
-Rays meet them in `curved_hits`; the mesh in front of them that a ray engine is asked about is
-made in `curved_hull`. A kind of faces that is no quartic changes `terms`, `slack` and `spheres`.
+`curved_hits` intersects them with rays; `bounding_shell` makes the mesh for the ray engine. A face
+of another kind than a quartic overrides `terms`, `slack` and `spheres`.
 """
 
 from dataclasses import dataclass, replace
@@ -27,15 +27,15 @@ from .quartics import (
     value_and_slopes,
 )
 
-# rays or faces that are worked on together: their arrays stay in the cache
+# rays or faces in one batch: their arrays stay in the cache
 FACES_AT_ONCE = 1 << 12
-# barycentric slack, so that a ray through an edge or vertex meets a face
+# barycentric slack: a ray through an edge or vertex must hit a face
 EDGE = 1e-10
-# parts of the longest edge: a curved face further from its facet than this is none
+# fraction of the longest edge: a face further from its facet is rejected
 MOST_OFFSET = 0.3
-# times the largest sag found at the middles of edges: so far faces are taken to reach
+# bound of a face's bulge, over the largest sampled one
 HIGHER = 1.5
-# columns that number the rows of others, so that they change where faces are joined
+# columns of row numbers, and the columns they index: renumbered when faces are joined
 NUMBERED = {
     "row": "coefficients",
     "neighbour": "corners",
@@ -47,18 +47,23 @@ NUMBERED = {
 
 @dataclass(frozen=True, eq=False)
 class CurvedFaces:
-    """Curved faces over some of t triangles: point(u, v) =
-    facet + sum of 14 terms u^a v^b times coefficients.
+    """Curved faces over some of t triangles: point(u, v) = facet + sum of 14 terms u^a v^b times
+    coefficients.
 
-    corners (t, 3, 3) m; row (t,) of each triangle's curved face, -1 where it has none; coefficients
-    (p, 14, 3) m, best stored term by term; neighbour (p, 3) the triangle across each edge (from
-    corner e to e + 1) where the surface runs on, -1 elsewhere, and neighbour_edge (p, 3), its edge;
-    vertex (p, 3) of the corners and vertex_normal (f, 3), the same for all faces around a vertex;
-    normal_row (p,) and normal_terms (q, 14, 3): where normals of neighbours would not agree on
-    their edges, or edges are straight, a face refracts by those of its vertices, interpolated, plus
-    14 terms; -1 where by its own; bent_row (p,) and bent (q, 14, 3): coefficients that faces with a
-    straight edge would have if it were not straight; degree: 4, or less to follow faces of a lower
-    degree and see the difference; lowered_from: those of degree 4, None where these are
+    corners : (t, 3, 3) m
+    row : (t,) curved face of each triangle, -1 without one
+    coefficients : (p, 14, 3) m, best stored term by term
+    neighbour, neighbour_edge : (p, 3) triangle across each edge (from corner e to e + 1) where the
+        surface continues smoothly, -1 elsewhere, and its edge there
+    vertex : (p, 3) vertices of the corners
+    vertex_normal : (f, 3), shared by all faces around a vertex
+    normal_row, normal_terms : (p,), (q, 14, 3) if its own normals disagree with a neighbour's, or
+        an edge is straight, a face refracts by the interpolated normals of its vertices plus 14
+        terms; row -1: by its own normals
+    bent_row, bent : (p,), (q, 14, 3) coefficients of faces with a straight edge as if it were not
+        straight
+    degree : 4; lower for faces to be compared with the quartics
+    lowered_from : the faces of degree 4, None if these are
     """
 
     corners: Floats
@@ -77,7 +82,7 @@ class CurvedFaces:
 
     @classmethod
     def none(cls, corners: Floats) -> "CurvedFaces":
-        """No curved face over any of the triangles (t, 3, 3)."""
+        """Empty set of curved faces over triangles (t, 3, 3)."""
         no_rows = np.full(0, -1)
         no_edges = np.full((0, 3), -1)
         no_terms = np.empty((0, N_TERMS, 3))
@@ -97,11 +102,11 @@ class CurvedFaces:
 
     @classmethod
     def join(cls, parts: "list[CurvedFaces | None]", corners: list[Floats]) -> "CurvedFaces | None":
-        """The curved faces of several surfaces, of facets (t, 3, 3) each, in one numbering."""
+        """Curved faces of several surfaces, with facets (t, 3, 3) each, in one numbering."""
         if all(part is None for part in parts):
             return None
 
-        # rows of one surface come after those of the surfaces before it
+        # rows of a surface follow the rows of earlier ones
         starts = np.cumsum([0, *(len(facets) for facets in corners)])
         numbered: dict[str, list[Ints]] = {name: [] for name in NUMBERED}
         n_before = dict.fromkeys(NUMBERED, 0)
@@ -126,23 +131,23 @@ class CurvedFaces:
         )
 
     def moved(self, motion: Motion) -> "CurvedFaces":
-        """The same faces elsewhere."""
+        """The same faces after a rigid motion."""
         vectors = ("coefficients", "bent", "vertex_normal", "normal_terms")
         turned = {name: motion.directions(getattr(self, name)) for name in vectors}
         whole = None if self.lowered_from is None else self.lowered_from.moved(motion)
         return replace(self, corners=motion.points(self.corners), lowered_from=whole, **turned)
 
     def by_own_normals(self) -> "CurvedFaces":
-        """The same faces with their own normals, but for those held by a straight edge."""
+        """The same faces with their own normals, except faces with a straight edge."""
         return replace(self, normal_row=np.where(self.bent_row >= 0, self.normal_row, -1))
 
     def lowered(self, degree: int) -> "CurvedFaces":
-        """The faces of a lower degree through these, by their own normals."""
+        """Faces of a lower degree through these, with their own normals."""
         return replace(self.by_own_normals(), degree=degree, lowered_from=self.whole)
 
     @property
     def whole(self) -> "CurvedFaces":
-        """The faces of degree 4 that these were lowered from, or these."""
+        """The faces of degree 4 before `lowered`, or these."""
         return self.lowered_from or self
 
     @property
@@ -152,16 +157,16 @@ class CurvedFaces:
 
     @property
     def has_straight_edges(self) -> bool:
-        """Is an edge of some face held straight?"""
+        """Whether any face has an edge held straight."""
         return len(self.bent) > 0
 
     @property
     def has_given_normals(self) -> bool:
-        """Does some face refract by other normals than its own?"""
+        """Whether any face refracts by normals other than its own."""
         return len(self.normal_terms) > 0
 
     def points_on(self, k: int) -> Floats:
-        """Points (p, n, 3), m, of all faces at those of grid(k)."""
+        """Points (p, n, 3), m, of all faces at the points of grid(k)."""
         weights = grid(k)[0]
         terms = monomials(weights[:, 1], weights[:, 2])
         return np.matmul(weights, self.corners[self.triangle]) + np.matmul(terms, self.coefficients)
@@ -190,16 +195,14 @@ class CurvedFaces:
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats]:
-        """Centres (t, 3) and radii (t,) of spheres that hold the triangles and their
-        curved faces.
-        """
+        """Centres (t, 3) and radii (t,) of spheres around the triangles and their curved faces."""
         centre, radius = spheres_of(self.corners)
         radius[self.triangle] += self._offsets
         return centre, radius
 
     @property
     def _offsets(self) -> Floats:
-        """How far (p,) faces stand out of their triangles, m, at the most."""
+        """Largest offset (p,), m, of each face from its triangle."""
         parts = [
             np.linalg.norm(np.matmul(AT_NODES, some), axis=2).max(axis=1)
             for some in np.array_split(
@@ -210,28 +213,28 @@ class CurvedFaces:
 
     @property
     def reach(self) -> float:
-        """How far any face stands out of its triangle, m, at the most."""
+        """Largest offset, m, of any face from its triangle."""
         return float(self._offsets.max(initial=0.0))
 
     def slack(self, row: Ints) -> Floats | float:
-        """How far, barycentric, the faces of rows (n,) are followed beyond their edges."""
+        """Barycentric distance to which faces of rows (n,) are followed beyond their edges."""
         return EDGE
 
     def normals(self, k: Ints, u: Floats, v: Floats) -> Floats:
-        """Unit normals (n, 3) by which the curved faces of triangles k refract at u, v (n,)."""
+        """Unit normals (n, 3) for refraction on the curved faces of triangles k at u, v (n,)."""
         c = self.terms(k)
         return normalise(self.refracting(cross(*value_and_slopes(c, u, v)[1:]).T, k, u, v))
 
     def given_normals(self, facing: Floats, k: Ints, u: Floats, v: Floats) -> Floats | None:
-        """Normals (n, 3), not unit, by which triangles k refract at u, v (n,), where their own are
-        `facing` (n, 3), None where all refract by their own.
+        """Normals (n, 3) for refraction, not unit, of triangles k at u, v (n,), with own normals
+        `facing` (n, 3); None if all faces use their own.
         """
         return self.refracting(facing, k, u, v) if self.has_given_normals else None
 
     def refracting(self, normal: Floats, k: Ints, u: Floats, v: Floats) -> Floats:
-        """Normals (n, 3), changed where a face refracts by others than its own.
+        """Normals (n, 3) for refraction: `normal`, replaced on faces with other than their own.
 
-        The very array where none does.
+        Returns the same array if nothing is replaced.
         """
         if not self.has_given_normals:
             return normal
@@ -241,7 +244,7 @@ class CurvedFaces:
         if not len(given):
             return normal
 
-        # normals of the vertices, interpolated, and terms beside them
+        # interpolated normals of the vertices, plus terms
         row = row[given]
         c = np.take(self._normal_table, self.normal_row[row], axis=1).reshape(N_TERMS, 3, -1)
         at_corners = self.vertex_normal[self.vertex[row]]

@@ -1,10 +1,10 @@
-"""Where rays meet curved faces, as seen from the side that they come from.
+"""Intersections of rays with curved faces, on the side of the surface each ray comes from.
 
 A ray meets point(u, v) where the part of point(u, v) - origin across the ray is 0. Newton's method
-begins where the ray engine found the hull. A root beyond an edge of its face lies on the neighbour,
-if anywhere: there the method begins once more. Near a turning point the matrix is singular: such
-rays do not converge, and count as no hit. Where a root is of the side that cannot be, the other one
-of the two is looked for: first by the ray's own course along the face, then from many places on the
+starts at the ray engine's hit on the bounding shell. A root beyond an edge of its face can only lie
+on the neighbour: the search restarts there. Near a turning point the matrix is singular: such rays
+do not converge, and count as misses. If a root is on the impossible side, the search continues for
+the other root nearby: first along the ray's own course on the face, then from many places on the
 faces around.
 """
 
@@ -22,25 +22,25 @@ from .quartics import TO_BEZIER, cross, product, tangents, value_and_slopes
 
 @dataclass(frozen=True)
 class RootKnobs:
-    """How roots are looked for; the kernel's curved.c has the same numbers.
+    """Options of the root search; the kernel's curved.c has the same numbers.
 
-    Tuned where rays graze and chords are short (tests/core/test_curved.py, "Silhouettes"), and
-    for time.
+    Tuned on grazing rays and short chords (tests/core/test_curved.py, "Silhouettes"), and for time.
 
     Parameters
     ----------
     iterations : of Newton's method
-    patience, hopeless : after so many it is given up for rays whose steps in u, v are still larger
-    converged : step in u, v after which it ends: the rest is less than the step's square
+    patience, hopeless : after so many steps a ray is given up if its step in u, v is larger
+    converged : step in u, v at the end: the remaining error is below the step's square
     longest_step : in u, v
-    aside : in u, v: a root is not looked for further than this beyond an edge, but on the next face
-    walks : faces that a root may wander over
-    last_walks : the same where all faces near the ray are asked anyway
-    corner_turns : faces around each corner of one, either way, that are searched for another root
-    starts : u, v from which a face is searched for a root
-    few_starts : of these, for a ray of which no root was found: most often there is none
-    searched_at_once : rays for which the faces around are searched together, 50 roots each
-    course_step : of u, v along the ray's course over a face, by which its turn is measured
+    aside : in u, v: a root further than this beyond an edge is searched on the next face
+    walks : most faces a search may visit
+    last_walks : the same if all faces near the ray are tested anyway
+    corner_turns : most faces around a corner of a face, in each direction, searched for another
+        root
+    starts : u, v where the search of a face starts
+    few_starts : number of them used for a ray without a root: most often there is none
+    searched_at_once : rays per batch of the search around, with 50 roots each
+    course_step : step in u, v along the ray's course over a face, to measure its turn
     """
 
     iterations: int = 12
@@ -68,7 +68,7 @@ class RayLines(NamedTuple):
     directions: Floats
 
     def at(self, i: Ints | Bools | slice) -> "RayLines":
-        """Some of the rays."""
+        """A subset of the rays."""
         if isinstance(i, slice):
             return RayLines(self.origins[i], self.directions[i])
         return RayLines(take(self.origins, i), take(self.directions, i))
@@ -82,15 +82,15 @@ class Spots(NamedTuple):
     v: Floats
 
     def at(self, i: Ints | Bools | slice) -> "Spots":
-        """Some of the places."""
+        """A subset of the places."""
         return Spots(self.triangle[i], self.u[i], self.v[i])
 
 
 class Roots(NamedTuple):
-    """Where n rays meet curved faces.
+    """Roots of n rays on curved faces.
 
-    triangle (n,), u (n,), v (n,); distance (n,) m; enters (n,) the ray comes from the front;
-    facing (n, 3), normal to the face, not unit; is_met (n,): whether there is a root at all
+    triangle (n,), u (n,), v (n,); distance (n,) m; enters (n,): the ray comes from the front;
+    facing (n, 3): normal to the face, not unit; is_met (n,): a root was found
     """
 
     triangle: Ints
@@ -107,13 +107,13 @@ class Roots(NamedTuple):
         return Spots(self.triangle, self.u, self.v)
 
     def put(self, rays: Ints, others: "Roots", chosen: Bools | Ints | slice = slice(None)) -> None:
-        """Replace those of some rays by the chosen ones of others."""
+        """Replace the roots of some rays by the chosen ones of `others`."""
         for mine, theirs in zip(self, others, strict=True):
             mine[rays] = theirs[chosen]
 
 
 def follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roots:
-    """Roots of whichever side, each followed over so many faces."""
+    """Roots on either side, each followed over at most `walks` faces."""
     n = max(len(spots.triangle), 1)
     some = [slice(first, first + FACES_AT_ONCE) for first in range(0, n, FACES_AT_ONCE)]
     parts = [_follow(faces, spots.at(part), lines.at(part), walks) for part in some]
@@ -123,8 +123,7 @@ def follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roo
 
 
 def _follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Roots:
-    # near a turning point the matrix is singular: such
-    # rays do not converge, and count as no hit
+    # singular near a turning point: not converged, a miss
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         way = _Way(faces, spots, lines)
         live = np.arange(len(way.k))
@@ -141,8 +140,8 @@ def _follow(faces: CurvedFaces, spots: Spots, lines: RayLines, walks: int) -> Ro
 class _Way:
     """Newton's method on the part of point(u, v) - origin across rays, face by face.
 
-    Rays step together, though one may be on its third face while another is on its first: a step
-    of few takes nearly as long as one of many. Steps and range are limited.
+    Rays step together, although one may be on its third face and another on its first: a step of
+    few takes nearly as long as one of many. Steps and range are limited.
     """
 
     def __init__(self, faces: CurvedFaces, spots: Spots, lines: RayLines) -> None:
@@ -160,7 +159,7 @@ class _Way:
             self.n_steps += 1
 
     def step(self, some: Ints) -> Bools:
-        """Take a step of some rays (m,); which of them go on on their faces."""
+        """Advance some rays (m,) by a step; returns a mask of rays to continue on their faces."""
         u, v, size = _step(
             self.c.take(some, axis=2),
             self.away.take(some, axis=1),
@@ -173,8 +172,10 @@ class _Way:
         return _goes_on(u, v, size, n_steps)
 
     def step_over(self, some: Ints, walks: int) -> Ints:
-        """Those of some rays, through with their faces, that go on on the next one, of so many in
-        all: there a root may lie that is beyond an edge, or is looked for far beyond it.
+        """Move rays to the next face if their root is beyond an edge, or the search is far beyond
+        it.
+
+        some: rays done with their faces; walks: most faces a ray may visit. Returns the moved rays.
         """
         u, v = self.u[some], self.v[some]
         outside = _outside(u, v)
@@ -185,7 +186,6 @@ class _Way:
         if not is_beyond.any():
             return some[:0]
 
-        # the next faces
         left, row = far[is_beyond], row[is_beyond]
         u, v = u[left], v[left]
         edge = np.stack([v, 1 - u - v, u]).argmin(axis=0)
@@ -203,7 +203,7 @@ class _Way:
         return on
 
     def roots(self) -> Roots:
-        """What the rays have come to."""
+        """The roots reached so far."""
         at, by_u, by_v = value_and_slopes(self.c, self.u, self.v)
         at += self.away
         facing = cross(by_u, by_v)
@@ -220,15 +220,13 @@ class _Way:
 
 
 def _outside(u: Floats, v: Floats) -> Floats:
-    """How far (n,), barycentric, places are from the edge that
-    is nearest, or if below 0 furthest beyond one.
-    """
+    """Barycentric distance (n,) of places from the nearest edge; negative outside."""
     return np.minimum(np.minimum(v, 1 - u - v), u)
 
 
 def _seen_from(faces: CurvedFaces, k: Ints, origins: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (14, 3, n) of the faces of triangles k (n,), and where
-    (3, n) their first corners are as seen from the rays' origins (n, 3).
+    """Coefficients (14, 3, n) of the faces of triangles k (n,), and their first corners (3, n)
+    relative to the rays' origins (n, 3).
     """
     return faces.terms(k), (faces.corners[k, 0] - origins).T.copy()
 
@@ -236,10 +234,10 @@ def _seen_from(faces: CurvedFaces, k: Ints, origins: Floats) -> tuple[Floats, Fl
 def _step_over(
     faces: CurvedFaces, row: Ints, edge: Ints, u: Floats, v: Floats
 ) -> tuple[Floats, Floats]:
-    """Places on the neighbours across edges next to where u, v left their faces."""
-    along = np.choose(edge, [u, v, 1 - u - v])  # weight of the corner in which the edge ends
+    """Places on the neighbours, on the shared edges, next to where u, v left their faces."""
+    along = np.choose(edge, [u, v, 1 - u - v])  # weight of the edge's second corner
     along = np.minimum(np.maximum(along, 0.0), 1.0)
-    # it runs the other way there
+    # the edge runs the other way there
     back = 1 - along
     theirs = faces.neighbour_edge[row, edge]
     return np.choose(theirs, [back, along, 0.0]), np.choose(theirs, [0.0, back, along])
@@ -248,12 +246,12 @@ def _step_over(
 def _step(
     terms: Floats, away: Floats, directions: Floats, u: Floats, v: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """The next u, v (n,) by Newton's method, and the step's size before it was limited."""
+    """Next u, v (n,) by Newton's method, and the size of the step before it was limited."""
     at, by_u, by_v = value_and_slopes(terms, u, v)
     at += away
 
-    # at + du by_u + dv by_v is along the ray: multiplied by the
-    # ray and one of by_u and by_v, the other one is left
+    # at + du by_u + dv by_v is along the ray: multiplied by the ray and by_u or by_v, one unknown
+    # is left
     across = cross(at, directions)
     inverse = 1.0 / product(directions, cross(by_u, by_v))
     du = product(across, by_v) * inverse
@@ -261,7 +259,7 @@ def _step(
     size = np.maximum(np.abs(du), np.abs(dv))
     limit = np.fmin(ROOTS.longest_step / size, 1.0)
 
-    # fmax and fmin put a number in the place of NaN
+    # fmax and fmin replace NaN by a number
     return (
         np.fmin(np.fmax(u + limit * du, -1.0), 2.0),
         np.fmin(np.fmax(v + limit * dv, -1.0), 2.0),
@@ -270,8 +268,8 @@ def _step(
 
 
 def _goes_on(u: Floats, v: Floats, size: Floats, n_steps: Ints) -> Bools:
-    """Are roots (n,) to be followed further on their faces, after
-    so many steps there, the last of them of some size, to u, v?
+    """Mask of roots (n,) to follow further on their faces, now at u, v after n_steps, the last of
+    some size.
     """
     is_near = np.minimum(np.minimum(u, v), 1.0 - u - v) > -ROOTS.aside
     is_hopeful = (n_steps <= ROOTS.patience) | (size < ROOTS.hopeless)
@@ -287,15 +285,14 @@ def find_roots(
     least: float,
     is_last: bool = False,
 ) -> Roots:
-    """Where rays meet the curved surface, beginning at places (n,) on it.
+    """Intersections of rays with the curved surface, starting at places (n,) on it.
 
     Parameters
     ----------
-    leaves : (n,) do rays come from within, so that only hits from behind can be; None: from
-        either side. Where a root is of the other side, the one before or after it is looked
-        for; but not for rays that have just left the surface, whose root is nearer than
-        `least`, m
-    is_last : all faces near the ray are asked, so that those around need not be searched
+    leaves : (n,) the ray comes from inside, so only hits from behind are possible; None: from
+        either side. If a root is on the other side, the root before or after it is searched, except
+        for rays that have just left the surface, with a root nearer than `least`, m
+    is_last : all faces near the ray are tested anyway, so the faces around are not searched
     """
     walks = ROOTS.last_walks if is_last else ROOTS.walks
     found = follow(faces, spots, lines, walks)
@@ -303,11 +300,11 @@ def find_roots(
         return found
 
     def find_odd() -> Ints:
-        """Rays whose root is of the wrong side."""
+        """Rays with a root on the wrong side."""
         is_odd = found.is_met & (found.enters == leaves)
         return np.flatnonzero(is_odd & (leaves | (found.distance > least)))
 
-    # first as far on the other side of where the ray touches the surface
+    # first equally far on the other side of the point where the ray touches the surface
     lost = np.flatnonzero(~found.is_met)
     odd = find_odd()
     if len(odd):
@@ -321,9 +318,8 @@ def find_roots(
         odd = odd[found.distance[odd] > least]
 
     if not is_last and len(odd) + len(lost):
-        # light on its way in meets the front before the back it was found to meet; within, the
-        # back is beyond; a ray that grazes may meet the surface where no root was found, but most
-        # often it does not
+        # light on its way in meets a front before the back just found; inside, the back is further
+        # on; a grazing ray without a root may still meet the surface, though most do not
         wrong = found.distance[odd]
         around = _Around(
             rays=np.append(odd, lost),
@@ -338,19 +334,18 @@ def find_roots(
 
 
 def pass_by(spheres: tuple[Floats, Floats], lines: RayLines) -> tuple[Ints, Ints]:
-    """Rays (m,) and the spheres (m,) that their lines enter, by number,
-    of spheres with centres (t, 3) and radii (t,).
+    """Pairs (m,) of a ray and a sphere its line enters, by number, for spheres with centres (t, 3)
+    and radii (t,).
     """
     origins, directions = lines
     centre, radius = spheres
-    middle = centre[0]  # from near here the squares lose nothing that matters
+    middle = centre[0]  # an origin near the spheres keeps the squares accurate
     o = origins - middle
     o -= dot(o, directions)[:, None] * directions
     away = centre - middle
     columns = np.ascontiguousarray(away.T)
 
-    # distance of the centres from the lines, squared; by
-    # products of matrices, many times as fast
+    # squared distances of the centres from the lines; products of matrices are many times as fast
     squares = dot(away, away)
     apart = combine(2 * o, columns)
     np.subtract(squares, apart, out=apart)
@@ -362,17 +357,16 @@ def pass_by(spheres: tuple[Floats, Floats], lines: RayLines) -> tuple[Ints, Ints
 
 
 def are_in_boxes(faces: CurvedFaces, k: Ints, lines: RayLines) -> Bools:
-    """As seen along each of n rays, is it in the box around the curved face of triangle k (n,)?"""
+    """Whether each ray passes through the box (n,) around the curved face of triangle k (n,)."""
     parts = [slice(first, first + FACES_AT_ONCE) for first in range(0, len(k), FACES_AT_ONCE)]
     holds = [_is_in_box(faces, k[some], lines.at(some)) for some in parts]
     return np.concatenate([np.zeros(0, bool), *holds])
 
 
 def _is_in_box(faces: CurvedFaces, k: Ints, lines: RayLines) -> Bools:
-    """As seen along each ray, does the box around the Bezier
-    points of the curved face of triangle k hold it?
+    """One batch of `are_in_boxes`, with the box around the Bezier points, as seen along the ray.
 
-    Faces that are followed beyond their edges may be met anywhere.
+    Always true for faces followed beyond their edges.
     """
     c = faces.terms(k)
     away = (faces.corners[k, 0] - lines.origins).T
@@ -391,8 +385,8 @@ def _is_in_box(faces: CurvedFaces, k: Ints, lines: RayLines) -> Bools:
 
 
 class _Around(NamedTuple):
-    """Rays (n,) that are looked for on triangles (n,) and around, between two distances (n,), m,
-    from so many places (n,) on each.
+    """Rays (n,) to search on triangles (n,) and around, between two distances (n,), m, with a
+    number of starts (n,) on each face.
     """
 
     rays: Ints
@@ -409,13 +403,13 @@ def _search_around(
     lines: RayLines,
     leaves: Bools,
 ) -> None:
-    """Put the nearest roots on the right side on each of the faces around."""
+    """Store the nearest root of each ray on the right side of the faces around."""
     starts = np.array(ROOTS.starts)
     for first in range(0, len(around.rays), ROOTS.searched_at_once):
         some = _Around(*(column[first : first + ROOTS.searched_at_once] for column in around))
         near = _faces_around(faces, some.near)
 
-        # the roots from all places on all of them
+        # all starts on all faces
         i, j = np.nonzero(near >= 0)
         k = near[i, j]
         holds = are_in_boxes(faces, k, lines.at(some.rays[i]))
@@ -430,20 +424,22 @@ def _search_around(
         is_between = (others.distance > some.least[i]) & (others.distance < some.most[i])
         good = np.flatnonzero(others.is_met & (others.enters != leaves[rays]) & is_between)
 
-        # nearest last, so that it is the one that stays
+        # nearest last: it overwrites the others
         good = good[np.argsort(-others.distance[good], kind="stable")]
         found.put(rays[good], others, good)
 
 
 def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:
-    """Triangles (n, m): those (n,) given, and the curved ones around their corners; -1 for none."""
+    """Triangles (n, m): the given ones (n,), then the curved ones around their corners; -1 for
+    none.
+    """
     n = len(triangles)
     first = np.tile(triangles, 3)
     corner = np.repeat(np.arange(3), n)
     is_open = np.ones(3 * n, bool)  # not yet once around
     ways = []
     for way in (1, 0):
-        k, at = np.where(is_open, first, -1), corner  # of the face, where the corner is
+        k, at = np.where(is_open, first, -1), corner  # number of the corner in face k
         turns = [np.full(3 * n, -1)]
         for _ in range(ROOTS.corner_turns):
             row, edge = faces.row[k], (at + 2 + way) % 3
@@ -456,14 +452,14 @@ def _faces_around(faces: CurvedFaces, triangles: Ints) -> Ints:
             turns.append(k)
         ways.append(np.stack(turns, axis=1).reshape(3, n, -1))
 
-    # one corner after the other, each first one way around and then the other
+    # corner by corner, first in one direction, then in the other
     around = np.concatenate(ways, axis=2).transpose(1, 0, 2).reshape(n, -1)
     return np.concatenate([triangles[:, None], around], axis=1)
 
 
 def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
-    """Places about as far beyond where rays touch the
-    surface as others are before it, or the reverse.
+    """Places about as far beyond the point where rays touch the surface as `spots` are before it,
+    or the reverse.
     """
     k, u, v = spots
     c = faces.terms(k)
@@ -473,7 +469,7 @@ def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
         _, by_u, by_v = value_and_slopes(c, u, v)
         return (d * cross(by_u, by_v)).sum(axis=0), by_u, by_v
 
-    # the ray along the face: d = a by_u + b by_v, without the part perpendicular to both
+    # the ray's course on the face: d = a by_u + b by_v, without the part perpendicular to both
     here, by_u, by_v = facing(u, v)
     uu = (by_u**2).sum(axis=0)
     uv = (by_u * by_v).sum(axis=0)
@@ -488,7 +484,7 @@ def _reflected(faces: CurvedFaces, spots: Spots, directions: Floats) -> Spots:
         a = a / size
         b = b / size
 
-        # twice the way to the place where the face is seen edge on
+        # twice the step to the place where the face is seen edge-on
         step = ROOTS.course_step
         way = -2 * here * step / (facing(u + step * a, v + step * b)[0] - here)
 

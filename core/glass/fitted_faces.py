@@ -1,4 +1,4 @@
-"""Faces fitted to a quartic height field around each vertex, and whether they keep to the mesh."""
+"""Curved faces, fitted to height fields around the vertices, and checked against the mesh."""
 
 from dataclasses import dataclass
 from math import comb
@@ -31,33 +31,34 @@ from .quartics import (
 from .subdivided import ExactLimit
 from .vertices import Vertices
 
-# squared, of neighbours, in units of their mean distance: nearer ones would weigh all
+# squared, of neighbours, in units of their mean distance: nearer ones would dominate
 LEAST_DISTANCE = 1e-12
-# cosine to a vertex's normal: slopes of normals that lean further are taken for no steeper
+# cosine to a vertex's normal: limits the slopes of normals with a larger lean
 LEAST_UPRIGHT = 0.2
-VERTICES_AT_ONCE = 1 << 14  # vertices, by the kernel, between two pauses
+VERTICES_AT_ONCE = 1 << 14  # in the kernel, between two pauses
 
 
 def _ridge(*by_degree: float) -> Floats:
-    """Of the terms (14,), by degree. The factor makes it the same for all turns of the axes
-    (Bombieri).
+    """Weights of the terms (14,), by degree.
+
+    The factor makes them invariant under rotation of the axes (Bombieri).
     """
     return np.array([by_degree[a + b - 1] / comb(a + b, a) for a, b in POWERS])
 
 
-# Where data are few the high degrees give way first.
+# High degrees give way first if data are few.
 RIDGE = _ridge(1e-12, 1e-11, 1e-9, 1e-7)
-# Where neighbours are so uneven that slopes do not settle they give way earlier.
+# They give way earlier if neighbours are so uneven that slopes do not settle.
 STIFFER = _ridge(1e-12, 1e-10, 1e-4, 1e-2)
 
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """Height fields over the tangent planes of vertices: z =
-    size * sum c (x / size)^a (y / size)^b.
+    """Height fields over the tangent planes of vertices: z = size * sum c (x / size)^a (y /
+    size)^b.
 
-    axis_x, axis_y (f, 3) unit; size (f,) mean distance of the neighbours; coefficients (f, 14);
-    is_rim (f,): the surface ends along x, and runs on by y to one side only
+    axis_x, axis_y (f, 3) unit; size (f,) m, mean distance of the neighbours; coefficients (f, 14);
+    is_rim (f,): the surface ends along x and continues to one side of it
     """
 
     axis_x: Floats
@@ -67,7 +68,7 @@ class Fields:
     is_rim: Bools
 
     def fit_of(self, v: Vertices) -> native_fit.Fit:
-        """The kernel's fit of their vertices."""
+        """The kernel's fit at these vertices."""
         return native_fit.Fit(v, (self.axis_x, self.axis_y), self.size, self.is_rim)
 
 
@@ -90,9 +91,8 @@ def tangent_planes(v: Vertices) -> Fields:
 def _around(
     v: Vertices, fields: Fields, some: Ints, pairs: Ints
 ) -> tuple[Floats, Floats, Floats, Floats, Bools]:
-    """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z.
-
-    Are they of use.
+    """Neighbours (n, m) in the frame of their vertex, in units of its size: x, y, z, squared
+    distance, and whether each is usable.
     """
     end = v.end[pairs]
     away = (take(v.at, end) - v.at[some, None]) / fields.size[some, None, None]
@@ -104,9 +104,7 @@ def _around(
 def gradients(
     v: Vertices, fields: Fields, some: Ints, pairs: Ints, normal: Floats
 ) -> tuple[Floats, Floats]:
-    """Slopes (n, m) of the surface at the neighbours, by x and by y in the frame of
-    their vertex.
-    """
+    """Slopes (n, m) of the surface at the neighbours, by x and by y in their vertex's frame."""
     theirs = take(normal, v.end[pairs])
     upright = np.maximum(dot(theirs, v.normal[some, None]), LEAST_UPRIGHT)
     return -dot(theirs, fields.axis_x[some, None]) / upright, -dot(
@@ -117,12 +115,12 @@ def gradients(
 def system(
     v: Vertices, fields: Fields, some: Ints, pairs: Ints, ridge: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Weighted rows (n, 3m, terms) of heights and slopes, weights, the normal equations' matrix.
+    """Weighted rows (n, 3m, terms) of heights and slopes, their weights, the matrix of the normal
+    equations, and heights (n, m).
 
-    Heights (n, m). Of the last terms, as many as the ridge (terms,) has. Across a rim two rings
-    tell no more than a cubic: a quartic through their heights and slopes follows from the next
-    ring's own (Simpson's rule), so that all slopes across would do. Nor do those of neighbours at
-    the rim tell any, which would do alike.
+    Only the last len(ridge) terms are used. Across a rim two rings determine a cubic at most: a
+    quartic through their heights and slopes follows from the next ring's own (Simpson's rule), so
+    any slope across would fit. Slopes of neighbours on the rim are dropped for the same reason.
     """
     x, y, z, distance, is_used = _around(v, fields, some, pairs)
     by_x, by_y = slopes(x, y)
@@ -130,7 +128,7 @@ def system(
     is_rim = fields.is_rim[some]
     rows[is_rim, :, -1] = 0.0  # y^4
 
-    # a height tells as much of the slope as the slope itself does, over its distance
+    # a height over its distance determines the slope as well as a slope does
     weights = np.concatenate(
         [2.0 / np.sqrt(np.maximum(distance, LEAST_DISTANCE)), np.ones_like(x), np.ones_like(x)],
         axis=1,
@@ -147,7 +145,7 @@ def system(
 
 
 def fitting_fields(v: Vertices, wanted: Bools) -> Steps[Fields]:
-    """Fields with the vertex's own place and slope, through its neighbours, by least squares;
+    """Fields exact in place and slope at the vertex, fitted to its neighbours by least squares;
     with pauses.
     """
     fields = tangent_planes(v)
@@ -173,19 +171,19 @@ def fitting_fields(v: Vertices, wanted: Bools) -> Steps[Fields]:
 
 @dataclass(frozen=True)
 class FaceKnobs:
-    """When a fitted face keeps to its mesh (design.md, decision 3, "Contradictions").
+    """Limits of fitted faces against their mesh (design.md, decision 3, "Contradictions").
 
-    Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides beside a bevel
+    Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides next to a bevel
     would dip by a millimetre, and by `dev.py bench`.
 
     Parameters
     ----------
-    steps : of a fixed point, each of which gains two orders: as many for all, or neighbours would
-        not meet; the kernel's fit.c has the same
+    steps : of a fixed point, each gains two orders: the same for all faces, or neighbours would not
+        meet; the kernel's fit.c has the same
     least_cosine : between the normals of a curved face and its facet's: 60 degrees
-    swollen : times the sag of an arc that turns as the normals do: a face beyond it follows a bevel
-        beside it
-    untold : of an edge: so far faces may stand out besides, whose edges turn one way and back
+    swollen : multiple of the sag of an arc with the turn of the normals: a face beyond it follows a
+        bevel next to it
+    untold : fraction of an edge: additional bulge allowed if the face's edges turn one way and back
     """
 
     steps: int = 2
@@ -198,17 +196,17 @@ FACE = FaceKnobs()
 
 
 def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
-    """Offsets (12, 3, n) of the nodes of triangles with
-    corners (n, 3), from the facet to the blended fields.
+    """Offsets (12, 3, n) of the nodes of triangles with corners (n, 3), from the facet to the
+    blended fields.
 
-    All fields are met along one direction, blended from the corners' normals: met along different
-    ones they would differ sideways by the third power of the edge, which costs an order.
+    All fields are intersected along one direction, blended from the corners' normals: along
+    different ones they would differ sideways by the third power of the edge, which costs an order.
     """
     weight = NODES**2 / (NODES**2).sum(axis=1, keepdims=True)
     if loading.library() is not None:
         return fields.fit_of(v).find_offsets(fields.coefficients, NODES, weight, corner)
 
-    # numpy's way, corner by corner: the field around each, in its own frame
+    # corner by corner: the field around each, in its own frame
     offsets = np.zeros((N_NODES, 3, len(corner)))
     at = take(v.at, corner)
     normal = take(v.normal, corner)
@@ -222,7 +220,7 @@ def _node_offsets(v: Vertices, fields: Fields, corner: Ints) -> Floats:
         ]
         leans = [[dot(normal[:, (i + s) % 3], axis) for axis in frame] for s in (1, 2)]
 
-        # a fixed point: where the way from the facet meets the field
+        # fixed point: the line from the facet meets the field
         c = np.ascontiguousarray(fields.coefficients[own].T)
         for node in np.flatnonzero(weight[:, i]):
             li, lj, lk = (NODES[node, (i + s) % 3] for s in range(3))
@@ -247,8 +245,8 @@ _OF_OFFSETS = np.concatenate([_DU_AT, _DV_AT, FROM_NODES])
 
 
 def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
-    """Unit normals (n, 15, 3) at nodes and corners of curved faces
-    of node offsets (12, 3, n) over facets (n, 3, 3).
+    """Unit normals (n, 15, 3) at nodes and corners of curved faces with node offsets (12, 3, n)
+    over facets (n, 3, 3).
     """
     by_u, by_v = (
         combine(matrix, offsets.reshape(N_NODES, -1)).reshape(len(AT), 3, -1)
@@ -263,8 +261,8 @@ def _normals_at_nodes(offsets: Floats, corners: Floats) -> Floats:
 
 
 def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats) -> Bools:
-    """Do curved faces, of node offsets (12, 3, n) and normals (n,
-    15, 3), stay near facets and look the same way?
+    """Whether curved faces, with node offsets (12, 3, n) and normals (n, 15, 3), stay near their
+    facets and face the same way.
     """
     longest = length_of(corners[:, 1:] - corners[:, :1]).max(axis=1)
     with np.errstate(invalid="ignore"):
@@ -274,8 +272,8 @@ def _is_whole(offsets: Floats, corners: Floats, normals: Floats, facets: Floats)
 
 
 def _is_swollen(offsets: Floats, corners: Floats, at_corners: Floats) -> Bools:
-    """Do curved faces stand out, or in, further than the normals
-    (n, 3, 3) at their corners (n, 3, 3) account for?
+    """Whether curved faces bulge out or in further than the normals (n, 3, 3) at their corners (n,
+    3, 3) explain.
     """
     turned, along = (np.roll(x, -1, axis=1) - x for x in (at_corners, corners))
     sag = dot(turned, along) / 8  # of arcs over the edges
@@ -294,8 +292,8 @@ def _make_faces(
     facets: Floats,
     into: tuple[Floats, Floats, Bools, Bools],
 ) -> None:
-    """Write down the coefficients of faces, their normals, and which are whole and swollen, by the
-    offsets (12, 3, n) of their nodes.
+    """Write the coefficients of faces, their normals, and masks of whole and of swollen ones, from
+    node offsets (12, 3, n).
     """
     if loading.library() is not None:
         knobs = np.array([MOST_OFFSET, FACE.least_cosine, FACE.swollen, FACE.untold])
@@ -312,11 +310,10 @@ def _make_faces(
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Curved faces in the making.
+    """Curved faces during the fit.
 
-    chosen (n,) numbers of their triangles; coefficients (n, 14, 3) m; own
-    (n, 15, 3) unit normals at nodes and corners, and those that are meant, which are others where
-    it is known; is_swollen (n,)
+    chosen (n,): their triangles; coefficients (n, 14, 3) m; own (n, 15, 3): unit normals at nodes
+    and corners; meant: the intended normals, different from `own` on exact faces; is_swollen (n,)
     """
 
     chosen: Ints
@@ -344,7 +341,7 @@ def fit_faces(
     chosen: Ints,
     known: ExactLimit | None,
 ) -> Steps[tuple[Faces, Bools]]:
-    """Faces over chosen triangles (n,), and which of them stay near their facets."""
+    """Faces over chosen triangles (n,), and a mask of faces near their facets."""
     coefficients = np.empty((len(chosen), N_TERMS, 3))
     own = np.empty((len(chosen), len(AT), 3))
     meant = own if known is None else np.empty_like(own)
@@ -384,10 +381,10 @@ def fit_faces(
 def match_edges(
     faces: Faces, known: ExactLimit, edges: Edges, corners: Floats, facets: Floats
 ) -> Bools:
-    """Let faces (n,) whose neighbours are better known take places on the edges between from them.
+    """Copy places on edges to faces (n,) from neighbours of higher rank.
 
-    Returns which stay near their facets (n,). edges : those of triangles with corners (t, 3, 3) and
-    normals facets (t, 3) across which the surface runs on
+    Returns a mask (n,) of faces near their facets. edges : of triangles with corners (t, 3, 3) and
+    normals facets (t, 3), across which the surface continues
     """
     row = np.full(len(corners), -1)
     row[faces.chosen] = np.arange(len(faces.chosen))
@@ -398,7 +395,7 @@ def match_edges(
     f, s = f[is_between], s[is_between]
     sides = edges.corner_first[is_between], edges.corner_second[is_between]
 
-    # by the nodes of those that change, and of those that stay
+    # nodes of the faces to change, and of their better neighbours
     is_lower = rank[f] < rank[s]
     changed, better = np.where(is_lower, (f, s), (s, f))
     mine, theirs = np.where(is_lower, sides, sides[::-1])

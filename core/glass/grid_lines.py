@@ -1,8 +1,8 @@
-"""How smoothly the vertices of a mesh are laid out along its lines, from edge to edge straight on.
+"""Smoothness of a mesh along its lines of edges: how well its vertices lie on smooth curves.
 
-Lines of a mesh that was drawn (a primitive, a lathe, a subdivided cage) run on smoothly, however
-coarse it is. Those of a mesh that was remeshed, decimated or scanned do not, even where all
-vertices lie on the surface.
+Lines go straight on from edge to edge. On a modelled mesh (a primitive, a lathe, a subdivided cage)
+they run smoothly, however coarse it is. On a remeshed, decimated or scanned mesh they do not, even
+if all vertices lie on the surface.
 """
 
 from dataclasses import dataclass
@@ -19,25 +19,25 @@ from .vertices import Vertices
 
 @dataclass(frozen=True)
 class LineKnobs:
-    """Which edges make up a line (design.md, decision 3, "Automatic").
+    """Edges that form a line (design.md, decision 3, "Automatic").
 
     Tuned by `dev.py irregular` on ellipsoids, tori and waves of 8 to 24 faces around, and on
     remeshed, decimated and noisy meshes.
 
     Parameters
     ----------
-    bent : of an edge's length, in the tangent plane: by less the edge that goes on may differ from
-        it, in direction and length together; where none does a line ends
-    vertices : whose highest difference is looked at: it is 0 on curves of a lower degree, and 9 %
+    bent : fraction of an edge's length, in the tangent plane: largest difference, in direction and
+        length together, of the edge that continues it; without one the line ends
+    vertices : number used for the highest difference: it is 0 on curves of a lower degree, and 9 %
         of the sag on a circle of eight faces
-    ends : so many of the smoothest lines that start at a vertex are smooth: two lines cross there,
-        with four ends. The diagonals of quads need not be smooth, and one line alone is the circle
-        of any lathe
-    spokes : so many edges of an odd vertex, and more, make it a pole, through which a line goes on
-        between the two of the other side. Five and seven meet in any irregular mesh, and a ball of
-        56 triangles, seven around, is nearer to the one meant as drawn
-    straight : rad, to the next edge: lines that bend by less are straight, and so not coarse. What
-        they bend by is rounding: of float32, up to 1e-5 in edges of a hundredth of the size
+    ends : number of smooth lines that must start at a smooth vertex: two lines cross there, with
+        four ends. Diagonals of quads need not be smooth, and one line alone is the circle of any
+        lathe
+    spokes : smallest odd number of edges of a pole, where a line continues between the two opposite
+        edges. Five and seven meet in any irregular mesh, and a ball of 56 triangles, seven around,
+        is closer to the intended one as drawn
+    straight : rad, to the next edge: lines with less bend are straight, so not coarse. Their bend
+        is rounding: of float32, up to 1e-5 in edges of a hundredth of the size
     """
 
     bent: float = np.sqrt(0.7)
@@ -49,17 +49,17 @@ class LineKnobs:
 
 LINES = LineKnobs()
 
-# Of the three fourth differences of seven vertices the sixth, which is 0 on a smooth line
+# combines three fourth differences of seven vertices into the sixth, which is 0 on a smooth line
 SMOOTH = ((1, -2, 1),)
 
 
 class Lines(NamedTuple):
-    """What lines tell of the vertices (f,) that they run through.
+    """Smoothness of the lines through vertices (f,).
 
-    scatter : how far vertices lie off smooth lines, in units of the size asked for; infinite where
-        there are no lines
-    phase : rad squared: by how much of a circle, an ellipse or a wave the lines go on from vertex
-        to vertex, where they are coarsest
+    scatter : distance of the vertices from smooth lines, in units of the given size; infinite
+        without lines
+    phase : rad squared: squared step along a circle, an ellipse or a wave from vertex to vertex, on
+        the coarsest line
     """
 
     scatter: Floats
@@ -67,18 +67,18 @@ class Lines(NamedTuple):
 
 
 def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
-    """How smooth and how coarse lines are, of sizes (f,).
+    """Smoothness and coarseness of the lines through vertices of sizes (f,), m.
 
-    The scatter is the highest difference along the line (rms 1 for vertices that are off by 1 at
-    random). What is counted is off in any direction: sideways a remeshed mesh is off most. The
-    phase is the fourth difference over the second, in the middle: on an ellipse or a wave of n
-    vertices both are of one direction, and (2 sin(pi / n))^2 apart whatever its axes. That of a
-    straight line is 0, but for rounding.
+    The scatter is the highest difference along the line (rms 1 for vertices off by 1 at random).
+    All directions count: vertices of a remeshed mesh are off mostly sideways. The phase is the
+    fourth difference over the second, in the middle: on an ellipse or a wave of n vertices both
+    have one direction and the ratio (2 sin(pi / n))^2, for any axes. On a straight line it is 0,
+    except for rounding.
     """
     across, poles = _find_across(v)
     yield 0
 
-    # along the lines that start with each pair, all at once
+    # along the lines from each pair, all at once
     n = LINES.vertices
     second, *fourths = (
         np.pad(_weights(order), (k, n - 1 - order - k))
@@ -94,7 +94,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
         if k == 1:
             at = take(v.at, v.end)
         elif k:
-            # what is one vertex nearer in the line that goes on from the end of the pair
+            # the place one vertex nearer, on the line that continues at the end of the pair
             before, was_line = at, is_line
             at = take(before, onward)
             is_line = take(was_line, onward) & (onward >= 0)
@@ -106,7 +106,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
                 difference += weight * at
         yield 0
 
-    # a vertex in one place with all its neighbours has no line
+    # a vertex in the same place as all its neighbours has no line
     bend = length_of(differences[0])
     bends = length_of(differences[2])
     least = LINES.straight * take(size, v.start)
@@ -114,7 +114,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
     off = np.where(is_line, off_lines(differences[1:], SMOOTH), np.inf)
     yield 0
 
-    # near a rim a line has no room one way, and counts for both
+    # near a rim a line does not fit on one side: the value of the other side counts for both
     has_room = is_line | (across < 0)
     off, phase = (np.where(has_room, x, x[across]) for x in (off, phase))
     yield 0
@@ -124,7 +124,7 @@ def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
     for some, pairs in v.by_valence(np.diff(v.first) >= LINES.ends):
         ends = off[pairs]
         scatter[some] = np.partition(ends, LINES.ends - 1, axis=1)[:, LINES.ends - 1]
-        # on a regular mesh many are the same
+        # with a margin for ties, which are common on a regular mesh
         is_smooth = ends <= (1 + 1e-6) * scatter[some, None]
         coarsest[some] = np.where(is_smooth, phase[pairs], 0.0).max(axis=1)
 
@@ -132,8 +132,8 @@ def look_along_lines(v: Vertices, size: Floats) -> Steps[Lines]:
 
 
 def off_lines(differences: Floats, together: tuple[tuple[int, ...], ...]) -> Floats:
-    """Root of the mean square (p,) of sums of fourth differences (3, p, 3), each of which is 1 for
-    vertices that are off by 1 at random.
+    """Root mean square (p,) of sums of fourth differences (3, p, 3), each 1 for vertices off by 1
+    at random.
     """
     squared = np.zeros(differences.shape[1])
     for weights in together:
@@ -145,22 +145,24 @@ def off_lines(differences: Floats, together: tuple[tuple[int, ...], ...]) -> Flo
 
 
 def _weights(order: int) -> Floats:
-    """Of the places that a difference of some order is made of."""
+    """Weights of the places in a difference of some order."""
     return np.array([comb(order, k) * (-1) ** k for k in range(order + 1)], float)
 
 
 def _half_on(n: int) -> Floats:
-    """Weights (n, n) of n values, odd, evenly around a circle, of what is half a circle on from
-    each: between two of them, by the trigonometric polynomial through all. For ellipses that is
-    exact, and the sum of the squares is 1: noise stays as it is.
+    """Weights (n, n) of n values, n odd, evenly around a circle, for the value half a circle on
+    from each.
+
+    The value lies between two of them, on the trigonometric polynomial through all. It is exact for
+    ellipses, and the squared weights sum to 1: noise keeps its size.
     """
     steps = np.arange(n) - np.arange(n)[:, None]
     return (-1.0) ** (n // 2 + steps) / (n * np.cos(np.pi * steps / n))
 
 
 def _find_across(v: Vertices) -> tuple[Ints, list[Ints]]:
-    """The pair (p,) on the other side of its vertex that each goes on from, -1 where none is; and
-    the spokes of poles with no edge on the other side: their pairs (n, m), in order around.
+    """Continuation (p,) of each pair across its vertex, -1 without one; and the spokes of poles
+    without an edge opposite: their pairs (n, m), in order around.
     """
     away = take(v.at, v.end) - take(v.at, v.start)
     normal = take(v.normal, v.start)
@@ -189,8 +191,10 @@ def _find_across(v: Vertices) -> tuple[Ints, list[Ints]]:
 
 
 def _find_spokes(out: Floats, normal: Floats, pairs: Ints) -> Ints:
-    """The pairs (k, m), in order around, of those of n vertices from each of which the middle of
-    two runs on straighter than both. out (n, m, 3): their edges, in the planes of normals (n, 3).
+    """Pairs (k, m), in order around, of the vertices among n whose every edge continues straighter
+    between two opposite edges than along either.
+
+    out (n, m, 3): the edges, in the planes of normals (n, 3)
     """
     first = out[:, :1]
     aside = np.cross(normal[:, None], first)
@@ -204,8 +208,8 @@ def _find_spokes(out: Floats, normal: Floats, pairs: Ints) -> Ints:
 
 
 def _find_back(v: Vertices) -> Ints:
-    """The pair (p,) that runs the other way, of each."""
-    # it has the same place among those that are sorted by their ends first
+    """The reverse (p,) of each pair."""
+    # its rank by (start, end) is the pair's rank by (end, start)
     by_end = np.argsort(v.end, kind="stable")
     back = np.empty_like(by_end)
     back[by_end[np.argsort(v.start[by_end], kind="stable")]] = by_end

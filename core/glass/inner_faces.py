@@ -1,7 +1,7 @@
-"""Faces within a body, such as boolean leftovers, mirror seams and the walls of CAD cells.
+"""Faces inside a body (boolean leftovers, mirror seams, walls of CAD cells), found and removed.
 
-Where more than two faces meet at an edge, their sides bound cells of space. A body is the union of
-the cells that one outer cell surrounds, and a face between two of them bounds no body.
+If more than two faces meet at an edge, their sides bound cells of space. A body is the union of the
+cells inside one outer cell; a face between two of its cells bounds no body.
 """
 
 from dataclasses import replace
@@ -15,11 +15,12 @@ from .meshes import components
 
 
 def find_bodies(vertices: Floats, triangles: Ints) -> Ints:
-    """The body (t,) on one side of each of triangles (t, 3), of vertices (v, 3) of any unit.
+    """Label (t,) of the body on one side of each of triangles (t, 3), with vertices (v, 3) in any
+    unit.
 
-    A label that bodies share with no other; -1 for triangles within one. Triangles that no body is
-    on one side of, as those of an open mesh, are each a part of their connected component. All have
-    one label where no edge has more than two triangles.
+    Each body has its own label; triangles inside one have -1. Triangles next to no body, as in an
+    open mesh, have one label for each connected component. If no edge has more than two triangles
+    all labels are the same.
     """
     if _edges_of(triangles)[-1].max(initial=0) <= 2:
         return np.zeros(len(triangles), np.int64)
@@ -30,7 +31,7 @@ def find_bodies(vertices: Floats, triangles: Ints) -> Ints:
     low, high, is_along, edge, counts = _edges_of(once)
     apex = np.roll(once, 1, axis=1).ravel()
 
-    # around each edge, from its lower to its higher vertex, counterclockwise
+    # around each edge, counterclockwise about its direction from lower to higher vertex
     is_shared = counts[edge] > 2
     angle = np.zeros(len(edge))
     angle[is_shared] = _angles(*(vertices[at[is_shared]] for at in (low, high, apex)))
@@ -44,7 +45,7 @@ def find_bodies(vertices: Floats, triangles: Ints) -> Ints:
     cell = components(2 * len(once), ahead[order], ahead[following] ^ 1)
     front, back = cell.reshape(-1, 2).T
 
-    # the outer cell of a component alone has a negative volume
+    # only the outer cell of a component has a negative volume
     a, b, c = np.moveaxis(vertices[once] - vertices[once[0, 0]], 1, 0)
     volume = np.bincount(back, dot(a, np.cross(b, c)), len(cell))
     volume -= np.bincount(front, dot(a, np.cross(b, c)), len(cell))
@@ -62,8 +63,8 @@ def find_bodies(vertices: Floats, triangles: Ints) -> Ints:
 
 
 def _edges_of(triangles: Ints) -> tuple[Ints, Ints, Bools, Ints, Ints]:
-    """Of the sides (3 t,) of triangles (t, 3): lower and higher vertex, whether it runs from the
-    one to the other, the number of its edge; and how many sides each edge has.
+    """Sides (3 t,) of triangles (t, 3): lower and higher vertex, whether it runs from lower to
+    higher, index of its edge; and the number of sides of each edge.
     """
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(start, end).astype(np.int64), np.maximum(start, end)
@@ -73,19 +74,19 @@ def _edges_of(triangles: Ints) -> tuple[Ints, Ints, Bools, Ints, Ints]:
 
 
 def _angles(low: Floats, high: Floats, apex: Floats) -> Floats:
-    """Angles (n,) around edges from `low` to `high` at which triangles stand whose third corners
-    are `apex`, all (n, 3).
+    """Angles (n,), rad, around edges from `low` to `high` of triangles with third corners `apex`,
+    all (n, 3).
     """
     along = high - low
     across = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
-    with np.errstate(invalid="ignore"):  # an edge without a length has no order around it
+    with np.errstate(invalid="ignore"):  # an edge of length 0 has no order around it
         beside = np.cross(along, across) / np.linalg.norm(along, axis=1, keepdims=True)
     return np.arctan2(dot(apex - low, beside), dot(apex - low, across))
 
 
 def _are_hollow(front: Ints, back: Ints, is_outer: Bools) -> Bools:
-    """Which cells are cavities: none of their faces is one of the outer cell, and all of these look
-    into the cavity where faces of the body look out of it.
+    """Mask of cells that are cavities: they share no face with the outer cell, and all their faces
+    look into them if the body's faces look outward (or the reverse).
     """
     n = len(is_outer)
     looks_in = np.bincount(front, minlength=n)
@@ -98,7 +99,7 @@ def _are_hollow(front: Ints, back: Ints, is_outer: Bools) -> Bools:
 
 
 def without_inner(mesh: Mesh) -> Mesh:
-    """A mesh without the triangles within its bodies, whose bodies have no vertex in common."""
+    """The mesh without triangles inside its bodies, and with no vertex shared by two bodies."""
     body = find_bodies(mesh.vertices, mesh.triangles)
     if not body.any():
         return mesh

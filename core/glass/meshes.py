@@ -1,4 +1,4 @@
-"""Triangles and their neighbours: edges, connected components, patches."""
+"""Geometry and topology of triangles: edges, connected components, patches, boxes, planes."""
 
 from dataclasses import dataclass
 
@@ -34,12 +34,12 @@ def components(n: int, a: Ints, b: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Pairs of triangles that share an edge, and whether the mesh is closed and wound one way.
+    """Pairs of triangles with a common edge, and the number of other edges.
 
-    first, second : (e,) triangle indices; corner_first, corner_second :
-        (e,) corner at which the edge starts in each
-    is_same_way : (e,) both run along the edge in the same
-        direction, so one of them is wound the wrong way
+    first, second : (e,) triangle indices
+    corner_first, corner_second : (e,) corner at which the edge starts in each
+    is_same_way : (e,) both run along the edge in the same direction, so one of them is wound the
+        wrong way
     n_open : edges with one triangle or more than two
     """
 
@@ -51,14 +51,14 @@ class Edges:
     n_open: int
 
     def at(self, which: Bools) -> "Edges":
-        """Some of them."""
+        """A subset of the pairs."""
         columns = self.first, self.second, self.corner_first, self.corner_second, self.is_same_way
         return Edges(*(column[which] for column in columns), self.n_open)
 
 
 def find_edges(triangles: Ints) -> Edges:
-    """Match the edges of triangles (t, 3) by their vertex
-    indices. Edges of more than two triangles join none.
+    """Match the edges of triangles (t, 3) by vertex index. An edge of more than two triangles joins
+    none.
     """
     start = triangles.astype(np.int64).ravel()
     end = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
@@ -88,11 +88,11 @@ def boxes_of(corners: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Triangles as planes with barycentric axes: u = (p -
-    corner) . axis_u, v likewise, p a point of the plane.
+    """Planes of triangles with barycentric axes: u = (p - corner) . axis_u, v likewise, p a point
+    of the plane.
 
-    corner, normal, axis_u, axis_v : (t, 3); the normal is not
-        unit; NaN axes for a triangle without area
+    corner, normal, axis_u, axis_v : (t, 3); the normal is not unit; NaN axes for a triangle without
+        area
     """
 
     corner: Floats
@@ -113,10 +113,7 @@ class Frames:
             )
 
     def distance(self, k: Ints | int, origins: Floats, directions: Floats) -> Floats:
-        """Distance of rays (n, 3) to the *planes* of triangles k.
-
-        Not finite where they are parallel.
-        """
+        """Distance of rays (n, 3) to the *planes* of triangles k; not finite if parallel."""
         normal = self.normal[k]
         with np.errstate(invalid="ignore", divide="ignore"):
             return dot(self.corner[k] - origins, normal) / dot(directions, normal)
@@ -140,20 +137,20 @@ def areas_of(corners: Floats) -> Floats:
 
 
 def spheres_of(corners: Floats) -> tuple[Floats, Floats]:
-    """Centres (t, 3) and radii (t,) of spheres that hold triangles with corners (t, 3, 3)."""
+    """Centres (t, 3) and radii (t,) of spheres around triangles with corners (t, 3, 3)."""
     centre = corners.mean(axis=1)
     return centre, np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
 
 
 def volume_of(corners: Floats) -> float:
-    """Volume, m^3, that facets (t, 3, 3) enclose, positive where they face out of it."""
+    """Signed volume, m^3, inside facets (t, 3, 3); positive if they face outward."""
     a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)
     return float(dot(a, np.cross(b, c)).sum() / 6)
 
 
 def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
-    """Values (t, 3, c) of the corners at both ends of each edge,
-    (e, 2, c), in its first and its second triangle.
+    """Values (t, 3, c) of the corners at both ends of each edge, (e, 2, c), in its first and its
+    second triangle.
     """
     i = edges.corner_first
     j = edges.corner_second
@@ -172,10 +169,9 @@ def edge_corners(values: Floats, edges: Edges) -> tuple[Floats, Floats]:
 
 
 def find_joined(normals: Floats, edges: Edges) -> Bools:
-    """Which edges (e,) join two faces to one patch: those at
-    both of whose ends the corner normals agree.
+    """Mask (e,) of edges that join two faces into one patch: corner normals agree at both ends.
 
-    normals : (t, 3, 3) unit normals at the corners (a flat triangle has its own three times).
+    normals : (t, 3, 3) unit normals at the corners (a flat triangle repeats its own three times).
     """
     first, second = edge_corners(normals, edges)
     return greatest(np.abs(first - second)) < SAME_NORMAL

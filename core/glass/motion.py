@@ -1,4 +1,4 @@
-"""Rigid motion: a mesh that was only moved or turned need not be made ready again."""
+"""Rigid motion from one mesh to another, for reuse of all work on a mesh that only moved."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,18 +9,18 @@ from ..base.arrays import Floats
 from ..base.products import turn
 from ..rig.rig import Mesh
 
-FITTED = 64  # vertices from which a motion is found; all others have to follow it
-# of the distances: the loss in products of doubles
+FITTED = 64  # vertices used to find a motion; all others must follow it
+# relative loss in products of doubles
 PRODUCT_ROUNDING = 1e-13
-# in each component: so far normals may be off that were turned along
+# largest difference of rotated normals, per component
 TURNED_NORMAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Points p go to rotation p + shift. rotation (3, 3) orthonormal, not mirroring.
+    """Rigid motion of points p to rotation p + shift.
 
-    Shift (3,) m.
+    rotation (3, 3) orthonormal, not mirroring; shift (3,) m
     """
 
     rotation: Floats
@@ -28,19 +28,19 @@ class Motion:
 
     @cached_property
     def is_shift(self) -> bool:
-        """Does nothing turn? Then products with the rotation would give the same numbers."""
+        """Whether nothing rotates: products with the rotation would give the same numbers."""
         return np.array_equal(self.rotation, np.eye(3))
 
     def points(self, at: Floats) -> Floats:
-        """Where points (..., 3) go."""
+        """Points (..., 3) after the motion."""
         return self.directions(at) + self.shift
 
     def directions(self, directions: Floats) -> Floats:
-        """Where directions (..., 3) turn; the same array where nothing does."""
+        """Directions (..., 3) after the motion; the same array if nothing rotates."""
         return directions if self.is_shift else turn(self.rotation, directions)
 
     def back(self, at: Floats, directions: Floats) -> tuple[Floats, Floats]:
-        """Where points and directions (..., 3) have come from."""
+        """Points and directions (..., 3) before the motion."""
         if self.is_shift:
             return at - self.shift, directions
         back = self.rotation.T
@@ -48,11 +48,12 @@ class Motion:
 
 
 def size_of(mesh: Mesh) -> tuple[float, float]:
-    """A length of a mesh that motions keep, m, and a number `loss`: one of two meshes may be the
-    other one moved only if their lengths differ by no more than both losses.
+    """Length of a mesh, m, unchanged by motions, and its `loss`: one mesh can be another after a
+    motion only if their lengths differ by at most both losses.
 
-    The length is the distance from the mean of all vertices to the furthest of them. Where each
-    component of each vertex is off by `allowed` of `find_motion`, it is off by 2 sqrt(3) of it.
+    The length is the distance from the mean of all vertices to the furthest one. If each component
+    of each vertex is off by `allowed` of `find_motion`, the length is off by 2 sqrt(3) times as
+    much.
     """
     from_mean = mesh.vertices - mesh.vertices.mean(axis=0)
     loss = 4 * (PRODUCT_ROUNDING * np.abs(mesh.vertices).max() + 4 * mesh.rounding)
@@ -60,9 +61,7 @@ def size_of(mesh: Mesh) -> tuple[float, float]:
 
 
 def find_motion(before: Mesh, after: Mesh) -> Motion | None:
-    """The motion from one mesh to another; None where they
-    differ by more than one and the vertices' rounding.
-    """
+    """Motion from one mesh to another; None if they differ by more than a motion and rounding."""
     if any(
         getattr(before, name) != getattr(after, name) for name in ("surface", "has_mean_normals")
     ) or not all(
@@ -76,7 +75,7 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     if a.shape != b.shape or (before.corner_normals is None) != (after.corner_normals is None):
         return None
 
-    # a rotation that takes some of the vertices as near as any
+    # the best rotation for some of the vertices
     some = np.linspace(0, len(a) - 1, min(len(a), FITTED)).astype(int)
     from_middle = a[some].mean(axis=0)
     to_middle = b[some].mean(axis=0)
@@ -85,15 +84,15 @@ def find_motion(before: Mesh, after: Mesh) -> Motion | None:
     # of vectors (Acta Crystallographica A 32, 1976)
     u, _, v = np.linalg.svd((b[some] - to_middle).T @ (a[some] - from_middle))
     if np.linalg.det(u) * np.linalg.det(v) < 0:
-        u[:, 2] *= -1  # the mirror image of a flat mesh is the same; of others it will not fit
+        u[:, 2] *= -1  # for a flat mesh the mirror image is the same; others will not fit
 
     rotation = u @ v
     if np.abs(rotation - np.eye(3)).max() < PRODUCT_ROUNDING:
-        rotation = np.eye(3)  # so that a mesh that was only moved is not turned by rounding
+        rotation = np.eye(3)  # rounding must not rotate a mesh that only shifted
 
     motion = Motion(rotation, to_middle - rotation @ from_middle)
 
-    # all the others have to follow it
+    # all the others must follow it
     scale = max(np.abs(a).max(), np.abs(b).max())
     allowed = PRODUCT_ROUNDING * scale + 4 * max(before.rounding, after.rounding)
     if np.abs(motion.points(a) - b).max() > allowed:

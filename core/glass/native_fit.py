@@ -1,6 +1,4 @@
-"""Fits curved faces vertex by vertex and face by face, as
-`surface_fit.py` and the files that it asks do at once.
-"""
+"""Kernel calls for the fit of curved faces: the same results as numpy's in `surface_fit.py`."""
 
 import ctypes
 from collections.abc import Sequence
@@ -14,17 +12,17 @@ from ..native.structures import FitStructure, Made
 from .vertices import Vertices
 
 FITTED_AT_ONCE = 256  # vertices, as in fit.c
-SWEPT_AT_ONCE = 1 << 14  # of them, between two pauses
+SWEPT_AT_ONCE = 1 << 14  # vertices between two pauses
 
 
 class Fit:
-    """Vertices with frames of their own, over which the surface is a height field.
+    """Vertices in local frames, over which the surface is a height field.
 
     Parameters
     ----------
-    axes : x and y (f, 3) of each vertex's frame, with its normal
-    size : (f,) m, the unit of each frame
-    is_rim : (f,)
+    axes : x and y (f, 3) of each vertex's frame; z is its normal
+    size : (f,) m, unit of each frame
+    is_rim : (f,) as in `fitted_faces.Fields`
     """
 
     def __init__(
@@ -49,8 +47,8 @@ class Fit:
         self._address = ctypes.addressof(made.structure)
 
     def fit_fields(self, wanted: Bools, ridge: Floats, coefficients: Floats) -> None:
-        """Write the coefficients (f, 14) of the wanted
-        vertices' (f,) fields, but for the first two.
+        """Write the coefficients (f, 14), except the first two, of the wanted vertices' (f,)
+        fields.
 
         ridge : (14,) added to the terms' squares
         """
@@ -60,8 +58,8 @@ class Fit:
     def settling_normals(
         self, wanted: Bools, ridge: Floats, normals: Floats, n_sweeps: int, settled: float
     ) -> Steps[Floats]:
-        """Let the wanted (f,) of normals (f, 3) agree with those of their neighbours, with pauses,
-        by so many sweeps at the most. Returns by how much the last one changed each (f, 3).
+        """Make the wanted (f,) of normals (f, 3) agree with their neighbours', with pauses, in
+        n_sweeps at most. Returns the change (f, 3) by the last one.
         """
         n = self._want(wanted, ridge)
         parts = [(first, min(SWEPT_AT_ONCE, n - first)) for first in range(0, n, SWEPT_AT_ONCE)]
@@ -90,8 +88,8 @@ class Fit:
     def find_offsets(
         self, coefficients: Floats, nodes: Floats, weights: Floats, corner: Ints
     ) -> Floats:
-        """Offsets (12, 3, n) of the nodes of triangles with
-        corners (n, 3), by fields' coefficients (f, 14).
+        """Offsets (12, 3, n) of the nodes of triangles with corners (n, 3), from the fields'
+        coefficients (f, 14).
         """
         corner = np.ascontiguousarray(corner, np.int64)
         offsets = np.zeros((len(nodes), 3, len(corner)))
@@ -102,7 +100,7 @@ class Fit:
         return offsets
 
     def _want(self, wanted: Bools, ridge: Floats) -> int:
-        """Say which vertices are wanted; how many these are."""
+        """Pass the wanted vertices to the kernel; returns their number."""
         numbers = self._made.point("wanted", np.flatnonzero(wanted), np.int64)
         self._made.set(n_wanted=len(numbers), ridge=ridge)
         return len(numbers)
@@ -115,14 +113,14 @@ def make_faces(
     knobs: Floats,
     into: Sequence[Floats | Bools],
 ) -> None:
-    """Write down what `fitted_faces.fit_faces` finds of n faces by the offsets (12, 3, n) of their
-    nodes.
+    """Write the results of `fitted_faces.fit_faces` for n faces, from the offsets (12, 3, n) of
+    their nodes.
 
     over : the facets' corners (n, 3, 3), normals (n, 3, 3) there, and their own (n, 3)
-    matrices : (44, 12) slopes at nodes and corners by u, and by v, and terms, from offsets
+    matrices : (44, 12) from offsets to slopes at nodes and corners by u, by v, and to terms
     knobs : (4,) MOST_OFFSET, and of FACE least_cosine, swollen and untold
-    into : coefficients (n, 14, 3), normals (n, 15, 3) at nodes and corners, which faces (n,) are
-        whole, and which are swollen; each in one piece
+    into : coefficients (n, 14, 3), normals (n, 15, 3) at nodes and corners, is_whole (n,) and
+        is_swollen (n,); each contiguous
     """
     n = offsets.shape[2]
     given = [np.ascontiguousarray(a, float) for a in (offsets, *over, matrices, knobs)]
@@ -139,15 +137,15 @@ def agree(
     some: slice,
     into: Sequence[Floats],
 ) -> None:
-    """Write down the normals (p, 12, 3) on which some of p faces agree with their neighbours, and
-    how far these are off, (p, 9), as `agreement.agreeing`.
+    """Write the agreed normals (p, 12, 3) of some of p faces, and their jumps (p, 9), as
+    `agreement.agreeing`.
 
-    faces : their normals (p, 15, 3), those of their vertices (p, 3, 3), and areas (p,)
+    faces : their normals (p, 15, 3), normals of their vertices (p, 3, 3), and areas (p,)
     neighbours : row (t,), triangle (p, 3), edge (p, 3) and is_drawn (p, 3) of
         `agreement.FaceNeighbours`
-    weights : (9, 3) of corners, in normals at nodes on edges; (3, 15) of changes at nodes and
-        corners, in those inside
-    least : changes inside that are less are none
+    weights : (9, 3) from corners to normals at nodes on edges; (3, 15) from changes at nodes and
+        corners to changes inside
+    least : smaller changes leave the nodes inside unchanged
     """
     first, last, _ = some.indices(len(faces[0]))
     given = [np.ascontiguousarray(a, float) for a in faces]

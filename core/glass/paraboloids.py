@@ -1,4 +1,4 @@
-"""Paraboloids over flat triangles with bent normals, to be compared with the triangles."""
+"""Paraboloids over flat triangles with bent normals, to measure the error of their flatness."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -11,14 +11,14 @@ from .curved import EDGE, MOST_OFFSET, CurvedFaces
 from .meshes import spheres_of
 from .quartics import N_TERMS, POWERS
 
-# barycentric: paraboloids, which have no neighbours, are followed this far beyond their edges
+# barycentric: paraboloids have no neighbours, and are followed this far beyond their edges
 WIDE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Paraboloids(CurvedFaces):
-    """Curved faces, and beside them paraboloids over flat
-    triangles, with about their bent normals (t, 3, 3).
+    """Curved faces, and paraboloids over flat triangles, approximating their bent normals (t, 3,
+    3).
 
     Rows from `first` on are paraboloids.
     """
@@ -28,15 +28,15 @@ class Paraboloids(CurvedFaces):
 
     @classmethod
     def beside(cls, faces: CurvedFaces, is_bent: Bools, corner_normals: Floats) -> "Paraboloids":
-        """Curved faces, and paraboloids over flat triangles with bent
-        normals (t,), which are given at their corners (t, 3, 3).
+        """Curved faces plus paraboloids over flat triangles with bent (t,) normals at their corners
+        (t, 3, 3).
         """
         n = int(is_bent.sum())
         first = len(faces.coefficients)
         row = faces.row.copy()
         row[is_bent] = first + np.arange(n)
 
-        # a paraboloid runs on nowhere, and has no normals but its own
+        # a paraboloid has no neighbours, and only its own normals
         none = np.full((n, 3), -1)
         columns = {f.name: getattr(faces, f.name) for f in fields(CurvedFaces)}
         columns |= {
@@ -49,12 +49,12 @@ class Paraboloids(CurvedFaces):
         return cls(**columns, corner_normals=corner_normals, first=first)
 
     def slack(self, row: Ints) -> Floats:
-        """How far, barycentric, the faces of rows (n,) are followed beyond their edges."""
+        """Barycentric distance to which faces of rows (n,) are followed beyond their edges."""
         return np.where(row >= self.first, WIDE, EDGE)
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats]:
-        """Centres (t, 3) and radii (t,) of spheres that hold the triangles and their faces."""
+        """Centres (t, 3) and radii (t,) of spheres around the triangles and their faces."""
         centre, radius = spheres_of(self.corners)
         return centre, (1 + MOST_OFFSET) * radius
 
@@ -75,7 +75,7 @@ class Paraboloids(CurvedFaces):
         by_power = {power: c[i] for i, power in enumerate(POWERS)}
         by_power[1, 0][:], by_power[0, 1][:] = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
 
-        # sag of an edge whose normals turn: its height is that of a parabola
+        # sag of an edge with turning normals: the height of a parabola
         middle = normals.mean(axis=1)
         high = [
             0.5 * dot(normals[:, j] - normals[:, i], corners[:, j] - corners[:, i]) * middle.T

@@ -1,6 +1,4 @@
-"""Polynomials of fourth order over a triangle: their terms, and the nodes by which they
-are told.
-"""
+"""Quartic polynomials over a triangle: their terms, and the nodes that determine them."""
 
 from math import perm
 
@@ -8,7 +6,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 
-# of u and v, or x and y: 14 terms
+# exponents of u and v, or x and y: 14 terms
 POWERS = [(a, d - a) for d in range(1, 5) for a in range(d, -1, -1)]
 N_TERMS = len(POWERS)
 
@@ -35,9 +33,8 @@ def slopes(x: Floats, y: Floats) -> tuple[Floats, Floats]:
 
 
 def grid(k: int) -> tuple[Floats, Ints]:
-    """Points of a triangle whose edges are cut into k parts: barycentric (n, 3).
-
-    And its k^2 parts (k^2, 3).
+    """Barycentric points (n, 3) of a triangle with edges cut into k parts, and its k^2 parts (k^2,
+    3).
     """
     index = {}
     for j in range(k + 1):
@@ -55,8 +52,8 @@ def grid(k: int) -> tuple[Floats, Ints]:
 
 
 def _nodes() -> Floats:
-    """Barycentric coordinates (12, 3) of the free nodes: three on
-    each edge (from corner e to e + 1), three inside.
+    """Barycentric coordinates (12, 3) of the free nodes: three on each edge (from corner e to e +
+    1), three inside.
     """
     on_edges = [np.roll([1 - s, s, 0], e) for e in range(3) for s in (0.25, 0.5, 0.75)]
     inside = [np.roll([0.5, 0.25, 0.25], e) for e in range(3)]
@@ -66,15 +63,15 @@ def _nodes() -> Floats:
 NODES = _nodes()
 N_NODES = len(NODES)
 AT_NODES = monomials(NODES[:, 1], NODES[:, 2])
-# where the offset is 0; at corner 0 all terms are
+# corners 1 and 2, where the offset is 0; at corner 0 all terms are 0
 _AT_CORNERS = monomials(np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 # (14, 12): coefficients from offsets
 FROM_NODES = np.linalg.inv(np.vstack([AT_NODES, _AT_CORNERS]))[:, :N_NODES]
 
 
 def _lower(degree: int) -> Floats:
-    """Matrix (14, 14): coefficients of the face of a lower degree
-    through the same surface, from those of a quartic.
+    """Matrix (14, 14) from the coefficients of a quartic to a face of a lower degree through its
+    points.
     """
     points = grid(degree)[0][1:]  # all but corner 0, where there is no offset
     few = [k for k, power in enumerate(POWERS) if sum(power) <= degree]
@@ -125,19 +122,17 @@ def value(c: Floats, u: Floats, v: Floats) -> Floats:
 
 
 def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-    """Value of the polynomial with coefficients (14, ...) at u, v, and its derivatives
-    by u and v.
-    """
+    """Value of the polynomial with coefficients (14, ...) at u, v, and its slopes by u and v."""
     shape = c.shape[1:]
     c, u, v = _in_one_row(c, u, v)
     u1, v1, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4 = c
-    # by Horner's scheme, whose steps are those of the slopes, too
+    # Horner's scheme, which also gives the slopes
     p3 = u3 + u * u4
     p2 = u2 + u * p3
     p1 = u1 + u * p2
     by_u = p1 + u * (p2 + u * (p3 + u * u4))
 
-    # coefficients a of v, v^2, v^3, which are polynomials of u, and slopes b of the first two
+    # coefficients a of v, v^2, v^3, polynomials of u, and slopes b of the first two
     r, s = u * u3v, u * u2v2
     r2 = u2v + r
     r1 = uv + u * r2
@@ -156,8 +151,8 @@ def value_and_slopes(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, F
 
 
 def _in_one_row(c: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-    """Coefficients (14, 3 n) of vectors (14, 3, n), and u, v as often: numbers in
-    one row are twice as fast as rows that each are multiplied by one of theirs.
+    """Coefficients (14, 3 n) of vectors (14, 3, n), with u, v repeated: twice as fast as
+    broadcasting.
     """
     if c.ndim < 3:
         return c, u, v
@@ -172,14 +167,14 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def by_term(coefficients: Floats) -> Floats:
-    """Coefficients (p, 14, 3) stored term by term: so they are
-    read many times as fast as in blocks of 14 x 3.
+    """Coefficients (p, 14, 3) term by term in memory: many times faster to read than blocks of 14 x
+    3.
     """
     return np.ascontiguousarray(coefficients.transpose(1, 2, 0)).transpose(2, 0, 1)
 
 
 def table(coefficients: Floats) -> Floats:
-    """Coefficients (p, 14, 3) as (42, p): no copy of those that are stored term by term."""
+    """Coefficients (p, 14, 3) as (42, p); not copied if stored term by term."""
     return np.ascontiguousarray(coefficients.transpose(1, 2, 0)).reshape(N_TERMS * 3, -1)
 
 
@@ -200,8 +195,7 @@ def _quadratic(points: Floats) -> Floats:
     return np.stack([points[:, i] * points[:, j] for i in range(3) for j in range(i, 3)], axis=1)
 
 
-# (3, 15): values at the nodes inside, from those at the
-# other nodes and the corners; exact for quadratics
+# (3, 15): values at the nodes inside, from the other nodes and the corners; exact for quadratics
 INWARD = np.zeros((N_NODES - N_ON_EDGES, len(AT)))
 _AROUND = np.r_[:N_ON_EDGES, N_NODES : len(AT)]
 INWARD[:, _AROUND] = _quadratic(AT[N_ON_EDGES:N_NODES]) @ np.linalg.pinv(_quadratic(AT[_AROUND]))

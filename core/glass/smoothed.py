@@ -1,4 +1,4 @@
-"""A mesh whose bumps are smoothed as by Blender's Smooth modifier, and shaded smooth."""
+"""Smoothing of a mesh, as by Blender's Smooth modifier, with smooth shading."""
 
 from dataclasses import replace
 
@@ -7,12 +7,12 @@ import numpy as np
 from ..base.arrays import Floats, Ints
 from ..rig.mesh import Mesh
 
-FACTOR = 0.5  # of the modifier, its default
+FACTOR = 0.5  # default of the modifier
 
 
 def smoothed(mesh: Mesh, times: int) -> Mesh:
-    """The mesh after so many iterations, each of which moves a vertex by FACTOR to the mean of the
-    middles of its edges.
+    """The mesh after some iterations, each moving a vertex by FACTOR to the mean midpoint of its
+    edges.
     """
     sides = np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     edges = np.unique(np.sort(sides, axis=1), axis=0)
@@ -33,8 +33,8 @@ def smoothed(mesh: Mesh, times: int) -> Mesh:
 
 
 def vertex_normals(vertices: Floats, triangles: Ints) -> Floats:
-    """Unit normals (v, 3): means over the triangles (t, 3) around each vertex, weighed by their
-    angles there, as Blender's.
+    """Unit normals (v, 3): means over the triangles (t, 3) around each vertex, weighted by their
+    angles there, as in Blender.
     """
     corners = vertices[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

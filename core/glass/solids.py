@@ -1,4 +1,4 @@
-"""Which shells of a mesh are solids, and which way they face."""
+"""Solids of a mesh: its shells, the direction they face, and the cavities inside them."""
 
 import numpy as np
 
@@ -10,20 +10,20 @@ from .inner_faces import without_inner
 from .meshes import Edges, box_of, components, find_edges, volume_of
 from .surfaces import Surface, surface_steps
 
-# of a shell: by less than this a shell is not larger than another in the same place
+# relative: shells whose volumes differ by less may be copies in the same place
 SAME_VOLUME = 1e-6
-# and back
+# tested in both directions
 OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
-# of a shell: by less than this it may stand out of another and be a cavity in it
+# fraction of a shell's size by which a cavity may stick out of the shell around it
 OUTSTANDING = 1e-3
 
 
 def contains(corners: Floats, points: Floats) -> Bools:
-    """Is each point (n, 3) inside the closed surface of triangles
-    (t, 3, 3)? By the solid angle (winding number).
+    """Whether each point (n, 3) is inside the closed surface of triangles (t, 3, 3), by the solid
+    angle (winding number).
     """
     winding = np.empty(len(points))
-    # few points are ever asked for: viewers and one corner of each shell
+    # a loop is enough: only viewers and one corner of each shell are tested
     for k, point in enumerate(points):
         a, b, c = np.moveaxis(corners - point, 1, 0)
         la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
@@ -35,8 +35,8 @@ def contains(corners: Floats, points: Floats) -> Bools:
 
 
 def holds(outer: Floats, inner: Floats) -> bool:
-    """Is a shell of triangles (i, 3, 3) inside a closed one (o,
-    3, 3)? It may touch it, but not stand out of it.
+    """Whether a shell of triangles (i, 3, 3) is inside a closed one (o, 3, 3). It may touch it, but
+    not stick out of it.
     """
     low, high = box_of(inner)
     middle = (low + high) / 2
@@ -44,20 +44,19 @@ def holds(outer: Floats, inner: Floats) -> bool:
     centres = outer.mean(axis=1)
     size = np.linalg.norm(outer - centres[:, None], axis=2).max(axis=1)
     if (np.linalg.norm(centres - middle, axis=1) > radius + size).all():
-        return bool(contains(outer, inner[0, :1])[0])  # they do not come near each other
+        return bool(contains(outer, inner[0, :1])[0])  # too far apart to touch
 
-    # its outermost points, a little further in
+    # its outermost points, moved slightly inward
     at = inner.reshape(-1, 3)
     found = at[[find(dot(at, way)) for way in OUTWARD for find in (np.argmin, np.argmax)]]
     return bool(contains(outer, found + OUTSTANDING * (middle - found)).all())
 
 
 def split_shells(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
-    """Connected shells of a mesh: triangle indices, and which of them must be turned so that all
-    face one way; and the edges of its triangles.
+    """Connected shells of a mesh: triangle indices, and a mask of triangles to flip so all face one
+    way; and the edges of all its triangles.
 
-    Of triangles between the same three vertices only the first counts: drawn twice it would not
-    join its neighbours.
+    Duplicates of a triangle are dropped: they would not join its neighbours.
     """
     drawn = np.arange(len(mesh.triangles))
     edges = find_edges(mesh.triangles)
@@ -79,8 +78,9 @@ def split_shells(mesh: Mesh) -> tuple[list[tuple[Ints, Bools]], Edges]:
 
 
 def _joined_ways(edges: Edges, n: int) -> tuple[Ints, Ints]:
-    """Two nodes a triangle, as drawn and turned, each joined with those of its neighbours that look
-    the same way: the lowest node that each, (n,) and (n,), is joined with.
+    """Components of a graph with two nodes a triangle, as drawn (n,) and flipped (n,). Each node is
+    joined with the nodes of neighbours facing the same way; returns the lowest node of its
+    component.
     """
     other = np.where(edges.is_same_way, n, 0)
     a = np.r_[edges.first, edges.first + n]
@@ -90,8 +90,8 @@ def _joined_ways(edges: Edges, n: int) -> tuple[Ints, Ints]:
 
 
 def turned_beside(triangles: Ints) -> Bools:
-    """Which of triangles (t, 3) look the other way than most of those that they hang together with:
-    none of a surface with one side only.
+    """Mask of triangles (t, 3) that face the other way than most of their shell; none on a
+    one-sided surface.
     """
     n = len(triangles)
     edges = find_edges(triangles)
@@ -110,17 +110,15 @@ def solids_from_mesh(mesh: Mesh) -> list[Surface]:
 
 
 def solid_steps(mesh: Mesh) -> Steps[list[Surface]]:
-    """Solids of a glass object: each outer shell with the
-    cavities in it, all facing out of the glass.
+    """Solids of a glass object: each outer shell with its cavities, all facing out of the glass.
 
-    A closed shell inside one that is no cavity is a cavity, whichever way its faces were
-    drawn. A shell with a boundary has no inside of its own: it stays as drawn. Faces within a
-    solid count for nothing.
+    A closed shell inside a solid one is a cavity, whichever way its faces were drawn. A shell with
+    a boundary has no inside: it stays as drawn. Faces inside a solid are ignored.
     """
-    # their facets say which holds which: surfaces, which cost more, are made of whole solids only
+    # facets decide the nesting: surfaces cost more, and are made for whole solids only
     shells = []
     volumes = []
-    edges_of = []  # shells as they are turned, where they are known
+    edges_of = []  # shells as oriented, None if not found yet
     split, edges = split_shells(mesh)
     if edges.n_open:
         mesh = without_inner(mesh)
@@ -145,7 +143,7 @@ def solid_steps(mesh: Mesh) -> Steps[list[Surface]]:
     holders: list[list[int]] = [[]] * len(shells)
     depth = np.zeros(len(shells), np.int64)
 
-    for i in np.argsort(volumes)[::-1]:  # those that hold others come first
+    for i in np.argsort(volumes)[::-1]:  # largest first: holders come before their cavities
         around = (boxes[:, 0] <= boxes[i, 0]).all(axis=1) & (boxes[:, 1] >= boxes[i, 1]).all(axis=1)
         around &= (1 - SAME_VOLUME) * volumes > volumes[i]  # a copy in the same place is not inside
         holders[i] = [
@@ -155,7 +153,7 @@ def solid_steps(mesh: Mesh) -> Steps[list[Surface]]:
 
     members: dict[int, list[int]] = {i: [i] for i in np.flatnonzero(depth % 2 == 0)}
     for i in np.flatnonzero(depth % 2 == 1):
-        for j in holders[i]:  # more than one where shells overlap
+        for j in holders[i]:  # several if shells overlap
             if depth[j] == depth[i] - 1:
                 members[j].append(i)
 

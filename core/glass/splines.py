@@ -1,11 +1,11 @@
-"""The surface that Subdivision goes towards, where the vertices of a mesh lie on it as a grid.
+"""Bicubic splines: the exact limit surface of a subdivided mesh where its quads form a grid.
 
-The limit of a grid of quads is a bicubic spline, and Blender puts vertices on it. So lines of edges
-are cubic splines, whose knots are two edges apart or more. Seven places along a line, with knots
-next to the one in the middle, are on such a spline where one sum of them is 0: of their fourth
-differences d_-1 - 4 d_0 + d_1. Derivatives at all seven follow from the places. Those along a line
-are splines along the lines across, which gives the mixed derivatives. Each quad is the bicubic of
-all that at its corners, exactly, whatever the cage was.
+The limit of a grid of quads is a bicubic spline, and Blender puts vertices on it. Lines of edges
+are therefore cubic splines with knots two edges apart or more. Seven places along a line, with
+knots next to the middle one, are on such a spline if one sum of their fourth differences is 0: d_-1
+- 4 d_0 + d_1. The derivatives at all seven follow from the places. Derivatives along a line are
+splines along the crossing lines, which gives the mixed derivatives. Each quad is exactly the
+bicubic of these data at its corners, for any cage.
 """
 
 from dataclasses import dataclass
@@ -24,14 +24,19 @@ from .vertices import Vertices
 
 @dataclass(frozen=True, eq=False)
 class QuadLines:
-    """Lines (n,), one for each pair of neighbours whose first lies where four quads meet.
+    """Lines (n,), one for each pair of neighbours whose first vertex has four quads.
 
-    pair : of the vertices, the first two of the line; beside : the line that begins at the same
-    vertex a quarter on, counter-clockwise; back : that which begins there the other way; on : that
-    which begins a vertex further, and turned : from there the way back; -1 where there are none
-    face (t,) : the line along which each triangle that is half of a quad begins, at the corner off
-    the diagonal, -1 where there is none; corner (t,) : that corner; is_half (t,) : triangles that
-    are half of a quad
+    pair : of vertices, the first two of the line
+    beside : line from the same vertex, a quarter turn counter-clockwise
+    back : line from the same vertex in the opposite direction
+    on : line from the next vertex, in the same direction
+    turned : line from the next vertex, back to this one
+    face : (t,) line along which a triangle that is half a quad begins, at the corner off the
+        diagonal
+    corner : (t,) corner off the diagonal
+    is_half : (t,) triangles that are half a quad
+
+    Numbers of lines are -1 for none.
     """
 
     pair: Ints
@@ -45,7 +50,7 @@ class QuadLines:
 
 
 def find_quad_lines(v: Vertices, edges: Edges, polygon: Ints) -> QuadLines:
-    """The lines of a mesh whose triangles are parts of polygons (t,)."""
+    """Lines of a mesh with triangles in polygons (t,)."""
     n = len(v.at)
     keys = v.start * n + v.end
     order = np.argsort(keys)
@@ -57,7 +62,7 @@ def find_quad_lines(v: Vertices, edges: Edges, polygon: Ints) -> QuadLines:
     is_diagonal, is_half = _halves(edges, polygon)
     corner = (is_diagonal.argmax(axis=1) + 2) % 3
 
-    # the pair that follows each around its vertex, past the diagonal of a quad; the last is none
+    # next pair around the vertex, past the diagonal of a quad; the last entry, -1, is for none
     at, to, last = (np.roll(v.of_corner[is_half], -k, axis=1).ravel() for k in range(3))
     pairs = find(at, to)
     follows = np.full(len(keys) + 1, -1)
@@ -67,7 +72,7 @@ def find_quad_lines(v: Vertices, edges: Edges, polygon: Ints) -> QuadLines:
     follows = np.where(is_inner[follows], follows[follows], follows)
     follows[is_inner] = -1
 
-    # opposite, where the fourth is the first again
+    # opposite pairs at vertices of four: the fourth follower is the first again
     across = follows[follows]
     pair = np.flatnonzero(across[across] == np.arange(len(across)))
     line = np.full(len(across), -1)
@@ -87,9 +92,9 @@ def find_quad_lines(v: Vertices, edges: Edges, polygon: Ints) -> QuadLines:
 
 
 def _halves(edges: Edges, polygon: Ints) -> tuple[Bools, Bools]:
-    """Edges (t, 3) that are diagonals of polygons (t,), and triangles (t,) that are half a quad."""
+    """Diagonals (t, 3) of polygons (t,) among edges, and triangles (t,) that are half a quad."""
     is_diagonal = np.zeros((len(polygon), 3), bool)
-    # a triangle that has a vertex twice is beside itself
+    # a triangle with a repeated vertex neighbours itself
     same = (polygon[edges.first] == polygon[edges.second]) & (edges.first != edges.second)
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
         is_diagonal[t[same], e[same]] = True
@@ -98,22 +103,24 @@ def _halves(edges: Edges, polygon: Ints) -> tuple[Bools, Bools]:
     return is_diagonal, (n_parts == 2) & (is_diagonal.sum(axis=1) == 1)
 
 
-# of an edge, by which vertices may be off splines: Blender's float32 leaves up to 3e-5 after three
-# levels
+# fraction of an edge by which vertices may be off splines: Blender's float32 leaves up to 3e-5
+# after three levels
 ROUNDING = 3e-5
-# share of the places on splines, at the least, beside which there are some that are off by so many
-# times more: 0.07 and more on subdivided meshes, 0.013 and less on balls of fine quads
+# smallest share of places on splines with others next to them that are off by CLEARLY times more:
+# 0.07 and more on subdivided meshes, 0.013 and less on balls of fine quads
 TOLD = 0.03
 CLEARLY = 10.0
 
-# fourth differences (3,) of seven places, and their sum, as `off_lines` takes it
+# fourth differences (3,) of seven places, and their sum for `off_lines`
 FOURTHS = np.array([np.roll([1.0, -4.0, 6.0, -4.0, 1.0, 0.0, 0.0], k) for k in range(3)])
 NEXT_TO_KNOTS = ((1, -4, 1),)
 
 
 def _derivative_weights() -> Floats:
-    """Weights (4, 7) of seven places for the derivative none to three edges before the middle one,
-    with knots next to that: of all that are exact the least, which rounding moves least.
+    """Weights (4, 7) of seven places for the derivative none to three edges before the middle one.
+
+    Knots are next to the middle. Of all exact weights they are the smallest, least sensitive to
+    rounding.
     """
     t = np.arange(-3.0, 4)
     places = [t**0, t, t**2, t**3, np.maximum(t - 1, 0) ** 3, np.maximum(t + 1, 0) ** 3]
@@ -126,8 +133,8 @@ DERIVATIVES = _derivative_weights()
 
 
 def _blends() -> tuple[Floats, Floats, Floats]:
-    """Weights (3, 15, 16), by the corner off the diagonal, of the data at a quad's corners, for the
-    place and its two derivatives at the nodes and corners of a half of it.
+    """Weights (3, 15, 16), by the corner off the diagonal, from the data at a quad's corners to the
+    place and its two derivatives at the nodes and corners of half of it.
     """
     t = np.stack([np.roll(AT, -k, axis=1)[:, 1:] for k in range(3)])[..., None, :]
     values = np.concatenate(
@@ -148,11 +155,13 @@ PLACE, BY_U, BY_V = _blends()
 
 @dataclass(frozen=True, eq=False)
 class Splines:
-    """Where a mesh lies on such a surface.
+    """Parts of a mesh on a spline surface.
 
-    is_face (t,) : triangles over which it is known; normal (f, 3) : unit, of the vertices at their
-    corners, NaN elsewhere; at (n, 3) m : where each line begins; along, mixed (n, 3) m : its
-    derivative there, and that of the line's across, along it
+    is_face : (t,) triangles on it
+    normal : (f, 3) unit, of the vertices at their corners, NaN elsewhere
+    at : (n, 3) m, start of each line
+    along, mixed : (n, 3) m, its derivative there, and the derivative along it of the crossing
+        line's
     """
 
     lines: QuadLines
@@ -171,7 +180,7 @@ class Splines:
 
 
 def _quad(lines: QuadLines, first: Ints) -> tuple[Ints, Ints, Ints, Ints]:
-    """The lines (n,) along which quads run, from corner to corner; -1 where one is not known."""
+    """Lines (n,) along the sides of quads, from corner to corner; -1 if unknown."""
 
     def step(of: Ints, which: Ints) -> Ints:
         return np.append(of, -1)[which]
@@ -185,7 +194,7 @@ def _quad(lines: QuadLines, first: Ints) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def _at_corners(s: Splines, triangles: Ints) -> Floats:
-    """Places and derivatives (n, 16, 3) at the corners of quads, as the weights ask for them."""
+    """Places and derivatives (n, 16, 3) at the corners of quads, in the order of the weights."""
     data = np.empty((len(triangles), 4, 4, 3))
     for k, line in enumerate(_quad(s.lines, s.lines.face[triangles])):
         beside = s.along[s.lines.beside[line]]
@@ -200,11 +209,11 @@ def _at_corners(s: Splines, triangles: Ints) -> Floats:
 
 
 def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
-    """Where a mesh of such lines lies on such a surface; None where it does nowhere."""
+    """Spline surface of a mesh with these lines; None without one."""
     if not len(lines.pair):
         return None
 
-    # places along lines, as far as they go, and which of these are on splines
+    # places along lines, and which of them are on splines
     start = v.start[lines.pair]
     at = take(v.at, start)
     end = take(v.at, v.end[lines.pair])
@@ -214,14 +223,14 @@ def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     yield 0
     fourths = combine(FOURTHS, places.reshape(7, -1)).reshape(3, *at.shape)
     edge = length_of(places[4] - places[2]) / 2
-    with np.errstate(invalid="ignore", divide="ignore"):  # of vertices in one place
+    with np.errstate(invalid="ignore", divide="ignore"):  # vertices in one place
         off = off_lines(fourths, NEXT_TO_KNOTS) / (ROUNDING * edge)
     is_spline = _are_splines(off, lines, steps)
     yield 0
     if is_spline is None:
         return None
 
-    # derivatives along each, and of those across along it: the lines across run the other way there
+    # derivatives along each line, then of crossing derivatives along it, negative on the way back
     along = _derivatives(places, is_spline, lines, steps)
     yield 0
     across = along[lines.beside]
@@ -231,7 +240,7 @@ def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
     mixed = np.where(np.isnan(mixed), -mixed[lines.beside], mixed)
     yield 0
 
-    # quads with all that at their corners
+    # quads with all data at their corners
     is_whole = np.isfinite(along + along[lines.beside] + mixed).all(axis=1)
     is_whole = np.append(is_whole, False)
     is_face = np.logical_and.reduce([is_whole[line] for line in _quad(lines, lines.face)])
@@ -247,11 +256,12 @@ def looking_for_splines(v: Vertices, lines: QuadLines) -> Steps[Splines | None]:
 
 
 def _are_splines(off: Floats, lines: QuadLines, steps: list[Ints]) -> Bools | None:
-    """Which lines (n,) have places around their first that are on a spline, by how far these are
-    off, over what rounding leaves; None where the mesh may as well be any fine and smooth surface.
+    """Mask (n,) of lines with places around their start on a spline; off: their distance from it,
+    over the rounding error. None if any fine, smooth surface would fit as well.
 
-    So are the places around a vertex two edges on or back: of a wave those around the middle of a
-    slope are near one, too. Those around the vertex between are not, but where all are near.
+    The places around a vertex two edges on or back must be on a spline, too: on a wave, places
+    around the middle of a slope come close. Those around the vertex between are off, unless all are
+    near.
     """
     is_near = np.append(off <= 1, False)
     is_far = np.append(off > CLEARLY, False)
@@ -262,7 +272,7 @@ def _are_splines(off: Floats, lines: QuadLines, steps: list[Ints]) -> Bools | No
 
 
 def _steps(lines: QuadLines) -> list[Ints]:
-    """The lines (n,) that begin none to three vertices further on, -1 where there are none."""
+    """Lines (n,) that begin none to three vertices further on, -1 for none."""
     steps = [np.arange(len(lines.on))]
     for _ in range(3):
         steps.append(np.append(lines.on, -1)[steps[-1]])
@@ -270,13 +280,13 @@ def _steps(lines: QuadLines) -> list[Ints]:
 
 
 def _at(values: Floats, which: Ints) -> Floats:
-    """Values (n, 3) of some, NaN of those that are -1."""
+    """Values (n, 3) of the given rows, NaN for -1."""
     return np.where(which[:, None] < 0, np.nan, values[which])
 
 
 def _derivatives(places: Floats, is_spline: Bools, lines: QuadLines, steps: list[Ints]) -> Floats:
-    """The derivative (n, 3) along each line where it begins, by seven places (7, n, 3) around it,
-    or around a vertex up to three further on or back, that are on a spline; NaN where none are.
+    """Derivative (n, 3) along each line at its start, from seven places (7, n, 3) on a spline
+    around it, or around a vertex up to three further on or back; NaN without any.
     """
     by_places = combine(DERIVATIVES, places.reshape(7, -1)).reshape(4, -1, 3)
     by_places[:, ~is_spline] = np.nan

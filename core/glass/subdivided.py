@@ -1,11 +1,11 @@
-"""The surface that Subdivision goes towards, around poles and wherever quads are no grid.
+"""Exact limit surface of a subdivided mesh around poles, and wherever its quads form no grid.
 
-Blender puts vertices on the limit of the mesh that Subdivision has come to. Its control points
-follow from them, and divided twice they tell places and normals at the nodes of curved faces. That
-a mesh is such a one its control points tell: divided from coarser ones, each point on an edge is a
-quarter of the sum of the two on the faces beside it and of the coarser ones at its ends, which
-follow from those around them. On no other mesh is it, whichever points are taken for those on
-edges, but where it is fine and smooth: there all ways are near, and none is believed.
+Blender puts vertices on the limit surface of Subdivision. The control points follow from them;
+divided twice, they give places and normals at the nodes of curved faces. The control points also
+show whether a mesh was subdivided at all. If it was, each point on an edge is a quarter of the sum
+of four: two on the faces next to it, and the coarser ones at its ends, which follow from the points
+around them. Other meshes never satisfy this, whichever points are taken for edge points, except
+fine and smooth ones: there all choices come close, and none is accepted.
 
 Masks of the limit by Halstead, Kass and DeRose, "Efficient, fair interpolation using Catmull-Clark
 surfaces" (1993): a vertex of n neighbours goes to (n^2 c + 4 sum of neighbours + sum of the corners
@@ -25,16 +25,17 @@ from .quartics import AT
 from .splines import QuadLines, Splines, find_quad_lines, looking_for_splines
 from .vertices import Vertices
 
-# Chebyshev's iteration for control points: so many steps, and the least eigenvalue of the masks
-# (that of a regular grid; around other vertices none was found to be less)
+# Chebyshev iteration for control points: number of steps, and the least eigenvalue of the masks (of
+# a regular grid; no smaller one was found at other vertices)
 STEPS = 50
 LEAST_EIGENVALUE = 1 / 9
 
 
 @dataclass(frozen=True, eq=False)
 class Quads:
-    """Faces (q,) of four corners each, by loops, four a face: the vertex (4 q,) that each starts
-    at, counter-clockwise from the front, of n vertices.
+    """Faces (q,) of four corners each, with n vertices. Stored as loops, four a face.
+
+    start (4 q,): vertex where each loop starts, counter-clockwise from the front
     """
 
     start: Ints
@@ -52,7 +53,7 @@ class Quads:
 
     @cached_property
     def twin(self) -> Ints:
-        """The loop (4 q,) that runs the other way along the same edge; its own where none does."""
+        """Loop (4 q,) that runs the other way along the same edge; itself without one."""
         end = self.start[self.after]
         key = self.start * self.n + end
         order = np.argsort(key)
@@ -67,7 +68,7 @@ class Quads:
         return np.bincount(self.start, minlength=self.n)
 
     def around(self, values: Floats) -> tuple[Floats, Floats]:
-        """Sums (n, 3) of the values (n, 3) of the neighbours, and of the corners opposite."""
+        """Sums (n, 3) of the values (n, 3) of the neighbours, and of the opposite corners."""
         next_to = self.start[self.after]
         opposite = next_to[self.after]
         return self._sum(take(values, next_to)), self._sum(take(values, opposite))
@@ -76,13 +77,15 @@ class Quads:
         return np.stack([np.bincount(self.start, x, self.n) for x in by_loop.T], axis=1)
 
     def limit(self, points: Floats) -> Floats:
-        """Where control points (n, 3) go."""
+        """Limit positions of control points (n, 3)."""
         edges, corners = self.around(points)
         m = np.maximum(self.valence, 1)[:, None]
         return (m * m * points + 4 * edges + corners) / (m * (m + 5))
 
     def limit_normals(self, points: Floats, wanted: Bools) -> Floats:
-        """Unit normals (n, 3) of the limit where all around is known (n,), NaN elsewhere."""
+        """Unit normals (n, 3) of the limit at wanted vertices (n,) with all faces around them; NaN
+        elsewhere.
+        """
         normals = np.full_like(points, np.nan)
         around = self.twin[self.before]
         first = np.zeros(self.n, np.int64)
@@ -110,7 +113,7 @@ class Quads:
         return normals
 
     def divided(self, points: Floats) -> tuple["Quads", Floats]:
-        """Each face in four, those of loop l at 4 l; right where all around is known."""
+        """Each face split in four, those of loop l at 4 l; correct inside complete surroundings."""
         edge = np.minimum(np.arange(len(self.start)), self.twin)
         first, edge = np.unique(edge, return_inverse=True)
         of_face = points[self.start].reshape(-1, 4, 3).mean(axis=1)
@@ -129,7 +132,7 @@ class Quads:
 
 
 def finding_points(quads: Quads, places: Floats, is_inner: Bools) -> Steps[Floats]:
-    """Control points (n, 3) whose limit are places (n, 3), at inner vertices; others stay."""
+    """Control points (n, 3) with limit positions `places` (n, 3) at inner vertices; others stay."""
     middle, half = (1 + LEAST_EIGENVALUE) / 2, (1 - LEAST_EIGENVALUE) / 2
     points = places.copy()
     way = np.zeros_like(points)
@@ -145,19 +148,19 @@ def finding_points(quads: Quads, places: Floats, is_inner: Bools) -> Steps[Float
     return points
 
 
-# faces around those asked for, by which control points are found, and of those that are tested
+# rings of faces around the requested ones, to find control points, and to test them
 AROUND = 14
 TESTED = 3
-# faces around a vertex of more or fewer than four quads that may be no splines of two edges
+# rings of faces around a pole (more or fewer than four quads) without splines of two edges
 NEAR = 8
-# of an edge, by which control points may be off, and how many times less than by other ways
+# fraction of an edge by which control points may be off, and how many times less than otherwise
 ROUNDING = 1e-3
 CLEARLY = 10.0
 
 
 def _places_divided() -> Ints:
-    """The loop (5, 5), of the 64 that a quad has after two divisions, that starts at each place of
-    a grid over it: from its first corner along its first edge, and along its last.
+    """The loop (5, 5), of the 64 in a quad divided twice, that starts at each place of a grid over
+    it: from its first corner along its first edge, and along its last.
     """
     found = np.full((5, 5), -1)
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
@@ -165,7 +168,7 @@ def _places_divided() -> Ints:
     for k in range(4):
         for j in range(4):
             for m in range(4):
-                # from the innermost face outward, by its origin and its first two ways
+                # from the innermost face outward, by its origin and its first two directions
                 at = 2 * corners[j] + corners[m] @ np.stack([ways[j], ways[(j + 1) % 4]])
                 at = 4 * corners[k] + at @ np.stack([ways[k], ways[(k + 1) % 4]])
                 found[tuple(at)] = 16 * k + 4 * j + m
@@ -174,7 +177,7 @@ def _places_divided() -> Ints:
 
 
 def _nodes_divided() -> Ints:
-    """The same loops (2, 3, 15) at nodes and corners of the halves of a quad, that at its first
+    """The same loops (2, 3, 15) at nodes and corners of the halves of a quad, the one at its first
     corner and the other, by the corner off the diagonal.
     """
     grid = _places_divided()
@@ -187,11 +190,13 @@ NODES_DIVIDED = _nodes_divided()
 
 @dataclass(frozen=True, eq=False)
 class Subdivided:
-    """Where a mesh lies on such a surface.
+    """Parts of a mesh on a subdivision surface.
 
-    is_face (t,) : triangles over which it is known; normal (f, 3) : unit, of the vertices at their
-    corners, NaN elsewhere; row (t,) of each of them, -1 of others; vertex (r, 15) : that of the
-    divided mesh at its nodes and corners, with places and unit normals (n, 3)
+    is_face : (t,) triangles on it
+    normal : (f, 3) unit, of the vertices at their corners, NaN elsewhere
+    row : (t,) of each of them, -1 for others
+    vertex : (r, 15) of the divided mesh at their nodes and corners
+    places, normals : (n, 3) of these vertices, m and unit
     """
 
     is_face: Bools
@@ -210,13 +215,13 @@ class Subdivided:
 def looking_for_subdivided(
     v: Vertices, lines: QuadLines, polygon: Ints, asked: Bools
 ) -> Steps[Subdivided | None]:
-    """Where the triangles (t,) that are asked for lie on such a surface; None if nowhere."""
+    """Subdivision surface under the requested triangles (t,); None if there is none."""
     faces, halves = _faces(v, lines, polygon)
     n = len(v.at)
     n_triangles, in_halves, n_quads = (
         np.bincount(x.ravel(), minlength=n) for x in (v.of_corner, v.of_corner[halves], faces)
     )
-    # closed, and of quads alone
+    # closed, with quads only
     is_whole = (n_triangles == in_halves) & (n_triangles == np.diff(v.first))
     is_pole = is_whole & (n_quads != 4)
     if not is_pole.any():
@@ -227,14 +232,14 @@ def looking_for_subdivided(
     if not rings[0].any():
         return None
 
-    # control points of all that is around them
+    # control points of all faces around
     used, start = np.unique(faces[rings[-1]], return_inverse=True)
     quads = Quads(start.reshape(-1), len(used))
     is_whole = is_whole[used]
     is_inner = is_whole & (quads.valence == n_quads[used])
     points = yield from finding_points(quads, v.at[used], is_inner)
 
-    # which tell where it was divided
+    # they show where it was divided
     is_tested = np.zeros(n, bool)
     is_tested[faces[rings[TESTED]]] = True
     group = components(quads.n, quads.start, quads.start[quads.after])
@@ -257,9 +262,7 @@ def looking_for_subdivided(
 
 
 def _rings(faces: Ints, is_pole: Bools, asked: Bools) -> list[Bools]:
-    """Faces (q,) among those asked for that are near poles (f,), and, ring by ring, those around
-    as well.
-    """
+    """Requested faces (q,) near poles (f,), then, ring by ring, with the faces around them."""
     is_near = is_pole
     for _ in range(NEAR):
         is_near = _grown(faces, is_near)
@@ -273,8 +276,8 @@ def _rings(faces: Ints, is_pole: Bools, asked: Bools) -> list[Bools]:
 
 
 def _at_nodes(lines: QuadLines, halves: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """The row (t,) of each half (q, 2) of quads, -1 of other triangles, and the vertices (r, 15) at
-    its nodes and corners, by those at the loops (64 q,) of the quads divided twice.
+    """Row (t,) of each half (q, 2) of quads, -1 for other triangles, and the vertices (r, 15) at
+    its nodes and corners, from the loops (64 q,) of the quads divided twice.
     """
     row = np.full(len(lines.corner), -1)
     row[halves] = np.arange(halves.size).reshape(halves.shape)
@@ -284,7 +287,7 @@ def _at_nodes(lines: QuadLines, halves: Ints, loops: Ints) -> tuple[Ints, Ints]:
 
 
 def _faces(v: Vertices, lines: QuadLines, polygon: Ints) -> tuple[Ints, Ints]:
-    """The vertices (q, 4) around each quad, and its halves (q, 2), the first at the first."""
+    """Vertices (q, 4) around each quad, and its halves (q, 2), the first at the first vertex."""
     halves = np.flatnonzero(lines.is_half)
     halves = halves[np.argsort(polygon[halves], kind="stable")].reshape(-1, 2)
     corner = lines.corner[halves]
@@ -296,14 +299,14 @@ def _faces(v: Vertices, lines: QuadLines, polygon: Ints) -> tuple[Ints, Ints]:
 
 
 def _grown(faces: Ints, is_near: Bools) -> Bools:
-    """Vertices (n,), and those around the faces (q, 4) that touch them."""
+    """Mask of vertices (n,), extended by all faces (q, 4) that touch it."""
     grown = is_near.copy()
     grown[faces[is_near[faces].any(axis=1)]] = True
     return grown
 
 
 def _are_divided(quads: Quads, points: Floats, is_tested: Bools, group: Ints) -> Bools:
-    """Which control points (n,) are of a group (n,) that was divided from coarser ones."""
+    """Mask of control points (n,) in a group (n,) that was divided from coarser ones."""
     edges, corners = quads.around(points)
     m = quads.valence
     n = quads.n
@@ -311,7 +314,7 @@ def _are_divided(quads: Quads, points: Floats, is_tested: Bools, group: Ints) ->
     opposite = end[quads.after]
     edge = np.median(length_of(points[end] - points[start]))
 
-    # two kinds by turns along edges, and along diagonals
+    # two kinds of points, alternating along edges, and along diagonals
     by_edge = components(2 * n, np.r_[start, start + n], np.r_[end + n, end])
     by_corner = components(2 * n, np.r_[start, start + n], np.r_[opposite + n, opposite])
     has_two = by_corner[:n] != by_corner[n:]
@@ -342,8 +345,8 @@ def _are_divided(quads: Quads, points: Floats, is_tested: Bools, group: Ints) ->
 
 
 def _divided_twice(quads: Quads, points: Floats, kept: Bools) -> Steps[tuple[Ints, Floats, Floats]]:
-    """The vertices (64 q,) at the loops of the quads that are kept, divided twice, and places and
-    unit normals on the limit (n, 3) of all.
+    """Vertices (64 q,) at the loops of the chosen quads, divided twice, with places and unit
+    normals (n, 3) of all on the limit surface.
     """
     faces = quads.start.reshape(-1, 4)
     is_near = np.zeros(quads.n, bool)
@@ -365,15 +368,18 @@ def _divided_twice(quads: Quads, points: Floats, kept: Bools) -> Steps[tuple[Int
     return loops, fine.limit(places), normals
 
 
-# a larger mesh is judged face by face, as any other: curved all over it would take twice the time
+# larger meshes are judged face by face, as any other: curved throughout they would take twice the
+# time
 MOST_TRIANGLES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
 class ExactLimit:
-    """Triangles (t,) over which it is known, as parts tell; the unit normals (f, 3) of the vertices
-    at their corners, NaN elsewhere; and rank (t,): where two parts tell of the edge between two
-    triangles, that of the higher is believed; 0 where none does.
+    """Triangles with an exact limit surface, in parts.
+
+    is_face : (t,) triangles on any part
+    normal : (f, 3) unit, of the vertices at their corners, NaN elsewhere
+    rank : (t,) at an edge between two parts the higher one determines the edge; 0 without a part
     """
 
     parts: tuple[Splines | Subdivided, ...]
@@ -394,8 +400,10 @@ class ExactLimit:
 def exact_limit_steps(
     v: Vertices, edges: Edges, polygon: Ints, asked: Bools
 ) -> Steps[ExactLimit | None]:
-    """Where it is known of a mesh whose triangles are parts of polygons (t,), of those that are
-    asked for (t,); None where it is nowhere, and for a mesh of more than MOST_TRIANGLES.
+    """Exact limit surface of the requested triangles (t,) of a mesh with triangles in polygons
+    (t,).
+
+    None if there is none, and for a mesh of more than MOST_TRIANGLES.
     """
     if len(polygon) > MOST_TRIANGLES:
         return None
@@ -413,7 +421,7 @@ def exact_limit_steps(
     for part in parts[1:]:
         normal = np.where(np.isnan(normal), part.normal, normal)
 
-    # splines alone go through rounded vertices as they are
+    # only splines pass through rounded vertices unchanged
     rank = np.zeros(len(polygon), np.int64)
     for part in reversed(parts):
         rank[part.is_face] = 2 if part is splines else 1

@@ -1,10 +1,10 @@
-"""The surface that was meant by a smooth-shaded mesh: a curved face over each smooth triangle.
+"""Fit of the intended surface of a smooth-shaded mesh: a curved face over each smooth triangle.
 
 Around each vertex a quartic height field over its tangent plane is fitted to the positions and
-normals of its neighbours, with place and slope exact at the vertex. The fields of a triangle's
-three corners, blended, are sampled at the nodes of a quartic triangle: 12 offsets from the facet.
-On an edge only the fields of its two ends count, so that neighbours meet without a crack. Edges to
-flat faces, and sharp ones, stay straight.
+normals of its neighbours, exact in place and slope at the vertex. The fields of a triangle's three
+corners, blended, are sampled at the nodes of a quartic triangle: 12 offsets from the facet. On an
+edge only the fields of its two ends count, so neighbours meet without a crack. Edges to flat faces,
+and sharp ones, stay straight.
 
 If a mesh has only the means of its faces' normals, normals are fitted to its vertices first.
 """
@@ -42,24 +42,26 @@ from .vertices import Vertices, find_vertices, seen_across
 
 @dataclass(frozen=True)
 class NormalKnobs:
-    """How normals are found from vertices, and which are believed (design.md, decision 3).
+    """Fit of normals to vertices, and limits for their use (design.md, decision 3).
 
-    Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: where vertices lie
-    on the surface chords contradict found normals by 0.001 of the turn and less.
+    Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: if vertices lie on
+    the surface, chords contradict found normals by 0.001 of the turn and less.
 
     Parameters
     ----------
-    sweeps, settled : so many at most, an even number, and the change of normals at which they end
-    restless : of the turn to a neighbour: normals that the last sweep changes by more do not settle
-    moved : of the turn to a neighbour: found normals further from the mean have to prove themselves
-    straight : of it, by which chords to neighbours may contradict them; noise and rims make it more
-    gentle : rad, to a neighbour: what turns by more is not looked at again by stiffer fields, which
+    sweeps, settled : at most so many, an even number, and the change of normals at which they end
+    restless : fraction of the turn to a neighbour: normals with a larger change in the last sweep
+        do not settle
+    moved : fraction of the turn: found normals further from the mean have to prove themselves
+    straight : fraction of the turn: largest contradiction by chords to neighbours; noise and rims
+        add to it
+    gentle : rad, to a neighbour: sharper turns are not fitted again with stiffer fields, which
         leave out too much there: coarse balls, tori and ellipsoids get worse
-    bulge : rad: edges that turn by less cannot bulge enough to matter
-    jump : a curvature that grows this much from one edge to the next, across a vertex, ...
-    shorter : ... on an edge this much shorter, means normals that belong to a bevel, not to the
-        face beside it
-    straight_on : cosine between edges of which one goes on as the other
+    bulge : rad: edges with less turn cannot bulge enough to matter
+    jump : a curvature that grows by this factor from one edge to the next, across a vertex, ...
+    shorter : ... on an edge shorter by this factor, means normals of a bevel, not of the face next
+        to it
+    straight_on : cosine between an edge and its continuation
     """
 
     sweeps: int = 40
@@ -78,14 +80,16 @@ NORMALS = NormalKnobs()
 
 
 def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
-    """Normals (f, 3) of the surface through the vertices, where
-    the given ones are only means of the faces around, by those that are exact, NaN elsewhere.
+    """Normals (f, 3) of the surface through the vertices, if the given ones are only means of the
+    faces around.
+
+    exact : (f, 3) normals found elsewhere, NaN without one
 
     The slope at a vertex follows from the heights and slopes of its neighbours (a compact scheme:
-    fourth order from one ring). Slopes and neighbours' slopes are made to agree by sweeps, which at
-    least halve the error. Where neighbours are uneven they may let it grow: slopes there are looked
-    for once more, by stiffer fields, and those that were found before are held. At a rim, where the
-    mean is that of the last faces alone, slopes follow from two rings of neighbours: third order.
+    fourth order from one ring). Sweeps make slopes agree with neighbours' slopes; each at least
+    halves the error. On uneven neighbours they may let it grow: slopes there are fitted again with
+    stiffer fields, while the accepted ones are held. At a rim, where the mean is of the last faces
+    alone, slopes follow from two rings of neighbours: third order.
     """
     is_held = ~np.isnan(exact[:, 0])
     is_left = wanted & ~is_held
@@ -99,17 +103,16 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
         change = yield from _settling_normals(across, fields, ridge, is_left, found)
         yield 0
         is_near, is_straight = _are_near(v, fields.is_rim, turn, found, change)
-        if ridge is STIFFER:  # which settles near the mean whatever chords say
+        if ridge is STIFFER:  # these settle near the mean, whatever chords say
             is_near &= is_straight
         is_near |= is_held
 
-        # normals are found together: one far from the mean is no
-        # better than the worst of its neighbours
+        # normals are found together: one far from the mean is only as good as its worst neighbour
         is_refused = ~(is_near | is_straight)
         has_refused = np.bincount(v.start, is_refused[v.end], len(v.at)) > 0
         is_believed = is_near | (is_straight & ~has_refused)
 
-        # where the mesh is too irregular to tell, the mean is the better guess
+        # on a mesh too irregular for a fit the mean is the better guess
         normal = np.where(is_believed[:, None], found, v.normal)
         is_held |= wanted & is_believed
         is_left &= ~is_believed & (turn < NORMALS.gentle)
@@ -120,7 +123,7 @@ def finding_normals(v: Vertices, wanted: Bools, exact: Floats) -> Steps[Floats]:
 
 
 def _turns(v: Vertices, normal: Floats) -> Floats:
-    """By how much, rad, normals (f, 3) turn to a neighbour's at most, per vertex (f,)."""
+    """Largest turn (f,), rad, from normals (f, 3) to a neighbour's."""
     turn = length_of(take(normal, v.end) - take(normal, v.start))
     return np.maximum.reduceat(turn, v.first[:-1])
 
@@ -128,11 +131,11 @@ def _turns(v: Vertices, normal: Floats) -> Floats:
 def _are_near(
     v: Vertices, is_rim: Bools, turn: Floats, normal: Floats, change: Floats
 ) -> tuple[Bools, Bools]:
-    """Which normals (f, 3) that the last sweep changed by so much (f, 3) are near the means, and
-    which chords do not contradict by more than a part of the turn.
+    """Masks of normals (f, 3) near the means, and of normals consistent with the chords.
 
+    change : (f, 3) in the last sweep
     turn : (f,) rad, from a mean to its neighbours
-    is_rim : (f,) those whose means are half a face away
+    is_rim : (f,) vertices whose means are half a face away
     """
     turn = np.where(is_rim, _turns(v, normal), turn)
     with np.errstate(invalid="ignore"):
@@ -145,10 +148,10 @@ def _are_near(
 
 
 def _bend(v: Vertices, normal: Floats) -> Floats:
-    """By how much chords to neighbours contradict the normals
-    (f, 3) at their ends, per vertex (f,), rad rms.
+    """Contradiction (f,), rad rms, between chords to neighbours and the normals (f, 3) at their
+    ends.
 
-    Of a parabola a chord has the mean of the slopes at its ends.
+    On a parabola the slope of a chord is the mean of the slopes at its ends.
     """
     chord = normalise(take(v.at, v.end) - take(v.at, v.start))
     unlike = dot(take(normal, v.end) + take(normal, v.start), chord) / 2
@@ -158,9 +161,9 @@ def _bend(v: Vertices, normal: Floats) -> Floats:
 def _settling_normals(
     v: Vertices, fields: Fields, ridge: Floats, wanted: Bools, normal: Floats
 ) -> Steps[Floats]:
-    """Let the wanted ones of normals (f, 3) agree with those of their neighbours, with pauses.
+    """Make the wanted ones of normals (f, 3) agree with their neighbours', with pauses.
 
-    Returns by how much the last sweep changed each (f, 3).
+    Returns their change (f, 3) in the last sweep.
     """
     if loading.library() is not None:
         fit = fields.fit_of(v)
@@ -177,7 +180,7 @@ def _settling_normals(
         slope = np.zeros((len(some), N_TERMS, 2))
         slope[:, [0, 1], [0, 1]] = 1.0
 
-        # rows of the pseudo-inverse that give the slope; the matrix is symmetric
+        # rows of the pseudo-inverse for the slope; the matrix is symmetric
         inverse = np.matmul(weighted, solve_symmetric(matrix, slope))
 
         m = pairs.shape[1]
@@ -208,10 +211,10 @@ def _settling_normals(
 
 
 def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
-    """Pairs (p,) along which the normals turn as those of a bevel do, on the large face beside it.
+    """Pairs (p,) with normals that turn as on a bevel, on the large face next to it.
 
-    Curvature changes little from one edge to the next one straight on. Where it jumps
-    up on a much shorter edge, the normal between them belongs to that edge.
+    Curvature changes little from one edge to the next one straight on. If it jumps up on a much
+    shorter edge, the normal between them belongs to the short edge.
     """
     away = take(v.at, v.end) - take(v.at, v.start)
     length = length_of(away)
@@ -235,13 +238,12 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
 
 @dataclass(frozen=True)
 class FitKnobs:
-    """Which smooth triangles stand for a curved face (design.md, decision 3, "Contradictions").
+    """Smooth triangles that become curved faces (design.md, decision 3, "Contradictions").
 
     Tuned by `dev.py irregular` and `dev.py bench`, against closed forms.
 
-    least_cosine : between corner normals and the facet's: those further off, than 40 degrees,
-        contradict it
-    coplanar : rad: facets that turn by less are one flat face in parts
+    least_cosine : between corner normals and the facet's, 40 degrees: beyond it they contradict it
+    coplanar : rad: facets with less turn are parts of one flat face
     """
 
     least_cosine: float = np.cos(np.radians(40))
@@ -253,13 +255,14 @@ FIT = FitKnobs()
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A mesh as it is drawn.
+    """Mesh as drawn.
 
     vertices, triangles : (v, 3) m, (t, 3)
-    corner_normals : (t, 3, 3) unit; a flat triangle has its own three times
-    facets : (t, 3) normals of the triangles, unit
-    edges : of the triangles; is_joined : (e,) those at whose ends the corner normals agree
-    polygon : (t,) that each triangle is a part of; None where each is one of its own
+    corner_normals : (t, 3, 3) unit; a flat triangle repeats its own three times
+    facets : (t, 3) unit normals of the triangles
+    edges : of the triangles
+    is_joined : (e,) the corner normals agree at both ends
+    polygon : (t,) polygon of each triangle; None if each is one of its own
     """
 
     vertices: Floats
@@ -274,35 +277,34 @@ class Drawn:
 def make_curved(
     drawn: Drawn, wanted: Bools, has_mean_normals: bool, is_automatic: bool = False
 ) -> Steps[tuple[CurvedFaces | None, int]]:
-    """Curved faces over those of the wanted triangles whose
-    normals agree with their shape; and how many are doubted.
+    """Curved faces over the wanted triangles with consistent normals, and the number of doubted
+    ones.
 
     Parameters
     ----------
     wanted : (t,) smooth triangles
-    has_mean_normals : normals are means of the faces around: the
-        surface's own are found from the vertices
-    is_automatic : faces that are no nearer to the surface meant
-        than the facets are doubted, and left flat
+    has_mean_normals : normals are means of the faces around: the surface's own are found from the
+        vertices
+    is_automatic : faces no closer to the intended surface than the facets are doubted, and left
+        flat
     """
-    # an edge whose sides run the same way is none to go on over
+    # the surface does not continue across an edge with both sides running the same way
     edges = drawn.edges
     drawn = replace(drawn, is_joined=drawn.is_joined & ~edges.is_same_way)
     is_joined = drawn.is_joined
     n_triangles = len(drawn.triangles)
 
-    # the vertices, with normals that may be found from their places
     corners = take(drawn.vertices, drawn.triangles)
     asked = wanted
     found = yield from _find_normals(drawn, wanted, has_mean_normals)
     v = found.v
 
-    # a face over each triangle that does not contradict itself
+    # a face over each consistent triangle
     wanted, flat_face = _in_agreement(found, drawn, asked)
     yield 0
     size, faces, is_whole = yield from _fit(found, drawn, corners, wanted)
 
-    if not is_automatic:  # Automatic looks at swollen faces and their neighbours together
+    if not is_automatic:  # Automatic judges swollen faces together with their neighbours
         is_whole &= ~np.isin(flat_face[faces.chosen], flat_face[faces.chosen[faces.is_swollen]])
 
     if not is_whole.all():
@@ -312,7 +314,7 @@ def make_curved(
     beside = FaceNeighbours.of(faces.chosen, n_triangles, edges, is_joined)
     yield 0
 
-    # normals that agree at the edges, and faces that are trusted for it
+    # normals that agree at the edges, and trust in the faces
     area = areas_of(corners)
     at_corners = take(v.normal, v.of_corner[faces.chosen])
     agreed = yield from agreeing(faces.meant, at_corners, area[faces.chosen], beside)
@@ -334,7 +336,7 @@ def make_curved(
     if not len(faces.chosen):
         return None, n_doubted
 
-    # drawn faces have the normals that were given: so have the faces around its vertices
+    # flat faces keep the given normals: so do the curved faces around their vertices
     normal = _with_given(v, found.given, beside.row < 0)
     vertex = v.of_corner[faces.chosen]
 
@@ -347,9 +349,12 @@ def make_curved(
 
 
 class _Meant(NamedTuple):
-    """The vertices of a mesh, with the normals that were meant; those given (f, 3); the triangles
-    (t,) that are wanted still; the vertices (f,) at the corners of those wanted before; and where
-    the surface is known.
+    """Vertices of a mesh with the intended normals.
+
+    given : (f, 3) normals before the fit
+    wanted : (t,) triangles still to be curved
+    is_used : (f,) vertices at the corners of triangles wanted before
+    known : the exact limit surface, if any
     """
 
     v: Vertices
@@ -360,7 +365,9 @@ class _Meant(NamedTuple):
 
 
 def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[_Meant]:
-    """Vertices whose normals are found where they were means; wanted are those they fit."""
+    """Vertices with fitted normals if the given ones are means; `wanted` are the triangles they
+    fit.
+    """
     asked = wanted
     least = np.einsum("tij,tj->ti", drawn.corner_normals, drawn.facets).min(axis=1)
     wanted = wanted & (least > FIT.least_cosine)
@@ -395,8 +402,10 @@ def _find_normals(drawn: Drawn, wanted: Bools, has_mean_normals: bool) -> Steps[
 def _fit(
     found: _Meant, drawn: Drawn, corners: Floats, wanted: Bools
 ) -> Steps[tuple[Floats, Faces, Bools]]:
-    """The sizes (f,) of vertices' fields, faces over wanted triangles (t,), with corners (t, 3, 3)
-    of all, and which of them stay near their facets.
+    """Sizes (f,) of vertices' fields, faces over wanted triangles (t,), and a mask of faces near
+    their facets.
+
+    corners : (t, 3, 3) m, of all triangles
     """
     v, known = found.v, found.known
     chosen = np.flatnonzero(wanted)
@@ -413,26 +422,28 @@ def _fit(
 
 
 def _are_corners(v: Vertices, wanted: Bools) -> Bools:
-    """Which vertices are corners of wanted triangles (t,)?"""
+    """Mask of vertices at corners of wanted triangles (t,)."""
     is_used = np.zeros(len(v.at), bool)
     is_used[v.of_corner[wanted]] = True
     return is_used
 
 
 def _with_given(v: Vertices, given: Floats, is_drawn: Bools) -> Floats:
-    """Normals (f, 3) of vertices: those given where triangles (t,) around are drawn, else found."""
+    """Normals (f, 3) of vertices: the given ones at drawn triangles (t,), the fitted ones
+    elsewhere.
+    """
     return np.where(_are_corners(v, is_drawn)[:, None], given, v.normal)
 
 
 def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Ints]:
-    """Which wanted triangles (t,) have normals that fit their
-    shape; and the flat face (t,) that each is a part of.
+    """Mask of wanted triangles (t,) with normals that fit their shape, and the flat face (t,) of
+    each.
 
-    asked : (t,) triangles that were wanted to begin with
+    asked : (t,) triangles wanted at first
     """
     v, wanted = found.v, found.wanted
 
-    # no edge of theirs turns as a bevel does
+    # none of their edges turns as on a bevel
     is_bad = contradicted(v, v.normal, found.is_used)
     if is_bad.any():
         n = len(v.at)
@@ -445,14 +456,14 @@ def _in_agreement(found: _Meant, drawn: Drawn, asked: Bools) -> tuple[Bools, Int
             is_bad &= ~found.known.is_face
         wanted = wanted & ~is_bad
 
-    # a flat face in parts is curved as a whole or not at all
+    # a flat face is curved as a whole or not at all
     first, second = drawn.edges.first, drawn.edges.second
     turn = greatest(np.abs(take(drawn.facets, first) - take(drawn.facets, second)))
     is_flat = drawn.is_joined & (turn < FIT.coplanar)
     flat_face = components(len(wanted), first[is_flat], second[is_flat])
     wanted = wanted & ~np.isin(flat_face, flat_face[asked & ~wanted])
 
-    # nor is it when nothing around it is
+    # and stays flat if nothing around it is curved
     among = drawn.is_joined & ~is_flat & wanted[first] & wanted[second]
     curved = flat_face[np.concatenate([first[among], second[among]])]
     return wanted & np.isin(flat_face, curved), flat_face
@@ -466,8 +477,8 @@ def _put_together(
     agreed: Agreed,
     beside: FaceNeighbours,
 ) -> CurvedFaces:
-    """The curved faces, with straight edges and terms of their normals where they need them."""
-    # faces with straight edges, and what they would be without
+    """Curved faces, with straight edges and terms of their normals where needed."""
+    # faces with straight edges, and their coefficients without
     coefficients = faces.coefficients
     is_straight = beside.triangle < 0
     held = np.flatnonzero(is_straight.any(axis=1))
@@ -478,7 +489,7 @@ def _put_together(
     offsets[:, :N_ON_EDGES] *= ~np.repeat(is_straight[held], 3, axis=1)[..., None]
     coefficients[held] = np.matmul(FROM_NODES, offsets)
 
-    # terms of normals that are not the faces' own
+    # terms of normals other than the faces' own
     at_corners = take(normal, vertex)
     meant = agreed.normals, at_corners
     own = np.split(faces.own, [agreed.normals.shape[1]], axis=1)

@@ -1,4 +1,4 @@
-"""A mesh as it is traced: its surface, the shells it falls into, the solids they enclose."""
+"""Surface of a mesh, ready to be traced: flat and curved faces, normals, patches."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,11 +28,14 @@ from .surface_fit import Drawn, make_curved
 class Surface:
     """Triangles ready to be traced.
 
-    corners (t, 3, 3) m; normals (t, 3) geometric, unit, to the front; curved faces over some
-    triangles, or None; corner_normals (t, 3, 3) or None, used on the triangles that are flat with
-    bent normals, is_bent (t,); patch (t,) label within this surface; n_open edges without a
-    neighbour; n_contradicted smooth triangles that stay flat because their normals contradict their
-    shape; n_doubted because their curved faces would be no nearer to the surface meant
+    corners : (t, 3, 3) m
+    normals : (t, 3) geometric, unit, to the front
+    curved : curved faces over some triangles, or None
+    corner_normals, is_bent : (t, 3, 3) or None, for the flat triangles with bent normals, (t,)
+    patch : (t,) label within this surface
+    n_open : edges without a neighbour
+    n_contradicted : smooth triangles left flat because their normals contradict their shape
+    n_doubted : because their curved faces would be no closer to the intended surface
     """
 
     corners: Floats
@@ -46,7 +49,7 @@ class Surface:
     n_doubted: int
 
     def moved(self, motion: Motion) -> "Surface":
-        """The same surface elsewhere."""
+        """The same surface after a rigid motion."""
         return replace(
             self,
             corners=motion.points(self.corners),
@@ -68,25 +71,25 @@ class Surface:
 
     @cached_property
     def reach(self) -> float:
-        """How far curved faces stand out of their facets, m, at the most."""
+        """Largest offset, m, of curved faces from their facets."""
         return 0.0 if self.curved is None else self.curved.reach
 
     @cached_property
     def volume(self) -> float:
-        """Enclosed volume of the facets, m^3, positive for a solid."""
+        """Volume inside the facets, m^3, positive for a solid."""
         return volume_of(self.corners)
 
 
 def make_surface(mesh: Mesh) -> Surface:
-    """Surface of a mesh."""
+    """Surface of a mesh, without pauses."""
     return run_steps(surface_steps(mesh))
 
 
 def _bent_normals(
     mesh: Mesh, chosen: Ints, corner_normals: Floats | None, normals: Floats
 ) -> tuple[Floats, Bools, int]:
-    """Normals (t, 3, 3) at the corners of chosen triangles, those of the face where it is flat;
-    which (t,) are bent; and how many smooth ones contradict their shape.
+    """Normals (t, 3, 3) at the corners of chosen triangles (the face's own if flat), a mask (t,) of
+    bent ones, and the number of smooth ones with normals against their shape.
     """
     by_corner = np.broadcast_to(normals[:, None], (len(chosen), 3, 3))
     is_smooth = None if mesh.is_smooth is None else mesh.is_smooth[chosen]
@@ -95,11 +98,10 @@ def _bent_normals(
 
     with np.errstate(invalid="ignore", over="ignore"):
         corner_normals = normalise(corner_normals)
-        # not so where one is NaN
+        # false for NaN
         is_usable = (np.einsum("tij,tj->ti", corner_normals, normals) > 0).all(axis=1)
 
-    # a smooth-shaded face whose normals are its own is flat,
-    # and its own normal is the more exact one
+    # a smooth-shaded face with its own normals is flat, and the geometric normal is more exact
     is_own = greatest(np.abs(corner_normals - by_corner)) <= SAME_NORMAL
     is_bent = is_smooth & is_usable & ~is_own
     by_corner = np.where(is_bent[:, None, None], corner_normals, by_corner)
@@ -112,10 +114,9 @@ def surface_steps(
     is_flipped: Bools | None = None,
     edges: Edges | None = None,
 ) -> Steps[Surface]:
-    """Surface of a mesh, or of some of its triangles
-    (indices), some of them with the winding turned.
+    """Surface of a mesh, or of some of its triangles (indices), some with reversed winding.
 
-    edges : of the triangles as they are turned, where they are known
+    edges : of the triangles as wound here, if known
     """
     chosen = np.arange(len(mesh.triangles)) if triangles is None else triangles
     index = mesh.triangles[chosen]
@@ -138,13 +139,12 @@ def surface_steps(
     curved = None
     n_doubted = 0
 
-    # curved faces over them, where they turn further than rounding
+    # curved faces, if normals turn by more than rounding
     is_joined = find_joined(by_corner, edges)
     yield 0
     if is_bent.any() and mesh.surface != "facets":
         turn = np.abs(by_corner - np.roll(by_corner, -1, axis=1)).max()
-        # the effect of rounding on the slopes of faces through the
-        # vertices, against the error of bent normals
+        # the slope error of faces through rounded vertices, against the error of bent normals
         slope = mesh.rounding / np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
         if turn > np.sqrt(8 * slope):
             drawn = Drawn(

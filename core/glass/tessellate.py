@@ -1,4 +1,4 @@
-"""Meshes of small facets on curved faces."""
+"""Tessellation of curved faces into small flat facets."""
 
 import numpy as np
 
@@ -10,27 +10,24 @@ from .curved import CurvedFaces
 from .quartics import grid
 from .surfaces import make_surface
 
-USUAL = 0.999  # share of the faces whose turn counts; those that turn further are few
+USUAL = 0.999  # quantile of the faces' turn: the few with more are ignored
 
 
 def count_parts(faces: CurvedFaces, angle: float, most: int) -> int:
-    """Into how many parts edges have to be cut to turn by
-    less than an angle (radians) each, but at most.
-    """
+    """Number of parts an edge needs for a turn of less than `angle`, rad, each; `most` at most."""
     turns = edge_turns(faces).max(axis=1)
     return int(np.clip(np.ceil(np.quantile(turns, USUAL) / angle), 1, most))
 
 
 def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) -> Mesh:
-    """The surface that is traced, in triangles so fine that it
-    turns by less than an angle (radians) over each.
+    """The traced surface in triangles with less turn than `angle`, rad.
 
-    Corner normals are those of the curved faces; flat triangles are parted, too, so that no edge
-    meets the middle of another, and stay as drawn. The same mesh where nothing is curved.
+    Corner normals are those of the curved faces. Flat triangles are split, too, so that no edge
+    meets the middle of another, and stay as drawn. Returns the same mesh if nothing is curved.
 
     Parameters
     ----------
-    most : triangles there may be at most
+    most : largest number of triangles
     """
     surface = make_surface(mesh)
     curved = surface.curved
@@ -39,7 +36,7 @@ def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) 
 
     k = count_parts(curved, angle, max(1, int(np.sqrt(most / len(mesh.triangles)))))
 
-    # points and normals of all triangles as drawn
+    # all triangles as drawn
     weights, parts = grid(k)
     points = np.matmul(weights, surface.corners)
     normals = np.empty((len(mesh.triangles), len(weights), 3))
@@ -49,7 +46,7 @@ def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) 
         bent = surface.is_bent
         normals[bent] = normalise(np.matmul(weights, surface.corner_normals[bent]))
 
-    # those of curved faces
+    # curved faces
     triangle = curved.triangle
     points[triangle] = curved.points_on(k)
 
@@ -72,8 +69,8 @@ def tessellate(mesh: Mesh, angle: float = np.radians(1), most: int = 1_000_000) 
 
 
 def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
-    """Indices (t, n) of the points of grid(k) on triangles (t,
-    3), the same for neighbours on their edge; how many.
+    """Indices (t, n) of the points of grid(k) on triangles (t, 3), shared by neighbours on their
+    edge; and the number of points.
     """
     steps = np.round(k * grid(k)[0]).astype(int)
     index = np.empty((len(triangles), len(steps)), np.int64)
@@ -91,7 +88,7 @@ def _shared_points(triangles: Ints, k: int) -> tuple[Ints, int]:
         if len(corner):
             index[:, i] = triangles[:, corner[0]]
         elif len(on_edge):
-            e = (on_edge[0] + 1) % 3  # the edge opposite the corner whose weight is 0
+            e = (on_edge[0] + 1) % 3  # the edge opposite the corner of weight 0
             along = np.where(start[:, e] < end[:, e], step[(e + 1) % 3], step[e])
             index[:, i] = n + edge[:, e] * (k - 1) + along - 1
         else:

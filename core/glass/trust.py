@@ -1,13 +1,12 @@
-"""Which curved faces Automatic trusts: face by face, or a mesh in one piece as a whole, and how far
-where it is irregular.
+"""Trust in curved faces (Automatic): face by face or as a whole, and how far on irregular meshes.
 
-There faces may lie between the curved face and the facet as it is drawn. The facet is off by the
-curve that it leaves out, the curved face by vertices that do not lie on the surface. Neither error
-knows of the other, so that the square of the gain, by which the two faces differ, is the sum of
-both squared. The mean of both faces with the weights of least squares, 1 - (error of the curved
-face / gain)^2 for the curved one, is then less off than the better one. Weights belong to vertices
-and run evenly along edges, so that neighbours meet without a crack. On coarse regular meshes both
-errors come of the same curve, and the jumps tell less.
+On an irregular mesh a face may lie between the curved face and the facet as drawn. The facet misses
+the curve; the curved face is off because vertices do not lie on the surface. The two errors are
+independent: the squared gain, the difference of both faces, is the sum of both squared. The mean
+with least-squares weights, 1 - (error of the curved face / gain)^2 for the curved one, has a
+smaller error than the better of the two. Weights belong to vertices and vary linearly along edges,
+so neighbours meet without a crack. On coarse regular meshes both errors have the same cause, and
+jumps say less.
 """
 
 from dataclasses import dataclass, replace
@@ -28,19 +27,19 @@ from .vertices import Vertices
 
 @dataclass(frozen=True)
 class PartKnobs:
-    """How far a vertex is trusted (design.md, decision 3, "Automatic").
+    """Trust in a vertex (design.md, decision 3, "Automatic").
 
     Parameters
     ----------
-    squared_error : of a curved face, in squared errors of the jumps of its normals, if vertices are
-        off at random: 6.8 to 8.8 on balls, ellipsoids and tori with noise, whatever its size
-    least : weights below count for nothing: they would take less than a fifth off the error, and
-        make faces curved that are as good as drawn
-    irregular : times the gain, rms: faces whose vertices are further off smooth lines are such. On
-        decimated and scanned meshes it is 2 to 20 in the median, on Subdivision's, on waves and
-        on clouds 0.5 and less, on coarse voxels around a thin torus 0.9
-    chance : share of vertices that seem to be worth it by chance alone, up to 0.14 with noise that
-        spoils the gain, and 0.09 on scans and voxels: a piece in which no more are is not blended
+    squared_error : of a curved face, over the squared jumps of its normals, for vertices off at
+        random: 6.8 to 8.8 on balls, ellipsoids and tori with noise of any size
+    least : smaller weights become 0: they would remove less than a fifth of the error, and curve
+        faces that are as good as drawn
+    irregular : multiple of the gain, rms: faces with vertices further off smooth lines are
+        irregular. 2 to 20 in the median on decimated and scanned meshes; 0.5 and less on
+        Subdivision's, waves and clouds; 0.9 on coarse voxels around a thin torus
+    chance : share of vertices accepted by chance alone: up to 0.14 with noise that spoils the gain,
+        0.09 on scans and voxels. A piece with no larger share is not blended
     """
 
     squared_error: float = 7.3
@@ -53,14 +52,14 @@ PART = PartKnobs()
 
 
 def is_irregular(scatter: Floats, trial: Trial) -> Bools:
-    """Which faces (p,) have vertices that lie off smooth lines by scatter (p, 3), or on none."""
+    """Mask of faces (p,) with vertices off smooth lines by scatter (p, 3), or on none."""
     return (scatter**2).mean(axis=1) > PART.irregular**2 * trial.gained
 
 
 def weights(n_vertices: int, vertex: Ints, trial: Trial, is_trusted: Bools) -> Floats:
-    """How far, 0..1, the vertices (f,) of curved faces (p, 3) are to be trusted.
+    """Trust, 0..1, in the vertices (f,) of curved faces (p, 3).
 
-    All the way where all faces around are, else as the jumps of the faces around tell.
+    1 if all faces around are trusted, else from the jumps of the faces around.
     """
     unsure, gained = (
         np.bincount(vertex.ravel(), np.repeat(x, 3), n_vertices)
@@ -74,8 +73,8 @@ def weights(n_vertices: int, vertex: Ints, trial: Trial, is_trusted: Bools) -> F
 
 
 def in_parts(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[Vertices, Faces]:
-    """Vertices and faces (p,) between curved, where weights (f,)
-    are 1, and facets with the given normals (f, 3).
+    """Vertices and faces (p,) between curved, at weight (f,) 1, and facets with the given normals
+    (f, 3).
     """
     part = weight[:, None]
     normal = np.where(part < 1, normalise(part * v.normal + (1 - part) * given), v.normal)
@@ -95,8 +94,8 @@ def in_parts(v: Vertices, faces: Faces, given: Floats, weight: Floats) -> tuple[
 
 
 class Trusted(NamedTuple):
-    """Which faces (n,) are nearer to the surface meant than their facets, and how far, 0..1, the
-    vertices (f,) are to be trusted.
+    """Faces (n,) closer to the intended surface than their facets, and the trust, 0..1, in the
+    vertices (f,).
     """
 
     is_kept: Bools
@@ -104,8 +103,8 @@ class Trusted(NamedTuple):
 
 
 class FlatParts(NamedTuple):
-    """The flat face (t,) that each triangle is part of, and whether each curved face (n,) is known
-    to be the surface meant (subdivided.py).
+    """Flat face (t,) of each triangle, and whether each curved face (n,) is exact (see
+    subdivided.py).
     """
 
     flat_face: Ints
@@ -115,9 +114,9 @@ class FlatParts(NamedTuple):
 def how_far_trusted(
     v: Vertices, size: Floats, faces: Faces, trial: Trial, parts: FlatParts
 ) -> Steps[Trusted]:
-    """Which faces (n,) are to be trusted, and how far.
+    """Trusted faces (n,), and how far they are trusted.
 
-    All parts of a flat face, or none. size (f,) of the vertices' fields.
+    The parts of a flat face are trusted together. size (f,): of the vertices' fields
     """
     vertex = v.of_corner[faces.chosen]
     of_face = parts.flat_face[faces.chosen]
@@ -135,21 +134,21 @@ def how_far_trusted(
     if trial.is_coarse.any() and not is_near.all():
         is_fine = trial.on_lines(scatter, lines.phase[vertex]).trusted(vertex)
 
-        # for a mesh in one piece, as a whole: regular in parts it may have kinks between them
+        # a mesh in one piece as a whole: regular in parts it may have kinks between them
         is_near |= ~np.isin(piece, piece[~is_fine])
 
-    # in part, where most of a piece is off smooth lines
+    # partial trust if most of a piece is off smooth lines
     is_trusted = _whole(~faces.is_swollen & is_near, of_face)
     in_part = _more(is_irregular(scatter, trial), piece, 0.5)
     if not in_part.any():
         return Trusted(is_trusted, weight)
 
-    # there given normals are off as well, and those of the facets with them
+    # the given normals are off as well there, and so are the facets'
     trial = trial._replace(gained=trial.apart)
     is_near |= trial.trusted(vertex)
     far = weights(len(v.at), vertex, trial, _whole(~faces.is_swollen & is_near, of_face))
 
-    # and more than chance would pick is worth it; what is known stays whole
+    # only if more vertices gain than by chance; exact faces stay whole
     far[vertex[parts.is_known]] = 1.0
     in_part &= _more((far[vertex] > 0).mean(axis=1), piece, PART.chance)
     of_part = vertex[in_part]
@@ -159,16 +158,16 @@ def how_far_trusted(
 
 
 def _whole(which: Bools, of_face: Ints) -> Bools:
-    """Those (n,) whose flat faces, of such numbers (n,), are chosen in all their parts."""
+    """Mask (n,) of faces chosen together with all parts of their flat face (n,)."""
     return which & ~np.isin(of_face, of_face[~which])
 
 
 def _more(counted: Floats | Bools, piece: Ints, share: float) -> Bools:
-    """The faces (n,) of the pieces (n,) more of which than a share counts."""
+    """Mask of faces (n,) in pieces (n,) with more than a share counted."""
     return (np.bincount(piece, counted) > share * np.bincount(piece))[piece]
 
 
 def _pieces(triangles: Ints) -> Ints:
-    """The piece (t,) of each triangle (t, 3), joined to others by its vertices."""
+    """Piece (t,) of each triangle (t, 3): triangles connected by vertices."""
     along = np.concatenate([triangles[:, :2], triangles[:, 1:]]).T
     return components(triangles.max(initial=-1) + 1, *along)[triangles[:, 0]]

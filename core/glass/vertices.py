@@ -1,4 +1,4 @@
-"""The vertices of a smooth mesh, each with its neighbours."""
+"""Vertices of a smooth mesh, with their neighbours and rims."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,13 +13,15 @@ from .meshes import Edges, components
 
 @dataclass(frozen=True, eq=False)
 class Vertices:
-    """Vertices with one normal each: where normals differ
-    around a vertex of the mesh, it counts more than once.
+    """Vertices with one normal each: a mesh vertex with different normals around it is repeated.
 
-    at (f, 3), normal (f, 3), is_known (f,): the normal is one; of_corner (t, 3): which one a
-    triangle's corner is; start (p,), end (p,): all directed pairs of neighbours, sorted by start;
-    first (f + 1,): where each begins; rim (f, 3): m, along the rim at vertices whose neighbours are
-    all to one side of it, 0 elsewhere; None where rims are not looked for
+    at, normal : (f, 3) m, unit
+    is_known : (f,) the normal is valid
+    of_corner : (t, 3) vertex of each triangle's corner
+    start, end : (p,) all directed pairs of neighbours, sorted by start
+    first : (f + 1,) first pair of each vertex
+    rim : (f, 3) m, along the rim at vertices with neighbours on one side only, 0 elsewhere; None
+        before `seen_across`
     """
 
     at: Floats
@@ -32,8 +34,8 @@ class Vertices:
     rim: Floats | None = None
 
     def by_valence(self, wanted: Bools) -> Iterator[tuple[Ints, Ints]]:
-        """Wanted vertices (n,) of equal numbers of neighbours,
-        some at a time, and their pairs (n, m).
+        """Wanted vertices (n,) with equal numbers of neighbours, in batches, and their pairs (n,
+        m).
         """
         counts = np.diff(self.first)
         for m in np.unique(counts[wanted]):
@@ -51,13 +53,13 @@ def find_vertices(
     edges: Edges,
     is_joined: Bools,
 ) -> Vertices:
-    """Corners joined around each vertex across joined edges (e,), and their neighbours."""
+    """Vertices by joining corners across joined edges (e,), with their neighbours."""
     n = len(triangles)
     corner = 3 * np.arange(n)[:, None] + np.arange(3)
     of_corner = triangles.copy()
 
-    # most vertices have joined edges only and are themselves;
-    # around the others corners are put together one by one
+    # most vertices have joined edges only and stay whole; around the others corners are joined one
+    # by one
     beside = np.zeros((n, 3), bool)  # edges (t, 3) that are joined
     for t, e in ((edges.first, edges.corner_first), (edges.second, edges.corner_second)):
         beside[t[is_joined], e[is_joined]] = True
@@ -80,15 +82,14 @@ def find_vertices(
         label = components(len(chosen), local[a[inside]], local[b[inside]])
         of_corner.reshape(-1)[chosen] = len(vertices) + label
 
-    # each once, with its place and normal
+    # once each, with place and normal
     used, of_corner = unique_inverse(of_corner)
     normal = np.zeros((len(used), 3))
     at = np.empty((len(used), 3))
     at[of_corner] = take(vertices, triangles)
     normal[of_corner[is_usable]] = corner_normals[is_usable]
 
-    # each joined edge is met from both sides, once in each
-    # direction; the others have to be turned round as well
+    # a joined edge occurs once in each direction; the reverse of the others has to be added
     a = of_corner.ravel()
     b = np.roll(of_corner, -1, axis=1).ravel()
     lone = ~beside.ravel()
@@ -104,11 +105,11 @@ def find_vertices(
 
 
 def seen_across(v: Vertices) -> Vertices:
-    """The same vertices, where those at rims have the neighbours of their neighbours, too.
+    """The same vertices, with second neighbours added for vertices at rims.
 
-    One ring tells a dome from a cone as little as one edge does, so that a vertex counts as one at
-    a rim only if two of its rings are away from all rims. The end of a sharp edge within a surface
-    is at none: its way along the edge and back is 0.
+    One ring cannot distinguish a dome from a cone, so a vertex counts as a rim vertex only if two
+    of its rings are away from all rims. The end of a sharp edge within a surface is not at a rim:
+    the edge there and back sums to 0.
     """
     n = len(v.at)
     n_around = np.diff(v.first)
@@ -127,7 +128,7 @@ def seen_across(v: Vertices) -> Vertices:
         np.add.at(rim, ends, along)
     is_open = rim.any(axis=1)
 
-    # two edges on from each vertex at a rim
+    # second neighbours of each rim vertex
     pairs = np.flatnonzero(is_open[v.start])
     middle = v.end[pairs]
     counts = n_around[middle]

@@ -1,8 +1,8 @@
-"""Joins open edges of a mesh that lie in the same place, so that surfaces drawn as one are one.
+"""Welding of open edges in the same place, so surfaces drawn as one become one.
 
-Curves, texts and many imported files hand out faces that touch and share no vertices. Only edges
-with one face are joined, and only with each other: closed bodies that touch stay bodies of their
-own. Where more than two meet, those are joined that have the same piece of glass between them.
+Curves, texts and many imported files have faces that touch without common vertices. Only edges with
+one face are joined, and only with each other: closed bodies in contact stay separate. If more than
+two edges meet, the two on both sides of the same piece of glass are joined.
 """
 
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ from ..base.arrays import Bools, Floats, Ints
 from ..base.vectors import dot
 from .meshes import components, volume_of
 
-SAME_ANGLE = 1e-4  # rad: faces around an edge that differ by less lie in the same place
+SAME_ANGLE = 1e-4  # rad: faces around an edge closer than this are in the same place
 
 
 class _OpenEdges(NamedTuple):
-    """Edges with one triangle, all (e,): vertices at start and
-    end and opposite, along the triangle's winding.
+    """Edges with one triangle, all (e,): vertices at start, end and opposite, along the triangle's
+    winding.
     """
 
     start: Ints
@@ -31,18 +31,16 @@ class _OpenEdges(NamedTuple):
 
 
 def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
-    """Triangles (t, 3) with the same corners as before, but one
-    vertex for those at which open edges are joined.
+    """Triangles (t, 3) with the same corners as before, but common vertices at joined open edges.
 
-    An open edge no longer than `distance` is a point: its
-    triangle has one vertex twice from then on.
+    An open edge no longer than `distance` is a point: its triangle then has one vertex twice.
 
     Parameters
     ----------
     vertices : (v, 3) float64
-    triangles : (t, 3) int, indices into vertices, wound one way as
-        far as more than two open edges meet in a place
-    distance : in the vertices' unit, up to which two of them are in the same place
+    triangles : (t, 3) int, indices into vertices, consistently wound wherever more than two open
+        edges meet
+    distance : in the vertices' unit: vertices closer than this are in the same place
     """
     if not len(triangles):
         return triangles
@@ -56,7 +54,7 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
     label = coincident(vertices[used], distance)
     start, end = label[index].reshape(2, -1)
     has_length = start != end
-    short = edges.at(~has_length)  # these are points, as at the pole of a sphere of splines
+    short = edges.at(~has_length)  # points, such as the pole of a sphere of splines
     edges = edges.at(has_length)
     start = start[has_length]
     end = end[has_length]
@@ -69,7 +67,7 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
         <= distance
     )
 
-    # drawn twice: it would be joined with itself
+    # a face drawn twice would be joined with itself
     first = first[~is_same_face]
     second = second[~is_same_face]
 
@@ -84,7 +82,7 @@ def welded(vertices: Floats, triangles: Ints, distance: float) -> Ints:
 
 
 def _open_edges(triangles: Ints) -> _OpenEdges:
-    """The edges of triangles (t, 3) that belong to one of them only."""
+    """Edges of triangles (t, 3) that belong to one triangle only."""
     start, end, opposite = (
         np.roll(triangles, -k, axis=1).astype(np.int64).ravel() for k in range(3)
     )
@@ -94,11 +92,10 @@ def _open_edges(triangles: Ints) -> _OpenEdges:
 
 
 def coincident(points: Floats, distance: float) -> Ints:
-    """Label (n,) that is the same for points (n, 3) no further
-    apart than `distance`, and for chains of such.
+    """Label (n,), equal for points (n, 3) at most `distance` apart, and for chains of such points.
 
-    Two such points lie in one cell of a grid twice as wide, or of
-    one that is shifted by half along some of the axes.
+    Two such points share a cell of a grid twice as wide, or of one shifted by half a cell along
+    some axes.
     """
     first, same = _equal_rows(points)
     points = points[first]
@@ -114,9 +111,7 @@ def coincident(points: Floats, distance: float) -> Ints:
 
 
 def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
-    """Indices (m,) of rows (n, 3) that differ, one for each,
-    and which of them (n,) each row is equal to.
-    """
+    """Indices (m,) of unique rows among (n, 3), and the unique row (n,) of each."""
     order = np.lexsort(rows.T)
     is_new = np.r_[True, (rows[order[1:]] != rows[order[:-1]]).any(axis=1)]
     same = np.empty(len(rows), np.int64)
@@ -125,15 +120,13 @@ def _equal_rows(rows: Floats) -> tuple[Ints, Ints]:
 
 
 def _near_in_cells(points: Floats, cell: Ints, distance: float) -> Iterator[Ints]:
-    """Pairs (p, 2) of points (n, 3) in one cell (n, 3) that are no further apart than
-    the distance.
-    """
+    """Pairs (p, 2) of points (n, 3) in one cell (n, 3), at most `distance` apart."""
     low = cell.min(axis=0)
     high = cell.max(axis=0)
     x, y, z = (cell - low).T
     _, rows, layers = high - low + 1
 
-    # where it overflows a cell shares its key with others, which are far
+    # on overflow a cell shares its key with others, which are far away
     key = (x * rows + y) * layers + z
     order = np.argsort(key)
     key = key[order]
@@ -149,8 +142,8 @@ def _near_in_cells(points: Floats, cell: Ints, distance: float) -> Iterator[Ints
 
 
 def _pairs(vertices: Floats, edges: _OpenEdges, place: Ints) -> tuple[Ints, Ints]:
-    """Which of the edges, all (e,), to join: numbers (p,) of
-    one and of the other. `place` tells where each is.
+    """Pairs (p,), (p,) of edges, out of (e,), to join; place (e,): equal for edges in the same
+    place.
     """
     order = np.argsort(place, kind="stable")
     begins = np.flatnonzero(np.r_[True, place[order][1:] != place[order][:-1]])
@@ -169,11 +162,11 @@ def _pairs(vertices: Floats, edges: _OpenEdges, place: Ints) -> tuple[Ints, Ints
 
 
 def _around(vertices: Floats, edges: _OpenEdges) -> tuple[Ints, Ints]:
-    """Pairs among edges in one place whose triangles have glass
-    between them; none where the winding tells no inside.
+    """Pairs among edges in one place whose triangles have glass between them; none if the winding
+    gives no inside.
 
-    Going round the edge along its direction, glass ends at a triangle that is wound
-    along it and has begun at the one before, which is wound the other way.
+    Around the edge, about its direction, glass ends at a triangle wound along it. It has begun at
+    the triangle before, wound the other way.
     """
     middle = vertices[edges.start[0]]
     along = vertices[edges.end] - vertices[edges.start]
@@ -181,20 +174,20 @@ def _around(vertices: Floats, edges: _OpenEdges) -> tuple[Ints, Ints]:
     axis = along[0] / np.linalg.norm(along[0])
     outward = vertices[edges.opposite] - middle
     outward = outward - (outward @ axis)[:, None] * axis
-    # the farthest: a triangle without area lies in no direction
+    # the farthest: a triangle without area has no direction
     from_here = outward[dot(outward, outward).argmax()]
     angle = np.arctan2(outward @ np.cross(axis, from_here), outward @ from_here)
     angle = np.mod(angle, 2 * np.pi)
 
-    # begin behind the widest gap, so that no faces in the same
-    # place are parted by the turn from 2 pi to 0
+    # start behind the widest gap, so the step from 2 pi to 0 does not separate faces in the same
+    # place
     rising = np.sort(angle)
     gaps = np.diff(np.r_[rising, rising[0] + 2 * np.pi])
     angle = np.mod(angle - rising[(np.argmax(gaps) + 1) % len(gaps)] + SAME_ANGLE, 2 * np.pi)
     order = np.argsort(angle)
     step = np.cumsum(np.r_[0, np.diff(angle[order]) > SAME_ANGLE])
 
-    # where faces touch, glass ends before it begins again
+    # of faces in contact, glass ends before it begins again
     order = order[np.lexsort([~is_along[order], step])]
     ends = np.flatnonzero(is_along[order])
     before = order[ends - 1]
