@@ -1,3 +1,3 @@
-"""The part of Kiriko that knows no Blender: rig in,
-source image out. Only core/blender imports bpy.
+"""Kiriko without Blender: a rig goes in, a source image comes out. Only core/blender imports
+bpy.
 """

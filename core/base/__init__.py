@@ -1,1 +1,1 @@
-"""What every room stands on: arrays, vectors, messages, errors, steps of long work."""
+"""Foundations of every room: arrays, vectors, messages, errors, steps of long work."""

@@ -6,23 +6,22 @@ from .messages import Message
 
 
 def one_line(text: str) -> str:
-    """A text without line breaks and other control characters, which names of objects may have."""
+    """A text without line breaks and control characters, which object names may contain."""
     return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+", " ", text)
 
 
-# what taking apart a text that anybody may have written can raise
+# raised by parsing untrusted text
 MALFORMED = (
     *(ValueError, LookupError, TypeError, AttributeError),
-    *(OverflowError, RecursionError),  # infinity as a whole number; brackets in brackets
+    *(OverflowError, RecursionError),  # infinity to integer; deeply nested brackets
 )
 
 
 class KirikoError(Exception):
-    """Base of all errors whose text is meant for the user:
-    one line, whatever is in the names of objects.
+    """Base of all errors shown to the user, always on one line.
 
-    template : the sentence, a constant, with the names of values in braces
-    values : what fills it; without any the template is the text as it stands
+    template : constant sentence with the names of values in braces
+    values : fill the template; without any, the template is used verbatim
     """
 
     def __init__(self, template: str = "", /, **values: object) -> None:
@@ -34,7 +33,7 @@ class KirikoError(Exception):
 
 
 class RigError(KirikoError):
-    """The rig cannot be solved as it stands: a part is missing, broken or in the wrong place."""
+    """The rig cannot be solved: a part is missing, broken or in the wrong place."""
 
 
 class MeshError(KirikoError):

@@ -1,4 +1,4 @@
-"""Equal content, equal fingerprint: then nothing need be made anew."""
+"""Fingerprints of data: equal content gives an equal hash, so results can be reused."""
 
 import hashlib
 from dataclasses import Field, fields, is_dataclass
@@ -9,22 +9,20 @@ PLAIN_TYPES = str, bytes, int, float, complex, bool, type(None), np.generic
 
 
 def counted(thing: object) -> list[Field]:
-    """Fields of a dataclass that count: all but its name."""
+    """Fields of a dataclass included in its fingerprint: all except its name."""
     return [f for f in fields(thing) if f.name != "name"]
 
 
 def fingerprint(*things: object) -> str:
-    """Hash of the content of dataclasses, arrays, tuples and
-    plain values: equal content, equal fingerprint.
+    """Hash of the content of dataclasses, arrays, tuples and plain values.
 
-    Names do not count: an object may be called otherwise after undo or a file load.
+    Names are ignored: an object may be renamed by undo or a file load.
 
     Raises
     ------
-    TypeError : a thing without content, such as a function, whose
-        address may be another's once it is gone
+    TypeError : a value without content, such as a function: its address may be reused later
     """
-    digest = hashlib.sha1(usedforsecurity=False)  # many processors have instructions for it
+    digest = hashlib.sha1(usedforsecurity=False)  # hardware-accelerated on many processors
 
     def add(thing: object) -> None:
         if is_dataclass(thing):

@@ -1,4 +1,4 @@
-"""How much memory is free, and a refusal, in one sentence, of work that would take more."""
+"""Free memory, and a one-sentence refusal of work that would exceed it."""
 
 import ctypes
 import os
@@ -12,16 +12,14 @@ from .numbers import number
 
 MEMINFO, STATM = Path("/proc/meminfo"), Path("/proc/self/statm")
 GROUPS, GROUPS_OF_SELF = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
-# files of a control group: its limit and its use, bytes; a line of memory.stat: files that the
-# system can drop
+# files of a control group: its limit and its use, bytes; the line of memory.stat with droppable
+# file cache
 V1 = "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"
 V2 = "memory.max", "memory.current", "inactive_file"
 
 
 def check_free(needed: float, work: str, remedy: str) -> None:
-    """Raise RigError, with the remedy, when some work would take more memory, bytes,
-    than is free.
-    """
+    """Raise RigError, with the remedy, if work needs more memory (bytes) than is free."""
     free = available()
     if free is not None and needed > free:
         raise RigError(
@@ -34,14 +32,16 @@ def check_free(needed: float, work: str, remedy: str) -> None:
 
 
 def is_free(needed: float) -> bool:
-    """Is so much memory free, bytes, as far as that is known?"""
+    """Whether so many bytes are free; True if unknown."""
     free = available()
     return free is None or needed <= free
 
 
 def available() -> float | None:
-    """Bytes of memory that this process can still take: free in the system, within the limits of
-    its control groups (containers, batch systems) and of its own address space; None if unknown.
+    """Bytes this process can still allocate, None if unknown.
+
+    The minimum of the system's free memory, the limits of the process's control groups (containers,
+    batch systems) and its own address space.
     """
     if sys.platform == "win32":
         return _available_in_windows()
@@ -50,7 +50,7 @@ def available() -> float | None:
 
 
 def _free_in_system() -> float | None:
-    """Free bytes on Linux; on other systems all there are."""
+    """Free bytes on Linux; total bytes on other systems."""
     try:
         lines = (line.split(":") for line in MEMINFO.read_text(encoding="ascii").splitlines())
         return 1024.0 * int(dict(lines)["MemAvailable"].split()[0])
@@ -63,7 +63,7 @@ def _free_in_system() -> float | None:
 
 
 def _free_in_groups() -> Iterator[float]:
-    """Free bytes within each limit of the process's control groups and of those above them."""
+    """Free bytes within each limit of the process's control groups and their parents."""
     try:
         groups = [line.split(":", 2) for line in GROUPS_OF_SELF.read_text().splitlines()]
     except OSError:
@@ -84,7 +84,7 @@ def _free_in_groups() -> Iterator[float]:
 
 
 def _free_address_space() -> float | None:
-    """Bytes of addresses that the process's own limit leaves (`ulimit -v`), if there is one."""
+    """Bytes left under the process's address-space limit (`ulimit -v`), None without one."""
     import resource
 
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]

@@ -1,8 +1,7 @@
-"""Messages: a sentence that keeps its template and its values, so that it can be translated.
+"""Translatable messages: English sentences with their template and values.
 
-A message is the English sentence itself, wherever a text is wanted. At the border, where it is
-shown, `told` puts it together anew: from a template in another language, in whose order of words
-the values stand, and with lengths in the unit of the scene.
+A message is a plain English string. The interface rebuilds it with a translated template and with
+lengths in the scene's unit.
 """
 
 from __future__ import annotations
@@ -12,12 +11,12 @@ from dataclasses import dataclass
 
 from .numbers import millimetres
 
-CONTEXT = "Kiriko"  # of translations: words with the meaning that they have here
+CONTEXT = "Kiriko"  # of translations, to separate Kiriko's words from Blender's
 
 
 @dataclass(frozen=True)
 class Length:
-    """A length, m, in a message: in millimetres where no scene says which unit its people read."""
+    """A length, m, in a message; shown in millimetres unless a scene sets the unit."""
 
     metres: float
 
@@ -26,10 +25,10 @@ class Length:
 
 
 class Message(str):
-    """A constant template and the values that fill it.
+    """A constant template filled with values.
 
-    Without values the template is the text as it stands, braces and all. A value may be a
-    message itself, which is then translated with the whole.
+    Without values the template is used verbatim, braces included. A value may be another message,
+    which is translated along with the whole.
     """
 
     template: str
@@ -37,7 +36,7 @@ class Message(str):
 
     def __new__(cls, template: str, /, **values: object) -> Message:
         if isinstance(template, Message) and not values:
-            return template  # it has its own already
+            return template  # already a message with its own values
 
         message = super().__new__(cls, template.format(**values) if values else template)
         message.template = template
@@ -45,10 +44,10 @@ class Message(str):
         return message
 
     def in_units(self, length_text: Callable[[float], str]) -> Message:
-        """The same with its lengths, m, in words as a function puts them, for good."""
+        """The same message with its lengths, m, fixed as text by `length_text`."""
 
         def settled(value: object) -> object:
-            value = getattr(value, "message", value)  # of an error
+            value = getattr(value, "message", value)  # an error's own message
             if isinstance(value, Length):
                 return length_text(value.metres)
             return value.in_units(length_text) if isinstance(value, Message) else value
@@ -62,13 +61,13 @@ class Message(str):
         translate: Callable[[str], str] = str,
         length_text: Callable[[float], str] = millimetres,
     ) -> str:
-        """The sentence by a translated template, with lengths, m, as a function puts them."""
+        """The translated sentence, with lengths, m, formatted by `length_text`."""
         template = translate(self.template)
         if not self.values:
             return template
 
         def words(value: object) -> object:
-            value = getattr(value, "message", value)  # of an error
+            value = getattr(value, "message", value)  # an error's own message
             if isinstance(value, Length):
                 value = length_text(value.metres)
             return value.sentence(translate, length_text) if isinstance(value, Message) else value
@@ -77,24 +76,25 @@ class Message(str):
 
 
 def as_message(template: str) -> Message:
-    """A text that was a constant or a message where it was made, as a value of a message: it is
-    translated as a whole. Names of an artist's things are none.
+    """A constant or message as a translatable value of another message; not for names of an
+    artist's
+    objects.
     """
     return Message(template)
 
 
 def as_sentence(phrase: str) -> Message:
-    """A phrase with its full stop; one that is a sentence stays."""
+    """A phrase with a full stop, unless it already has one."""
     return as_message(phrase) if phrase.endswith(".") else Message("{reason}.", reason=phrase)
 
 
 def quoted(names: Iterable[str]) -> Message:
-    """Names in quotation marks, as a list."""
+    """Names in quotation marks, separated by commas."""
     return joined([Message("'{name}'", name=name) for name in names], ", ")
 
 
 def joined(parts: Iterable[str], between: str = " ") -> Message:
-    """Several messages as one, each of which is translated by itself, and the text between them."""
+    """Several messages as one, each translated separately, joined by `between`."""
     values: dict[str, object] = {f"part{n}": part for n, part in enumerate(parts)}
     template = "{between}".join(f"{{{name}}}" for name in values)
     return Message(template, between=as_message(between), **values)

@@ -1,7 +1,7 @@
-"""Long work is a generator that yields its progress, 0..1, and returns its result.
+"""Long work as generators, which yield progress and return their result.
 
-Work deep within it yields how many rays were traced since, 0
-where it only pauses, so that the work can be stopped.
+Outer work yields progress, 0..1. Inner work (`Steps`) yields the number of rays traced since its
+last yield; 0 is a pause at which the work can be stopped.
 """
 
 from collections.abc import Generator
@@ -21,14 +21,16 @@ def run_steps(steps: Generator[object, None, Result]) -> Result:
 
 
 def between(start: float, stop: float, part: float) -> float:
-    """Progress at a part, 0..1, of the way from start to stop: rounding never takes it further."""
+    """Interpolate progress from start to stop at a fraction `part`, 0..1; rounding never exceeds
+    `stop`.
+    """
     return min(start + (stop - start) * part, stop)
 
 
 def subprogress(
     work: Generator[float, None, Result], start: float, stop: float
 ) -> Generator[float, None, Result]:
-    """Hand on the progress of one part of the work, from start to stop of the whole."""
+    """Yield the progress of one part of the work, scaled to start..stop of the whole."""
     while True:
         try:
             yield between(start, stop, next(work))
@@ -37,7 +39,7 @@ def subprogress(
 
 
 def hold_progress(progress: float, work: Steps[Result]) -> Generator[float, None, Result]:
-    """Hand on the pauses of a part of the work during which no progress is told."""
+    """Yield a constant progress at each pause of a part of the work."""
     while True:
         try:
             next(work)

@@ -11,9 +11,7 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def length_of(vectors: Floats) -> Floats:
-    """Lengths (...) of rows (..., 3); `linalg.norm` over
-    an axis of three takes three times as long.
-    """
+    """Lengths (...) of rows (..., 3), three times as fast as `linalg.norm` along an axis."""
     return np.sqrt(dot(vectors, vectors))
 
 
@@ -24,5 +22,5 @@ def normalise(vectors: Floats) -> Floats:
 
 
 def cross_2d(a: Floats, b: Floats) -> Floats:
-    """Signed areas (...) of the parallelograms that vectors (..., 2) of a plane span."""
+    """Signed areas (...) of the parallelograms spanned by vectors (..., 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

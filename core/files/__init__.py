@@ -1,1 +1,1 @@
-"""Files: images, their encodings, and sets of files that are written as a whole."""
+"""Files: images, their encodings, and sets of files written completely or not at all."""

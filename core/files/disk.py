@@ -1,4 +1,4 @@
-"""Files and folders on the disk: sets of files written whole or not at all, and claims of names."""
+"""Files and folders on disk: sets of files written completely or not at all, and reserved names."""
 
 import errno
 import hashlib
@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 
 from ..base.errors import ImageError
 
-PREFIX = ".kiriko-"  # of the names of temporary files and folders
+PREFIX = ".kiriko-"  # of temporary files and folders
 
 
 @contextmanager
 def scratch(folder: Path) -> Iterator[Path]:
-    """A folder within `folder` to write files to, gone at the
-    end; an ImageError names their place in `folder`.
+    """A temporary folder within `folder`, removed at the end.
+
+    An ImageError raised within it names the place in `folder` instead.
 
     Raises
     ------
@@ -41,26 +42,25 @@ def scratch(folder: Path) -> Iterator[Path]:
 
 
 def _elsewhere(value: object, place: Path, folder: Path) -> object:
-    """A value of a message with one folder in the place of another; no path stays as it is."""
+    """A message value with the path `place` replaced by `folder`; other values are unchanged."""
     is_path = isinstance(value, Path) or (isinstance(value, str) and str(place) in value)
     return str(value).replace(str(place), str(folder)) if is_path else value
 
 
 def _temporary(folder: Path) -> Any:
-    """A temporary folder in another one, so that a move from one to the other copies nothing."""
+    """A temporary folder within another one, so a move between them copies nothing."""
     return tempfile.TemporaryDirectory(prefix=PREFIX, dir=folder, ignore_cleanup_errors=True)
 
 
 @contextmanager
 def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
-    """A folder to write files to, which take their places in `folder` once all are written.
+    """A folder to write files to, which are moved to `folder` once all are written.
 
-    If an error, a full disk or Esc comes before, `folder` stays as it was. A file in a folder
-    within it goes to the folder of the same name, which is made if need be. If `folder` has a
-    symbolic link of a file's name, the link's target is replaced; a dangling link is replaced
-    itself.
+    After an error, a full disk or Esc, `folder` is unchanged. Files in a subfolder go to the
+    subfolder of the same name, created if necessary. If a file's name is a symbolic link in
+    `folder`, its target is replaced; a dangling link is replaced itself.
 
-    of : names of files that belong together; those that are not written are removed
+    of : names of files in the set; the ones not written are removed
 
     Raises
     ------
@@ -80,7 +80,7 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
             leftover = sorted({Path(name) for name in of} - moves.keys())
             for name in leftover:
                 _check_file(folder / name)
-            for name, (near, target) in moves.items():  # noqa: B007 - the error says it
+            for name, (near, target) in moves.items():  # used in the error
                 near.replace(target)
             for name in leftover:
                 (folder / name).unlink(missing_ok=True)
@@ -89,8 +89,8 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
 
 
 def _target(place: Path, stack: ExitStack) -> Path:
-    """Where a file goes, in a folder that is there; one that is made for it, and stays empty, goes
-    with the stack.
+    """Final path of a file; creates its folder if necessary, removed with the stack if left
+    empty.
     """
     target = Path(os.path.realpath(place)) if place.exists() else place
     _check_file(target)
@@ -101,17 +101,17 @@ def _target(place: Path, stack: ExitStack) -> Path:
 
 
 def _check_file(target: Path) -> None:
-    if target.is_dir():  # found before the first file is replaced
+    if target.is_dir():  # before any file is replaced
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
 
 
 def _remove_empty(folder: Path) -> None:
-    with suppress(OSError):  # it is not empty
+    with suppress(OSError):  # not empty
         folder.rmdir()
 
 
 def unwritable_folder(folder: Path, reason: OSError) -> ImageError:
-    """The error that a folder cannot be written to, for a reason of the system."""
+    """Error for a folder the system cannot write to."""
     return ImageError(
         "The folder '{folder}' cannot be written ({why}): choose another one.",
         folder=folder,
@@ -120,7 +120,7 @@ def unwritable_folder(folder: Path, reason: OSError) -> ImageError:
 
 
 def unwritable(path: Path, reason: OSError) -> ImageError:
-    """The error that a file cannot be written, likewise."""
+    """Error for a file the system cannot write."""
     why = reason.strerror
     return ImageError(
         "The file '{path}' cannot be written ({why}): check the disk or choose another name.",
@@ -130,10 +130,10 @@ def unwritable(path: Path, reason: OSError) -> ImageError:
 
 
 def is_there(path: Path) -> bool:
-    """Is a name taken by a file, a folder or a link? ImageError where there can be none of it."""
+    """Whether a file, folder or link has this name; ImageError for an impossible name."""
     try:
         return path.exists() or path.is_symlink()
-    except (OSError, ValueError) as reason:  # too long, or with a character that no name may have
+    except (OSError, ValueError) as reason:  # too long, or an illegal character
         why = getattr(reason, "strerror", None) or reason
         raise ImageError(
             "The path '{folder}' has no room for such a name ({why}): choose another.",
@@ -143,7 +143,7 @@ def is_there(path: Path) -> bool:
 
 
 def check_new(path: Path, overwrite: bool) -> None:
-    """Raise ImageError where there is a file already, which is not to be replaced."""
+    """Raise ImageError if the file exists and must not be replaced."""
     if is_there(path) and not overwrite:
         raise ImageError(
             "The file '{path}' exists already: choose another name or allow overwriting.", path=path
@@ -151,7 +151,7 @@ def check_new(path: Path, overwrite: bool) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Raise ImageError when no file can be made in a folder."""
+    """Raise ImageError if no file can be created in a folder."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -160,14 +160,14 @@ def check_folder(folder: Path) -> None:
 
 
 class Stamp(NamedTuple):
-    """Tells a file from what it was before: its size in bytes, and when it was last written, ns."""
+    """Identifies a version of a file: size in bytes and time of the last write, ns."""
 
     size: int
     written: int
 
 
 def stamp(path: Path) -> Stamp | None:
-    """The stamp of a file; None if there is none."""
+    """The stamp of a file; None if it does not exist."""
     try:
         found = path.stat()
     except OSError:
@@ -176,7 +176,7 @@ def stamp(path: Path) -> Stamp | None:
 
 
 def claim(path: Path) -> bool:
-    """Create an empty file that holds a name for this process; False if the name is taken.
+    """Reserve a name by creating an empty file; False if the name is taken.
 
     Raises
     ------
@@ -200,9 +200,8 @@ def give_up(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all.
-
-    An existing one is replaced. ImageError when it cannot be written.
+    """Write or replace a text file, completely or not at all; ImageError if it cannot be
+    written.
     """
     with together(path.parent) as new:
         try:
@@ -212,7 +211,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write any other file, likewise."""
+    """Write or replace a binary file in the same manner."""
     with together(path.parent) as new:
         try:
             (new / path.name).write_bytes(data)
@@ -221,13 +220,13 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def append_line(path: Path, text: str) -> None:
-    """Add a line to a text file, whole or not at all, also where others add to it meanwhile.
+    """Append a line to a text file, completely or not at all, even with concurrent writers.
 
-    ImageError when it cannot be written.
+    ImageError if it cannot be written.
     """
     line = f"{text}\n".encode()
     try:
-        # opened so, all of one call goes to the end of the file, wherever that is by then
+        # O_APPEND writes each call's data at the current end of the file
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
         try:
             n = os.write(file, line)
@@ -241,7 +240,7 @@ def append_line(path: Path, text: str) -> None:
 
 
 def check_appendable(path: Path) -> None:
-    """Raise ImageError when no line can be added to a text file, which is not made."""
+    """Raise ImageError if no line can be appended to a text file; does not create it."""
     try:
         if path.exists():
             os.close(os.open(path, os.O_WRONLY | os.O_APPEND))
@@ -252,7 +251,7 @@ def check_appendable(path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file if it is there; ImageError when it cannot be removed."""
+    """Remove a file if it exists; ImageError if it cannot be removed."""
     try:
         path.unlink(missing_ok=True)
     except OSError as reason:
@@ -260,14 +259,14 @@ def remove(path: Path) -> None:
 
 
 def digest(path: Path | str) -> str:
-    """Tells a file's contents from others'; ImageError when it cannot be read."""
+    """Hash of a file's contents; ImageError if it cannot be read."""
     return hashlib.sha1(read_bytes(path), usedforsecurity=False).hexdigest()
 
 
 def read_bytes(path: Path | str) -> bytes:
-    """The bytes of a file; ImageError when it cannot be read."""
+    """The bytes of a file; ImageError if it cannot be read."""
     try:
-        if not Path(path).is_file():  # reading a pipe would wait for whoever writes to it
+        if not Path(path).is_file():  # reading a pipe would block
             raise OSError(errno.ENOENT, os.strerror(errno.ENOENT))
         return Path(path).read_bytes()
     except (OSError, ValueError) as reason:

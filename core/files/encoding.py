@@ -1,4 +1,4 @@
-"""From linear light to the numbers that a file of a display's image holds, and back."""
+"""Converts linear light to the numbers of an image file, and back."""
 
 from functools import cache
 from typing import NamedTuple
@@ -8,15 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Floats
 
-VALUES_AT_ONCE = 1 << 17  # that stay in the processor's nearer memory from step to step
+VALUES_AT_ONCE = 1 << 17  # stay in the processor's cache between steps
 ONE = 0x3F800000  # bits of the float32 number 1
-SHIFT = 14  # bits that numbers of one entry of a table may differ in
+SHIFT = 14  # low bits shared by one entry of a table
 
 
 def encode(linear: ArrayLike, gamma: float | None = None) -> Floats:
-    """Encoded values 0..1 of linear ones, clipped to 0..1, float64.
+    """Encode linear values, clipped to 0..1, as float64 values 0..1.
 
-    gamma : a display's, whose light is a value to this power; None: sRGB (IEC 61966-2-1)
+    gamma : the display emits value ** gamma; None: sRGB (IEC 61966-2-1)
     """
     linear = np.clip(np.nan_to_num(np.asarray(linear, float)), 0.0, 1.0)
     if gamma is not None:
@@ -32,8 +32,8 @@ def linear_from_srgb(encoded: Floats) -> Floats:
 
 
 class _Table(NamedTuple):
-    """The 8-bit number of a float32 number in 0..1, by its bits: that of the entry `bits >> SHIFT`,
-    and one more from `bits` = `more` on; (65025,) each.
+    """8-bit numbers by the bits of a float32 value in 0..1: entry `bits >> SHIFT` gives the number,
+    plus one if `bits` >= `more`; (65025,) each.
     """
 
     number: NDArray[np.uint8]
@@ -43,9 +43,9 @@ class _Table(NamedTuple):
 def quantised(
     linear: NDArray[np.floating], kind: str, gamma: float | None = None
 ) -> NDArray[np.integer]:
-    """Encoded values as whole numbers: `encode`, times the greatest number, rounded.
+    """Encoded values as rounded integers up to the greatest number of the type.
 
-    A table takes the place of powers where there is one; its numbers are the same.
+    A table replaces the powers if there is one; results are identical.
 
     kind : "uint8" or "uint16"
     """
@@ -58,9 +58,9 @@ def quantised(
     out = numbers.reshape(-1)
     values = np.ascontiguousarray(linear).reshape(-1)
     for first in range(0, len(values), VALUES_AT_ONCE):
-        some = np.fmax(values[first : first + VALUES_AT_ONCE], np.float32(0))  # 0 for no number
+        some = np.fmax(values[first : first + VALUES_AT_ONCE], np.float32(0))  # 0 for NaN
         np.fmin(some, np.float32(1), out=some)
-        bits = np.abs(some, out=some).view(np.uint32)  # 0 may be a negative one
+        bits = np.abs(some, out=some).view(np.uint32)  # also removes the sign of -0
         entry = (bits >> np.uint32(SHIFT)).astype(np.intp)
         is_more = bits >= table.more.take(entry)
         np.add(table.number.take(entry), is_more, out=out[first : first + VALUES_AT_ONCE])
@@ -69,13 +69,13 @@ def quantised(
 
 @cache
 def _table(gamma: float | None) -> _Table | None:
-    """The table of an encoding; None for one so steep that numbers of one entry are too unlike."""
+    """The table of an encoding; None if one entry would span more than two numbers."""
     first = np.arange((ONE >> SHIFT) + 1, dtype=np.uint32) << np.uint32(SHIFT)
     number, next_number = (_numbers(bits, gamma) for bits in (first, first + np.uint32(1 << SHIFT)))
     if (next_number > number + 1).any():
         return None
 
-    # in entries of two numbers, the last bits of the lower one, by halving
+    # bisect for the last bits of the lower number in entries with two
     changing = np.flatnonzero(next_number > number)
     last = first[changing]
     for step in reversed(range(SHIFT)):

@@ -1,4 +1,4 @@
-"""Lists of frames: `1-250:2`, or `1,5,10-20`, as render farms write them."""
+"""Lists of frames as render farms write them: `1-250:2`, or `1,5,10-20`."""
 
 import re
 from collections.abc import Iterable
@@ -6,16 +6,16 @@ from collections.abc import Iterable
 from ..base.errors import RigError
 
 PART = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
-MOST = 1_048_574  # the last frame that Blender has
+MOST = 1_048_574  # Blender's last frame
 
 
 def frames_of(text: str) -> tuple[int, ...]:
-    """The frames of a list, in its order, each once.
+    """The frames of a list, in order, without duplicates.
 
     Raises
     ------
     RigError
-        It is no list, a part of it has no frame, or one is beyond Blender's last.
+        It is not a list, part of it has no frame, or a frame is beyond Blender's last.
     """
     frames: dict[int, None] = {}
     for part in text.split(","):
@@ -24,8 +24,9 @@ def frames_of(text: str) -> tuple[int, ...]:
 
 
 def in_ranges(frames: Iterable[int]) -> str:
-    """The list of some frames in the one form that every scheduler reads: sorted, each once, no two
-    ranges overlapping, in digits of ASCII.
+    """A list of frames in a form every scheduler reads: sorted, unique, without overlapping ranges,
+    in
+    ASCII digits.
     """
     frames = sorted(set(frames))
     parts, first = [], 0
@@ -34,7 +35,7 @@ def in_ranges(frames: Iterable[int]) -> str:
         last = first
         while last + 1 < len(frames) and frames[last + 1] - frames[last] == step:
             last += 1
-        if last == first + 1 and step > 1:  # two frames are no range of every second one
+        if last == first + 1 and step > 1:  # two frames do not need a stepped range
             last = first
         end = f":{step}" if step > 1 and last > first else ""
         parts.append(f"{frames[first]}-{frames[last]}{end}" if last > first else f"{frames[first]}")

@@ -1,4 +1,4 @@
-"""Reads and writes image files; the one file that imports OpenImageIO."""
+"""Reads and writes image files; the only file that imports OpenImageIO."""
 
 import importlib
 import importlib.util
@@ -14,19 +14,17 @@ from ..base.errors import ImageError
 from ..base.messages import Message, joined
 from . import png
 from .disk import check_new, together
-from .encoding import encode as encode  # scripts ask for it here
+from .encoding import encode as encode  # imported here by scripts
 from .encoding import quantised
 
 PROFILE_NAME = "ICCProfile:profile_description"
-# chromaticities: red, green, blue, white
+# red, green, blue, white
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of image file: its suffix, type of number, and
-    whether its numbers are linear light or sRGB-encoded.
-    """
+    """A kind of image file: its suffix, number type, and linear or sRGB-encoded values."""
 
     suffix: str
     number: str
@@ -40,29 +38,26 @@ FORMATS = {
     "EXR_HALF": Format(".exr", "half", True),
     "EXR_FLOAT": Format(".exr", "float", True),
 }
-PLAIN = ("PNG8", "PNG16")  # written without OpenImageIO, too
-SUFFIX_FORMS = {"PNG8", "TIFF16", "EXR_FLOAT"}  # the format that a suffix alone means
+PLAIN = ("PNG8", "PNG16")  # can be written without OpenImageIO
+SUFFIX_FORMS = {"PNG8", "TIFF16", "EXR_FLOAT"}  # formats chosen by suffix alone
 SUFFIXES = {".png", ".tif", ".tiff", ".exr"}
 
 
 def named_for(path: Path | str, form: str, images: Container[str] = ()) -> Path:
-    """The path with the suffix of a format, in place of another
-    format's if it has one, or of another image's.
+    """The path with a format's suffix, replacing any suffix of an image.
 
-    images : suffixes of images of other kinds, in lower case
+    images : suffixes of other kinds of images, lower case
     """
     path = Path(path)
     suffix = FORMATS[form].suffix
-    if path.suffix.lower().startswith(suffix):  # .tiff is .tif too
+    if path.suffix.lower().startswith(suffix):  # .tiff counts as .tif
         return path
     is_image = path.suffix.lower() in SUFFIXES or path.suffix.lower() in images
     return path.with_suffix(suffix) if is_image else path.with_name(path.name + suffix)
 
 
 def format_for(path: Path | str, form: str) -> str:
-    """The format that a path's suffix asks for: `form` where that fits or there is no
-    such suffix.
-    """
+    """The format for a path's suffix; `form` if it fits or the suffix is unknown."""
     suffix = Path(path).suffix.lower().replace(".tiff", ".tif")
     if suffix == FORMATS[form].suffix:
         return form
@@ -76,9 +71,9 @@ REMEDY = Message("install it (in Debian python3-openimageio) or take Blender fro
 
 
 def openimageio() -> Any:
-    """The module, or ImageError where this Python has none."""
+    """The OpenImageIO module; ImageError if this Python does not have it."""
     try:
-        return importlib.import_module("OpenImageIO")  # late: only who writes files needs it
+        return importlib.import_module("OpenImageIO")  # imported late: only file operations need it
     except ImportError:
         raise ImageError(
             "This Blender's Python has no OpenImageIO, which reads and writes the files: {remedy}.",
@@ -87,14 +82,12 @@ def openimageio() -> Any:
 
 
 def has_openimageio() -> bool:
-    """Has this Python OpenImageIO?"""
+    """Whether OpenImageIO is installed."""
     return importlib.util.find_spec("OpenImageIO") is not None
 
 
 def why_not(form: str) -> str:
-    """Why files of a format cannot be written, with the remedy: a sentence without its full stop;
-    '' where they can.
-    """
+    """Why a format cannot be written, with the remedy and without a full stop; '' if it can."""
     if form in PLAIN or has_openimageio():
         return ""
     others = {FORMATS[name].suffix for name in PLAIN}
@@ -113,7 +106,7 @@ def _quantised(pixels: np.ndarray, form: Format, gamma: float | None) -> np.ndar
 
 
 def _colour_space(form: Format, gamma: float | None) -> tuple[str, str]:
-    """Of a file's numbers: OpenImageIO's name, and the words for its description."""
+    """OpenImageIO's name of a file's colour space, and its words in the description."""
     if form.is_linear:
         return "lin_rec709", "linear Rec.709"
     return ("sRGB", "sRGB") if gamma is None else (f"g{gamma:g}_rec709", f"gamma {gamma:g}")
@@ -132,7 +125,7 @@ def _spec(
     name, about = _colour_space(form, gamma)
     spec.attribute("oiio:ColorSpace", name)
     spec.attribute("Software", "Kiriko")
-    spec.attribute("png:compressionLevel", 1)  # 1920 x 1080: 0.12 s of 0.52, files 4 % larger
+    spec.attribute("png:compressionLevel", 1)  # saves 0.12 of 0.52 s at 1920 x 1080; files grow 4 %
     spec.attribute("png:filter", 64)
     about = [title, about]
     if form.suffix == ".exr":
@@ -140,8 +133,7 @@ def _spec(
         spec.attribute("compression", "zip")
 
     if size is not None:
-        # inches everywhere: OpenImageIO turns pixels per cm into
-        # pixels per inch the wrong way round for EXR
+        # always inches: OpenImageIO converts pixels per cm to pixels per inch incorrectly for EXR
         across, down = (0.0254 * n / side for n, side in zip((width, height), size, strict=True))
         spec.attribute("XResolution", across)
         spec.attribute("YResolution", down)
@@ -149,7 +141,7 @@ def _spec(
         spec.attribute("PixelAspectRatio", down / across)
 
         for name, side in zip(("kiriko:width_mm", "kiriko:height_mm"), size, strict=True):
-            # PNG and TIFF keep names of their own only, hence the text as well
+            # PNG and TIFF drop custom names, so the text has them as well
             spec.attribute(name, 1000.0 * side)
             about.append(f"{name}={1000.0 * side:.6g}")
 
@@ -167,17 +159,17 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
     gamma: float | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write an image file, whole or not at all. Without OpenImageIO a PNG has no metadata.
+    """Write an image file, completely or not at all. Without OpenImageIO a PNG has no metadata.
 
     Parameters
     ----------
     path : the file; its suffix is set by the format
-    pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0
-        at the top; encoded for formats not linear
+    pixels : (h, w, 3 or 4) or (h, w) float, linear Rec.709, row 0 at the top; encoded for
+        non-linear formats
     form : a key of FORMATS
-    size : width and height in m of the area that the image covers, for the metadata
+    size : width and height, m, of the area covered by the image, for the metadata
     title : first words of the description in the metadata
-    gamma : by which numbers of formats not linear are encoded; None: sRGB
+    gamma : encodes non-linear formats; None: sRGB
     overwrite : replace an existing file
 
     Returns
@@ -210,27 +202,27 @@ def write(  # noqa: PLR0913 - all but three have a default, and scripts name the
 
 
 def put(path: Path, spec: Any, pixels: np.ndarray) -> None:
-    """Write pixels (h, w, c) to a new file by OpenImageIO's specification; ImageError where the
-    file is not whole then.
+    """Write pixels (h, w, c) to a new file with OpenImageIO; ImageError if the file is
+    incomplete.
     """
     oiio = openimageio()
-    spec.attribute("DateTime", "")  # else that of today: the same image is to be the same file
+    spec.attribute("DateTime", "")  # else today's: equal images must give equal files
     out = oiio.ImageOutput.create(str(path))
     is_written = out is not None and out.open(str(path), spec)
     is_written = is_written and out.write_image(pixels) and out.close()
     if not is_written:
         why = (oiio if out is None else out).geterror().strip() or Message("no reason given")
-        out = None  # closes it: not every system removes an open file
+        out = None  # closes it: some systems cannot remove an open file
         raise ImageError(
             "The file '{path}' cannot be written ({why}): check the disk.", path=path, why=why
         )
 
-    if not _is_whole(path):  # of a disk that fills up at a PNG's end OpenImageIO says nothing
+    if not _is_whole(path):  # OpenImageIO does not report a disk that fills up at a PNG's end
         raise ImageError("The file '{path}' is not whole after writing: check the disk.", path=path)
 
 
 def _is_whole(path: Path) -> bool:
-    """Can an image file be read to its end?"""
+    """Whether an image file can be read to its end."""
     try:
         return png.is_whole(path) if path.suffix == ".png" else bool(read(path, is_plain=True))
     except ImageError:
@@ -238,10 +230,10 @@ def _is_whole(path: Path) -> bool:
 
 
 def read(path: Path | str, is_plain: bool = False) -> tuple[np.ndarray, dict[str, Any]]:
-    """Numbers of an image file as they stand (h, w, c) float32,
-    integers as 0..1, row 0 at the top; and its metadata.
+    """Numbers of an image file (h, w, c) float32, integers as 0..1, row 0 at the top; and its
+    metadata.
 
-    is_plain : the numbers in the file's own type, which takes less time, and all of them
+    is_plain : read in the file's own type, which is faster, and require all numbers
 
     Raises
     ------
@@ -274,7 +266,7 @@ def about(path: Path | str) -> dict[str, Any]:
 
 
 def size(path: Path | str) -> tuple[int, int]:
-    """Pixels of an image file, across and down; raises as `read` does."""
+    """Width and height of an image file in pixels; raises as `read` does."""
     source = _opened(path)
     try:
         spec = source.spec()
@@ -284,12 +276,12 @@ def size(path: Path | str) -> tuple[int, int]:
 
 
 def _words(spec: Any) -> dict[str, Any]:
-    # OpenImageIO 3.0 ends with a signal where it is asked for a profile's empty signature
+    # OpenImageIO 3.0 crashes if asked for a profile's empty signature
     listed = [one for one in spec.extra_attribs if not one.name.startswith("ICCProfile:")]
     words = {one.name: one.value for one in listed}
     if "ICCProfile" in words:
         words[PROFILE_NAME] = spec.getattribute(PROFILE_NAME)
-    # what Blender writes of it as text into a PNG, or 0, turns nothing
+    # Blender writes text or 0 into PNGs, which means no rotation
     if words.get("Orientation") not in range(1, 9):
         words.pop("Orientation", None)
     return words
@@ -304,7 +296,7 @@ def _opened(path: Path | str) -> Any:
 
 
 def unreadable(path: Path | str, why: str) -> ImageError:
-    """The error that an image file cannot be read, for a reason of OpenImageIO's."""
+    """Error for an image file that OpenImageIO cannot read."""
     return ImageError(
         "The image '{path}' cannot be read ({why}): choose another file.",
         path=path,

@@ -1,4 +1,4 @@
-"""An image file as it is on the disk: is it cut off, and what does it say about its pixels?"""
+"""Image files on disk: truncation, orientation, colour profile, and reading photographs."""
 
 import re
 import struct
@@ -19,35 +19,37 @@ from .encoding import linear_from_srgb
 
 JPEG, TIFF, RIFF = b"\xff\xd8\xff", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), b"RIFF"
 GIF, GIF_END = b"GIF8", b";"
-IN_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]", re.DOTALL)  # a mark that ends a scan
-SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG's marks of a scan and of the end
-OF_PIXEL = 40  # bytes: a photograph as float32, turned, and searched (27 to 35 were measured)
+IN_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]", re.DOTALL)  # a marker that ends a scan
+SCAN, END = b"\xff\xda", b"\xff\xd9"  # JPEG markers: start of scan, end of image
+OF_PIXEL = 40  # bytes: a photograph as float32, rotated, and searched (27 to 35 measured)
 EXR = b"v/1\x01"
 CICP = "cICP"
-# what stands before Exif data in a JPEG, a PNG and a WebP
+# precedes Exif data in a JPEG, a PNG and a WebP
 EXIF = re.compile(rb"(Exif\0\0|eXIf|EXIF....)(?=II\*\0|MM\0\*)", re.DOTALL)
 ORIENTATION = 0x112
-STRAIGHT = "oiio:UnassociatedAlpha"  # colours that are not multiplied by alpha
-# by the codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
+STRAIGHT = "oiio:UnassociatedAlpha"  # colours not multiplied by alpha
+# by codes of ITU-T H.273: red, green, blue and white of Rec.709, Rec.2020 and Display P3
 PRIMARIES = {
     1: image_io.REC709,
     9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
     12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
 }
 SRGB_CURVE = 13
-D50 = np.array([0.9642, 1.0, 0.8249])  # XYZ of the white of ICC profiles
-# to the cones' colours, in which whites are adapted. Source: ICC.1:2022, Annex E
+D50 = np.array([0.9642, 1.0, 0.8249])  # XYZ of the white point of ICC profiles
+# XYZ to cone responses, in which whites are adapted. Source: ICC.1:2022, Annex E
 BRADFORD = np.array(
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
 )
 
 
 def is_cut(path: Path) -> bool:
-    """Is the end of an image missing? Asked of kinds of files that Blender shows nevertheless, grey
-    or black from there on. False where there is no file, or no OpenImageIO, which reads TIFF.
+    """Whether an image is truncated, for the formats Blender loads anyway, with the rest grey or
+    black.
 
-    Source: a JPEG ends with EOI (ITU-T T.81, B.2.1), a GIF with a semicolon, a WebP is as long as
-    its RIFF header says.
+    False if the file does not exist, and for TIFF without OpenImageIO.
+
+    Source: a JPEG ends with EOI (ITU-T T.81, B.2.1), a GIF with a semicolon; a WebP's RIFF header
+    gives its length.
     """
     try:
         data = read_bytes(path)
@@ -65,8 +67,10 @@ def is_cut(path: Path) -> bool:
 
 
 def _has_jpeg_end(data: bytes) -> bool:
-    """Has a JPEG its end mark? What follows the end, as the film of a motion photograph, is not
-    looked at, and within a scan a byte FF that is no mark has 00 or a restart mark behind it.
+    """Whether a JPEG has its end marker.
+
+    Data after the end, such as the film of a motion photograph, is ignored. Within a scan, a byte
+    FF that starts no marker is followed by 00 or a restart marker.
     """
     at, is_scan = 2, False
     while at + 4 <= len(data) or data[at : at + 2] == END:
@@ -88,8 +92,9 @@ def _has_jpeg_end(data: bytes) -> bool:
 
 
 def has_header(path: Path) -> bool:
-    """Is the header of an OpenEXR file all there? Blender 4.2 never comes back from reading one
-    that is cut off. True for other files.
+    """Whether an OpenEXR file's header is complete; True for other files.
+
+    Blender 4.2 hangs on a truncated header.
     """
     with path.open("rb") as file:
         data = file.read(1 << 16)
@@ -102,8 +107,8 @@ def has_header(path: Path) -> bool:
 
 
 def said_by(path: Path) -> dict[str, Any]:
-    """What a file says about its pixels, by OpenImageIO's names, with a PNG's cICP; without
-    OpenImageIO its orientation and cICP alone.
+    """Metadata of a file under OpenImageIO's names, plus a PNG's cICP; only orientation and cICP
+    without OpenImageIO.
     """
     has_reader = image_io.has_openimageio()
     try:
@@ -118,10 +123,10 @@ def said_by(path: Path) -> dict[str, Any]:
 
 
 def _orientation(data: bytes) -> dict[str, Any]:
-    """A file's orientation, 1 to 8, by OpenImageIO's name.
+    """A file's orientation, 1 to 8, under OpenImageIO's name.
 
-    Source: TIFF 6.0, section 2; it is what Exif data is, too: in a JPEG behind a mark, in a PNG or
-    a WebP in a chunk of its own.
+    Source: TIFF 6.0, section 2. Exif data has the same form: after a marker in a JPEG, in its own
+    chunk in a PNG or WebP.
     """
     found = EXIF.search(data)
     start = 0 if data.startswith(TIFF[:2]) else found.end() if found else len(data)
@@ -133,21 +138,20 @@ def _orientation(data: bytes) -> dict[str, Any]:
             tag, _, _, value = struct.unpack_from(f"{order}HHIH", data, start + at + 2 + 12 * k)
             if tag == ORIENTATION and 1 <= value <= 8:
                 return {"Orientation": value}
-    except struct.error:  # it is cut off, or there is none
+    except struct.error:  # truncated or missing
         pass
     return {}
 
 
 def read_photograph(path: Path | str) -> np.ndarray:
-    """Numbers of an image file as `read`, turned the way the
-    camera was held (Exif orientation): (h, w, c) float32.
+    """Numbers of an image file as `read`, rotated upright by Exif orientation: (h, w, c) float32.
 
     Raises
     ------
     ImageError
         The file is missing or broken.
     RigError
-        Searching it takes more memory than is free.
+        Searching it needs more memory than is free.
     """
     width, height = image_io.size(path)
     check_free(
@@ -160,7 +164,7 @@ def read_photograph(path: Path | str) -> np.ndarray:
 
 
 def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Pixels (h, w, ...) of a file as its Exif orientation, 1 to 8, has them seen."""
+    """Pixels (h, w, ...) rotated or mirrored by an Exif orientation, 1 to 8."""
     rows_are_columns = orientation > 4
     pixels = pixels.swapaxes(0, 1) if rows_are_columns else pixels
     down = -1 if orientation in {3, 4, 7, 8} else 1
@@ -169,9 +173,10 @@ def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def upright(path: Path) -> tuple[bytes, str]:
-    """An image file turned as its Exif orientation has it seen, with the suffix of its kind: one
-    that keeps the numbers as they stand, and what is said of their light. ImageError where it
-    cannot be read or written.
+    """An image file rotated upright by its Exif orientation, and the suffix of its format.
+
+    The format keeps the numbers unchanged, with their colour profile. ImageError if it cannot be
+    read or written.
     """
     oiio = image_io.openimageio()
     plain = oiio.ImageSpec()
@@ -198,8 +203,9 @@ def upright(path: Path) -> tuple[bytes, str]:
 
 
 def light_said(said: dict[str, Any], numbers: Floats) -> Floats | None:
-    """The linear Rec.709 light that numbers (n, 3), 0..1, have by a file's profile, or
-    chromaticities; None where it has neither, or a profile that is no matrix with curves.
+    """Linear Rec.709 light of numbers (n, 3), 0..1, by a file's profile or chromaticities.
+
+    None without either, or if the profile is not a matrix with curves.
     """
     if CICP in said:
         primaries, curve = PRIMARIES.get(said[CICP][0]), said[CICP][1]
@@ -218,9 +224,7 @@ def _rec709_from_xyz(xyz: Floats) -> Floats:
 
 
 def _xyz_from(chromaticities: ArrayLike) -> Floats:
-    """The matrix (3, 3) to XYZ, adapted to D50, from colours whose red, green, blue and white have
-    these x and y (8,).
-    """
+    """Matrix (3, 3) to XYZ, adapted to D50, from x and y (8,) of red, green, blue and white."""
     xy = np.reshape(chromaticities, (4, 2)).astype(float)
     xyz = np.column_stack([xy, 1 - xy.sum(axis=1)]) / xy[:, 1:]
     made = xyz[:3].T * np.linalg.solve(xyz[:3].T, xyz[3])
@@ -229,7 +233,7 @@ def _xyz_from(chromaticities: ArrayLike) -> Floats:
 
 
 def _light_by_profile(profile: bytes, numbers: Floats) -> Floats | None:
-    """The same by an ICC profile. Source: ICC.1:2022, 7.3, 8.3.3, 10.6, 10.18."""
+    """Linear light by an ICC profile. Source: ICC.1:2022, 7.3, 8.3.3, 10.6, 10.18."""
     try:
         (n,) = struct.unpack_from(">I", profile, 128)
         entries = (struct.unpack_from(">4sII", profile, 132 + 12 * k) for k in range(min(n, 100)))
@@ -243,18 +247,18 @@ def _light_by_profile(profile: bytes, numbers: Floats) -> Floats | None:
 
 
 def _numbers_of(tag: bytes, start: int, n: int) -> Floats:
-    """Numbers of 16.16 bits."""
+    """Fixed-point numbers (16.16 bits)."""
     return np.array(struct.unpack_from(f">{n}i", tag, start)) / 65536
 
 
 def _curve(tag: bytes) -> Any:
-    """The function from numbers to light of a curve's tag."""
+    """The function from numbers to light in a curve tag."""
     if tag.startswith(b"para"):
         (kind,) = struct.unpack_from(">H", tag, 8)
         g, a, b, c, d, e, f = (*_numbers_of(tag, 12, (1, 3, 4, 5, 7)[kind]), *[0.0] * 6)[:7]
         if kind == 0:
             return lambda x: x**g
-        if kind < 3:  # the power begins where its base does
+        if kind < 3:  # the power law starts where its base is 0
             d, c, e, f = -b / a, 0.0, c, c
         return lambda x: np.where(x >= d, np.maximum(a * x + b, 0) ** g + e, c * x + f)
     (n,) = struct.unpack_from(">I", tag, 8)

@@ -1,5 +1,6 @@
-"""PNG files: is one whole? Its own sums tell, in a tenth of the time that decoding takes. And new
-ones, in memory and where this Python has no OpenImageIO.
+"""PNG files: a fast integrity check, and an encoder without OpenImageIO.
+
+The check verifies checksums, in a tenth of the time of decoding.
 """
 
 import struct
@@ -15,10 +16,10 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def is_whole(path: Path) -> bool:
-    """Is a PNG file there from its head to its last chunk, each with the sum that it should have?
+    """Whether a PNG file is complete from signature to last chunk, with valid checksums.
 
-    ImageError where it cannot be read. Source: PNG specification (third edition), 5.3: length,
-    name, data, CRC-32 of name and data.
+    ImageError if it cannot be read. Source: PNG specification (third edition), 5.3: length, name,
+    data, CRC-32 of name and data.
     """
     data = read_bytes(path)
     at, names = len(SIGNATURE), [b""]
@@ -34,16 +35,16 @@ def is_whole(path: Path) -> bool:
 
 
 def encoded(numbers: NDArray[np.unsignedinteger], level: int = 6) -> bytes:
-    """A PNG file of whole numbers (h, w, 1, 3 or 4) of 8 or 16 bits, row 0 at the top.
+    """A PNG file of integers (h, w, 1, 3 or 4) of 8 or 16 bits, row 0 at the top.
 
     Source: ISO/IEC 15948.
 
-    level : effort of compression, 0 (none) to 9
+    level : compression effort, 0 (none) to 9
     """
     height, width, channels = numbers.shape
     big_endian = numbers.astype(numbers.dtype.newbyteorder(">"), copy=False)
     lines = np.ascontiguousarray(big_endian).view(np.uint8).reshape(height, -1)
-    lines = np.pad(lines, ((0, 0), (1, 0)))  # each begins with its filter, 0
+    lines = np.pad(lines, ((0, 0), (1, 0)))  # each starts with its filter type, 0
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         body = kind + data
@@ -60,7 +61,7 @@ def encoded(numbers: NDArray[np.unsignedinteger], level: int = 6) -> bytes:
 
 
 def write(path: Path, numbers: NDArray[np.unsignedinteger]) -> None:
-    """Write whole numbers, as by `encoded`, to a new file; ImageError if it cannot be written."""
+    """Write integers, as by `encoded`, to a new file; ImageError if it cannot be written."""
     try:
         path.write_bytes(encoded(numbers))
     except OSError as reason:
