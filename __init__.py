@@ -1,21 +1,21 @@
-"""Kiriko: images inside glass. Imports nothing before
-`register`, so that `core` loads without Blender.
+"""Kiriko: images inside glass. Nothing is imported before `register`, so `core` loads without
+Blender.
 """
 
 
 def register() -> None:
-    """Called by Blender when the extension is enabled."""
+    """Register everything when Blender enables the extension."""
     from . import languages, operators, panels
     from .core.blender import properties
 
     languages.register(operators.TIPS)
-    properties.register()  # operators and panels ask for them
+    properties.register()  # operators and panels read them
     operators.register()
     panels.register()
 
 
 def unregister() -> None:
-    """Called by Blender when the extension is disabled: everything goes, in reverse."""
+    """Unregister everything, in reverse order, when Blender disables the extension."""
     from . import languages, operators, panels
     from .core.blender import properties
 

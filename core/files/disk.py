@@ -80,7 +80,7 @@ def together(folder: Path, of: Iterable[str] = ()) -> Iterator[Path]:
             leftover = sorted({Path(name) for name in of} - moves.keys())
             for name in leftover:
                 _check_file(folder / name)
-            for name, (near, target) in moves.items():  # used in the error
+            for name, (near, target) in moves.items():  # noqa: B007 - the error names it
                 near.replace(target)
             for name in leftover:
                 (folder / name).unlink(missing_ok=True)

@@ -1,8 +1,7 @@
-"""The way from the viewer's pixels to a flat picture, as one matrix.
+"""Projective maps from the viewer's pixels to a flat picture, as 3 x 3 matrices.
 
-Straight lines from a viewer meet a plane by a projective map, and the UV of a rectangle is an
-affine map of the plane. So the two together are one 3 x 3 matrix, and pictures that are flat
-rectangles need no rays.
+Lines of sight meet a plane by a projective map, and the UV of a rectangle is an affine map of the
+plane. Flat rectangular pictures therefore need no rays.
 """
 
 from dataclasses import dataclass
@@ -16,15 +15,15 @@ from ..base.errors import RigError
 from ..light.display import affine_fit, uv_area
 from ..rig.rig import Mesh, PicturePlace, Viewer
 
-# of a picture's size: how well one affine map has to give its UV for the short way
+# largest deviation from flatness, an affine UV and a rectangle, relative
 IS_AFFINE = 1e-6
-EDGE_ON = 1e5  # condition of the way to it: beyond, the viewer sees a line
-LEAST = 1e-100  # picture px: a footprint that is narrower is a point
+EDGE_ON = 1e5  # condition of the mapping above which the viewer sees a line
+LEAST = 1e-100  # picture px: a narrower footprint is a point
 
 
 @dataclass(frozen=True, eq=False)
 class FlatMapping:
-    """From the viewer's pixels to the UV of a flat picture.
+    """Mapping from the viewer's pixels to the UV of a flat picture.
 
     Parameters
     ----------
@@ -38,8 +37,9 @@ class FlatMapping:
 
 
 def flat_mapping(place: PicturePlace, viewer: Viewer) -> FlatMapping | None:
-    """The way from viewer pixels to the UV of a flat picture, or of
-    the viewer's own image, which has no borders.
+    """Mapping from viewer pixels to the UV of a flat picture, or of the viewer's own image, which
+    is
+    unbounded; None for other shapes.
     """
     if place.mesh is None:
         own = np.array([[1 / viewer.width, 0, 0], [0, -1 / viewer.height, 1], [0, 0, 1]])
@@ -48,12 +48,11 @@ def flat_mapping(place: PicturePlace, viewer: Viewer) -> FlatMapping | None:
 
 
 def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
-    """Viewer px (n, 2) at which places uv (n, 2; v upward) of
-    the picture are seen as if there were no glass.
+    """Viewer px (n, 2) of places uv (n, 2; v upward) of the picture, seen without glass.
 
     Raises
     ------
-    RigError : the picture is no flat rectangle, or is seen edge-on
+    RigError : the picture is not a flat rectangle, or is seen edge-on
     """
     way = flat_mapping(place, viewer)
     if way is None:
@@ -67,7 +66,7 @@ def view_of_picture(place: PicturePlace, viewer: Viewer, uv: Floats) -> Floats:
 
 
 def not_flat(place: PicturePlace) -> RigError:
-    """The error of a picture that has to be a flat rectangle, and is none."""
+    """Error for a picture that has to be a flat rectangle."""
     return RigError(
         "The picture '{picture}' is no flat rectangle: choose a flat plane for it.",
         picture=place.name,
@@ -75,13 +74,12 @@ def not_flat(place: PicturePlace) -> RigError:
 
 
 def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
-    """The borders of a flat picture as the viewer sees it, as if there were no glass.
+    """Borders of a flat picture in the viewer's image, without glass.
 
     Returns
     -------
-    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, which give the distance to the line,
-    above 0 on the side of the picture. None where its outline is no rectangle, or that of the
-    viewer's image.
+    (4, 3) a, b, c of lines a x + b y + c = 0 in viewer px, normalised to distances, positive inside
+    the picture. None if the picture is not a rectangle, or fills the viewer's image.
     """
     way = None if place.mesh is None else way_to_mesh(place.mesh, viewer)
     if way is None:
@@ -95,10 +93,10 @@ def outline_in_view(place: PicturePlace, viewer: Viewer) -> Floats | None:
 
 
 def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatMapping | None:
-    """The way from viewer pixels to the UV of a flat rectangle.
+    """Mapping from viewer pixels to the UV of a flat rectangle.
 
-    None when the mesh is not flat, its UV is not one affine
-    map, or it is no rectangle along the UV axes.
+    None if the mesh is not flat, its UV is not one affine map, or it is not a rectangle along the
+    UV axes.
     """
     if mesh not in _rectangles:
         _rectangles[mesh] = _rectangle_of(mesh)
@@ -116,8 +114,12 @@ def way_to_mesh(mesh: Mesh, viewer: Viewer) -> FlatMapping | None:
 
 
 class _Rectangle(NamedTuple):
-    """A flat rectangle under its whole UV: its middle (3,), m, two axes in its plane and the one
-    across it, (3, 3), the UV (3, 2) by both axes and at the middle, and its bounds (2,) in UV.
+    """A flat rectangle under its whole UV.
+
+    middle : (3,) m
+    axes : (3, 3) two in its plane, and its normal
+    fit : (3, 2) UV derivatives along both axes, and UV at the middle
+    low, high : (2,) bounds in UV
     """
 
     middle: Floats
@@ -127,12 +129,12 @@ class _Rectangle(NamedTuple):
     high: Floats
 
 
-# told once of each mesh, however many viewers look at it
+# by mesh, shared by all viewers
 _rectangles: WeakKeyDictionary[Mesh, _Rectangle | None] = WeakKeyDictionary()
 
 
 def _rectangle_of(mesh: Mesh) -> _Rectangle | None:
-    """The rectangle that a mesh is, if it is one."""
+    """The rectangle of a mesh, or None."""
     corners = mesh.corners.reshape(-1, 3)
     uv = mesh.uv.reshape(-1, 2)
     middle = corners.mean(axis=0)
@@ -159,10 +161,11 @@ def _rectangle_of(mesh: Mesh) -> _Rectangle | None:
 def _points_seen(
     viewer: Viewer, middle: Floats, normal: Floats
 ) -> tuple[Floats, Floats, float] | None:
-    """Where rays meet a plane: a matrix (3, 3) from (x, y, 1) to the point, from the plane's
-    middle, times w; w (3,) of (x, y, 1); the sign of w in front of the viewer.
+    """Intersections of rays with a plane, in homogeneous form.
 
-    None where all rays run along the plane.
+    Returns a matrix (3, 3) from (x, y, 1) to the point relative to the plane's middle, times w; the
+    row w (3,); and the sign of w in front of the viewer. None if all rays are parallel to the
+    plane.
     """
     left, right, bottom, top = viewer.window
     x, y, forward = viewer.axes
@@ -175,8 +178,7 @@ def _points_seen(
     ahead = np.outer(forward, [0, 0, 1.0])
     still = np.outer(viewer.position - middle, [0, 0, 1.0])
 
-    # the point where it meets the plane, times (along . normal);
-    # one of the two factors is constant in (x, y)
+    # the intersection, times (along . normal); one of the two factors is constant in (x, y)
     if viewer.projection == "perspective":
         along = sideways + ahead
         depth = -(still[:, 2] @ normal)

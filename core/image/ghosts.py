@@ -1,7 +1,7 @@
-"""Ghosts: which display pixels are seen by several paths, and which of these is the strongest.
+"""Ghosts: display pixels seen by several light paths, and the strongest of these paths.
 
-A path is a way through the same surfaces that shows the display the same way round. Beyond a
-caustic light takes the same surfaces, and shows it turned over: that is another path.
+A path is a sequence of surfaces with one orientation of the display. Light beyond a caustic meets
+the same surfaces but shows the display flipped, so it is another path.
 """
 
 import numpy as np
@@ -13,10 +13,10 @@ from ..base.vectors import cross_2d
 from ..map.pieces import Piece
 from ..map.shares import ShareBatches, Shares
 
-# an odd number: pixels and paths are mixed to one number, the golden ratio
+# odd hash multiplier for pixels and paths, the golden ratio
 MIX = np.uint64(0x9E3779B97F4A7C15)
 NO_PATH = np.uint64(0)
-# parts that the display is looked at in, each every so many pixels: one is sorted at a step
+# interleaved parts of the display; one is sorted per step
 N_PARTS = 64
 
 
@@ -31,13 +31,12 @@ def paths_of(piece: Piece) -> NDArray[np.uint64]:
 
 
 class SeenPaths:
-    """How strongly each display pixel (H, W) is seen by each
-    path: sums over shares of area * throughput^2.
+    """Weight of each path seen at each display pixel (H, W): sums over shares of area *
+    throughput^2.
 
-    Hard glass shows a pixel by as many paths as it has shares. So shares wait until there are as
-    many of them as there are sums, and are summed up together: were all sums sorted with each few
-    shares, it would take the square of their number. Each sum is added up in the order of its
-    shares, whenever that is.
+    Complex glass has as many paths at a pixel as shares. Shares are therefore queued until they are
+    as many as the sums, and then added together; sorting all sums for each few shares would take
+    quadratic time. Each sum adds its shares in order, whenever they are processed.
     """
 
     def __init__(self, display_size: tuple[int, int]) -> None:
@@ -49,11 +48,11 @@ class SeenPaths:
         self._n_waiting = 0
 
     def add(self, shares: Shares) -> None:
-        """Add some shares, which know their paths."""
+        """Add some shares with paths."""
         self.add_rows(shares.display_index.astype(np.int64), shares.path, shares.weight)
 
     def add_rows(self, pixel: NDArray[np.int64], path: NDArray[np.uint64], weight: Floats) -> bool:
-        """Add some shares by their pixels, paths and weights (n,); returns whether it took long."""
+        """Add some shares by pixel, path and weight (n,); returns whether it took long."""
         with np.errstate(over="ignore"):
             key = (path ^ pixel.astype(np.uint64) * MIX) * MIX
         self._waiting.append((key, path, pixel, weight))
@@ -64,7 +63,7 @@ class SeenPaths:
         return is_due
 
     def _sum_up(self) -> None:
-        """Add the shares that wait to the sums."""
+        """Add the queued shares to the sums."""
         if not self._waiting:
             return
 
@@ -76,18 +75,18 @@ class SeenPaths:
         self._waiting, self._n_waiting = [], 0
 
     def strongest(self) -> NDArray[np.uint64]:
-        """The strongest path (H * W,) of each pixel, row by row; NO_PATH where it is not seen."""
+        """The strongest path (H * W,) of each pixel, row by row; NO_PATH if it is not seen."""
         self._sum_up()
         width, height = self._size
         found = np.full(width * height, NO_PATH)
-        # of two that are as strong it is always the same one
+        # ties are resolved by path
         order = np.lexsort((self._path, self._weight))
         found[self._pixel[order]] = self._path[order]
         return found
 
     def weights(self) -> tuple[Floats, Floats]:
-        """The sum over all paths of each pixel (H, W), and the part
-        of it, 0..1, that other paths than the strongest have.
+        """The sum over all paths of each pixel (H, W), and the fraction, 0..1, of all paths but the
+        strongest.
         """
         self._sum_up()
         width, height = self._size
@@ -99,7 +98,7 @@ class SeenPaths:
 
 
 def strongest_paths(batches: ShareBatches) -> Steps[NDArray[np.uint64]]:
-    """The path (H * W,) that most of each display pixel is seen by."""
+    """The strongest path (H * W,) of each display pixel."""
     width, height = batches.display_size
     found = np.full(width * height, NO_PATH)
     parts = [SeenPaths((len(found[k::N_PARTS]), 1)) for k in range(N_PARTS)]

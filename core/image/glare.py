@@ -1,6 +1,4 @@
-"""Glare: light for the glass that reaches the viewer beside it, by way of the plate alone, or
-straight from the display where no plate is needed.
-"""
+"""Glare: display light that reaches the viewer past the glass, only via the plate or directly."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -16,15 +14,15 @@ from ..light.plan import Plan
 from ..light.trace import tracing
 from .simulation import LUMINANCE
 
-N_RAYS_A_SIDE = 64  # of the viewer's image: a share of a tenth is known to a hundredth
-# times the spread of the light through the glass: so far off its middle light is to one side of it
+N_RAYS_A_SIDE = 64  # of the viewer's image: a share of a tenth is accurate to a hundredth
+# offset from the glass, in standard deviations of the light through it, that counts as one side
 OFF_MIDDLE = 0.5
 AROUND = Message("all around it")
 
 
 class Glare(NamedTuple):
-    """How much of the light that the viewer gets comes beside the glass, 0..1, and
-    where: a phrase.
+    """Share, 0..1, of the viewer's light that passes by the glass, and a phrase for its
+    direction.
     """
 
     share: float
@@ -33,10 +31,12 @@ class Glare(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StrayLight:
-    """Rays of a sample that come from the display, by way of the glass and beside it.
+    """A sample of rays from the display, through the glass and past it.
 
-    view : (n, 2) viewer px; pixel : (n,) of the display, row
-        by row; throughput (n,); is_beside (n,)
+    view : (n, 2) viewer px
+    pixel : (n,) of the display, row by row
+    throughput : (n,)
+    is_beside : (n,) past the glass
     """
 
     view: Floats
@@ -55,7 +55,7 @@ class StrayLight:
         return Glare(float(beside.sum() / total), self._where(light - beside, beside))
 
     def _where(self, through: Floats, beside: Floats) -> Message:
-        """On which side of the glass most of the light beside it is."""
+        """The side of the glass with most of the glare."""
         if not through.sum():
             return AROUND
 
@@ -75,7 +75,7 @@ class StrayLight:
 
 
 def looking_beside(plan: Plan) -> Plan:
-    """The same plan, in which light beside the glass is followed to the display, too."""
+    """The same plan, following light past the glass to the display."""
     return replace(plan, settings=replace(plan.settings, suppress_glare=1.0))
 
 

@@ -1,8 +1,8 @@
-"""Which place of a flat picture does a viewer ask each display pixel to show?
+"""The place of a flat picture that a viewer needs at each display pixel.
 
-Its shares tell it: where a share lies on the viewer's image, and where the picture is seen there as
-if there were no glass, that place is asked for. A pixel's place is the mean over its shares, by
-their weight. The picture's plane is one for all viewers, so that their places can be compared.
+A share lies somewhere on the viewer's image, and the place of the picture seen there without glass
+is the one it needs. A pixel's place is the weighted mean over its shares. The picture's plane is
+common to all viewers, so their places can be compared.
 """
 
 from dataclasses import dataclass, replace
@@ -15,15 +15,15 @@ from ..rig.rig import PicturePlace
 from ..rig.viewer import Viewer
 from .flat_picture import flat_mapping
 
-# times the weight of a share within the picture: one beside it
-# tells the place only in pixels that show nothing of the picture
+# weight of a share outside the picture, relative to one within: it only counts in pixels that show
+# nothing of the picture
 BESIDE = 1e-12
-REACH = 1.0  # sides of the picture beside it: a place further off is taken to be no further
+REACH = 1.0  # places are clipped to this many sides of the picture around it
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneMapping:
-    """The way from a viewer's image to pixels of a flat picture, and back.
+    """Mapping between a viewer's image and pixels of a flat picture.
 
     there, back : (3, 3), projective maps of (x, y, 1); x right, y down on both sides
     low, high : (2,) the picture's bounds, picture px
@@ -36,7 +36,7 @@ class PlaneMapping:
 
 
 def plane_mapping(place: PicturePlace, viewer: Viewer) -> PlaneMapping | None:
-    """None where the picture is no flat rectangle, or is seen edge-on."""
+    """The mapping for a viewer; None if the picture is not a flat rectangle, or is seen edge-on."""
     flat = flat_mapping(place, viewer)
     if flat is None or np.linalg.matrix_rank(flat.matrix / np.abs(flat.matrix).max()) < 3:
         return None
@@ -54,7 +54,7 @@ def plane_mapping(place: PicturePlace, viewer: Viewer) -> PlaneMapping | None:
 
 
 def mapped(matrix: Floats, xy: Floats) -> tuple[Floats, Floats]:
-    """Points (2, n) by a projective map of points (n, 2), and their w (n,)."""
+    """Project points (n, 2); returns points (2, n) and their w (n,)."""
     x, y = xy.T
     u, v, w = (a * x + b * y + c for a, b, c in matrix)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -62,8 +62,9 @@ def mapped(matrix: Floats, xy: Floats) -> tuple[Floats, Floats]:
 
 
 class InverseLookup:
-    """The places of the picture that a viewer asks display pixels for: sums over its shares, all of
-    which are added before it is asked.
+    """Places of the picture that a viewer needs at display pixels, as sums over its shares.
+
+    Add all shares before reading the result.
     """
 
     def __init__(self, place: PicturePlace, viewer: Viewer, display_size: tuple[int, int]) -> None:
@@ -74,7 +75,7 @@ class InverseLookup:
         self._area = np.zeros((2, height, width))
 
     def add(self, shares: Shares) -> None:
-        """Add some of the shares that display pixels show."""
+        """Add some of the shares shown by display pixels."""
         way = self._way
         xy, w = mapped(way.there, shares.view_xy)
         is_before = w > 0  # else it looks away from the picture's plane
@@ -93,24 +94,24 @@ class InverseLookup:
 
     @property
     def places(self) -> Floats:
-        """The place (2, H, W) that each display pixel is asked for, picture px; NaN for none."""
+        """The place (2, H, W) needed at each display pixel, picture px; NaN for none."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self._weight > 0, self._sum / self._weight, np.nan)
 
     @property
     def parts(self) -> Floats:
-        """The part (H, W) of each display pixel, 0..1, that tells its place: the one that shows the
-        picture, or else all that is seen.
+        """The fraction (H, W) of each display pixel, 0..1, that determines its place: the area
+        showing
+        the picture, or else all that is seen.
         """
         of_all, within = self._area
         return np.minimum(np.where(within > 0, within, of_all), 1.0)
 
 
 def moved_in_view(shares: Shares, place: PicturePlace, viewer: Viewer, step: Floats) -> Shares:
-    """Shares that ask for other places of the picture, moved on the viewer's image to where these
-    are seen as if there were no glass.
+    """Shift the places of the picture needed by shares, by moving the shares on the viewer's image.
 
-    step : (2, H * W) picture px, from the places that they ask for; where it is 0 they stay
+    step : (2, H * W) picture px for each display pixel; 0 leaves shares in place
     """
     number = np.flatnonzero((step != 0).any(axis=0)[shares.display_index])
     if not len(number):

@@ -1,6 +1,4 @@
-"""Paints shares straight from a picture, as `find_filter_taps` and
-`Painting` of `source_image.py` do by way of taps.
-"""
+"""Paints shares from a flat picture with the compiled kernel, as numpy does with taps."""
 
 import ctypes
 from collections.abc import Sequence
@@ -16,20 +14,20 @@ from ..native.loading import loaded, n_threads
 from ..native.structures import TAP, Made, StrokesStructure
 from .flat_picture import FlatMapping
 
-STRIPE = 1024  # display pixels that a thread paints before it looks for others
-MOST_PIXELS = 1 << 31  # of a display whose taps are kept
-STAYS_FREE = 1 << 30  # bytes that stay free: taps are kept to save time alone
+STRIPE = 1024  # display pixels per unit of a thread's work
+MOST_PIXELS = 1 << 31  # largest display with cached taps
+STAYS_FREE = 1 << 30  # bytes kept free, as cached taps only save time
 
 
 class FlatTaps:
-    """Shares and the way from the viewer's image to a flat picture.
+    """Shares and the mapping from the viewer's image to a flat picture.
 
-    The first painting finds where they are read, and forgets it. Who paints once more paints
-    often, as of a picture that moves: the second one keeps it, in place of the shares.
+    The first painting computes the taps and discards them. A second painting suggests many more, as
+    for a moving picture, so it caches the taps and drops the shares.
 
     Parameters
     ----------
-    way : from the viewer's pixels to the picture's UV
+    mapping : from the viewer's pixels to the picture's UV
     size : (width, height) of the picture, px
     """
 
@@ -37,7 +35,7 @@ class FlatTaps:
         self.made = made = Made(StrokesStructure)
         self.is_painted = False
         self.taps: NDArray[np.void] | None = None
-        self.first = np.zeros(1, np.int64)  # tap of each stripe, and one more
+        self.first = np.zeros(1, np.int64)  # first tap of each stripe, and the total
 
         index = shares.display_index
         self.span = (int(index.min()), int(index.max()) + 1) if len(index) else (0, 0)
@@ -48,7 +46,7 @@ class FlatTaps:
             np.int64 if is_wide else np.int32,
         )
         made.point("view_xy", shares.view_xy, float)
-        # rows may lie apart, as where there was room for more
+        # rows may be apart in a larger buffer
         covariance = np.asarray(shares.covariance, np.float32)
         if covariance.strides[1] != covariance.itemsize:
             covariance = np.ascontiguousarray(covariance)
@@ -69,12 +67,12 @@ class FlatTaps:
 def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatTaps) -> None:
     """Add area * throughput * colour of shares to the sums (3, H, W) of display pixels.
 
-    The sums are the same bits whether taps are kept by now or not.
+    Cached taps give bit-identical sums.
 
     Parameters
     ----------
-    levels : of the picture at full, half, quarter ... size, (h, w, 4) float32 each, rows in one
-        piece, of which three count
+    levels : the picture at full, half, quarter ... size, (h, w, 4) float32 each, with contiguous
+        rows; three channels are used
     """
     structures = of_levels(levels)
     canvas = total.ctypes.data, total[0].size, n_threads()
@@ -92,8 +90,9 @@ def paint(total: Floats, levels: Sequence[NDArray[np.float32]], strokes: FlatTap
 
 
 def _keep_taps(strokes: FlatTaps, structures: ctypes.Array, n_pixels: int) -> None:
-    """Find the taps of shares, by the sizes of levels, those of a display pixel one after another
-    in the order of its shares; let go of the shares.
+    """Compute the taps of shares for levels of these sizes, each display pixel's in the order of
+    its
+    shares, and drop the shares.
     """
     low, high = np.clip(strokes.span, 0, n_pixels)
     if low >= high:
@@ -112,6 +111,6 @@ def _keep_taps(strokes: FlatTaps, structures: ctypes.Array, n_pixels: int) -> No
         return
     strokes.taps = np.empty(ends[-1], TAP)
     strokes.first = np.concatenate([[0], ends[STRIPE - 1 : -1 : STRIPE], ends[-1:]])
-    np.subtract(ends, n, out=n)  # from here on the place of each pixel's next tap
+    np.subtract(ends, n, out=n)  # now the index of each pixel's next tap
     find(strokes.taps.ctypes.data)
     strokes.made = Made(StrokesStructure)

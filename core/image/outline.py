@@ -1,7 +1,7 @@
-"""Cuts cells along the outline of the picture, so that each lies within it or beside it.
+"""Cuts cells along the outline of the picture, so each lies fully inside or outside.
 
-A cell across the outline would be painted as a whole, by a guess of how much of it is within: on
-the source image of a ball more than half of the squared error was in the pixels along the outline.
+A cell across the outline would be painted as a whole, with an estimate of its covered part. For a
+ball, more than half of the source image's squared error was in the pixels along the outline.
 """
 
 from collections.abc import Iterator
@@ -17,18 +17,18 @@ from ..native import loading
 from ..rig.rig import PicturePlace, Viewer
 from .flat_picture import outline_in_view
 
-ON_LINE = 1e-6  # viewer px: a point nearer to the outline is on it, so that rounding does not cut
+ON_LINE = 1e-6  # viewer px: a closer point is on the outline, so rounding does not cause cuts
 
 
 def cut_along_outline(
     pieces: Iterator[Piece], place: PicturePlace, viewer: Viewer
 ) -> Iterator[Piece]:
-    """Cut pieces of a view map along a flat picture's outline;
-    pieces of pictures of another shape stay as they are.
+    """Cut pieces of a view map along a flat picture's outline; pieces of other pictures are
+    unchanged.
 
-    A quad that a line crosses from side to side becomes two quads. Others that it crosses become
-    triangles, which are so small that their images are flat. The pieces are used up: a crossed one
-    comes back without an image (NaN), and its parts come at the end.
+    A quad crossed from side to side becomes two quads. Other crossed quads become triangles, small
+    enough to have flat images. Pieces are modified: a crossed one is returned with a NaN image, and
+    its parts follow at the end.
     """
     lines = outline_in_view(place, viewer)
     if lines is None:
@@ -52,10 +52,9 @@ def cut_along_outline(
 
 
 def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]:
-    """Quads (m, 4, 4) and triangles (m, 3, 4) of which none is
-    across one of the lines, from polygons (n, k, 4).
+    """Cut polygons (n, k, 4) into quads (m, 4, 4) and triangles (m, 3, 4) that no line crosses.
 
-    Each of the two is followed by the numbers of the shapes that its polygons are parts of.
+    Each is returned with the indices of its original polygons.
     """
     number = np.arange(len(polygons))
     none = np.arange(0)
@@ -74,7 +73,7 @@ def _cut_along(lines: Floats, polygons: Floats) -> Iterator[tuple[Floats, Ints]]
 
 
 def _across(lines: Floats, view: Floats) -> Ints:
-    """Which polygons (n, k, 2) lie on both sides of the outline."""
+    """Indices of polygons (n, k, 2) that cross the outline."""
     if loading.library() is not None:
         return native_divide.find_across(lines, view, ON_LINE)
 
@@ -96,31 +95,33 @@ def _across(lines: Floats, view: Floats) -> Ints:
 
 
 def _sides(lines: Floats, view: Floats) -> Floats:
-    """How far within the picture points (..., 2) lie of lines (l,
-    3), viewer px: (..., l); 0 where they lie on them.
+    """Signed distances (..., l) of points (..., 2) from lines (l, 3), viewer px, positive inside
+    the
+    picture; 0 on a line.
     """
     side = turn(lines[:, :2], view) + lines[:, 2]
     return np.where(np.abs(side) < ON_LINE, 0.0, side)
 
 
 def _in_triangles(polygons: Floats, of: Ints) -> tuple[Floats, Ints]:
-    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k,
-    ...), and the number (n,) of the polygon each is of.
+    """Triangles (n (k - 2), 3, ...) of convex polygons (n, k, ...), and the polygon (n,) of
+    each.
     """
     fan = [polygons[:, [0, *two]] for two in pairwise(range(1, polygons.shape[1]))]
     return np.concatenate(fan), np.tile(of, len(fan))
 
 
 def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Floats, Ints]:
-    """Quads (m, 4, 4) of which none is across a line, and those
-    (c, 4, 4) that it does not cross from side to side.
+    """Quads (m, 4, 4) that a line does not cross, and quads (c, 4, 4) it crosses, but not from side
+    to
+    side.
 
-    Each of the two is followed by the numbers of the shapes that its polygons are parts of.
+    Each is followed by the indices of its original polygons.
     """
     sign = np.sign(_sides(line[None], quads[..., :2])[..., 0]).astype(int)
     is_across = (sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)
 
-    # two neighbours on each side: opposite corners are then on different ones
+    # two neighbours on each side: opposite corners then differ
     is_crossed = (
         is_across & (sign != 0).all(axis=1) & (sign == -np.roll(sign, 2, axis=1)).all(axis=1)
     )
@@ -128,7 +129,7 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
         np.flatnonzero(which) for which in (~is_across, is_crossed, is_across & ~is_crossed)
     )
 
-    # the two within come first: the second of them is followed by one beyond
+    # the two inside come first, with the second followed by one outside
     second = np.argmax((sign[crossed] > 0) & (np.roll(sign[crossed], -1, axis=1) < 0), axis=1)
     order = (second[:, None] + np.array([-1, 0, 1, 2])) % 4
     corners = np.take_along_axis(quads[crossed], order[..., None], axis=1)
@@ -147,8 +148,9 @@ def _cut_across(quads: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints, Fl
 
 
 def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
-    """Triangles (m, 3, 4) of which none is across a line, from others (n, 3, 4), and the number
-    (m,) of the shape that each is a part of.
+    """Cut triangles (n, 3, 4) into triangles (m, 3, 4) that a line does not cross, with the
+    original
+    polygon (m,) of each.
     """
     side = _sides(line[None], triangles[..., :2])[..., 0]
     is_across = (side.min(axis=1) < 0) & (side.max(axis=1) > 0)
@@ -168,11 +170,11 @@ def _cut(triangles: Floats, of: Ints, line: Floats) -> tuple[Floats, Ints]:
 
 
 def _alone_first(triangles: Floats, side: Floats) -> tuple[Floats, Floats]:
-    """The corners (n, 3, ...), and their sides (n, 3), in turn, so
-    that the one comes first that is alone on its side.
+    """Rotate the corners (n, 3, ...) and their sides (n, 3) so that the corner alone on its side
+    comes
+    first.
 
-    A corner on the line is on the side of another one, or is
-    itself alone where both others are on different sides.
+    A corner on the line belongs to another one's side, or is the one alone if the others differ.
     """
     sign = np.sign(side).astype(int)
     has_zero = (sign == 0).any(axis=1)
@@ -183,11 +185,11 @@ def _alone_first(triangles: Floats, side: Floats) -> tuple[Floats, Floats]:
 
 
 def _odd_one(sign: Ints) -> Ints:
-    """Which (n,) of three signs differs from the two others."""
+    """Index (n,) of the sign that differs from the two others."""
     return np.argmax(sign == -np.sign(sign.sum(axis=1, keepdims=True)), axis=1)
 
 
 def _on_edge(corners: Floats, side: Floats, start: int, end: int) -> Floats:
-    """Where the edges from one corner to another meet the line: (n, 4)."""
+    """Intersections (n, 4) of the edges between two corners with the line."""
     part = side[:, start] / (side[:, start] - side[:, end])
     return corners[:, start] + part[:, None] * (corners[:, end] - corners[:, start])

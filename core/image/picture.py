@@ -1,4 +1,4 @@
-"""The picture in its place: which of its pixels lie behind points of the viewer's image."""
+"""The picture in its place: its pixels behind points of the viewer's image."""
 
 from dataclasses import dataclass
 
@@ -14,24 +14,23 @@ from ..light.ray_engine import Layer
 from ..rig.rig import PicturePlace, Viewer
 from .flat_picture import LEAST, FlatMapping, flat_mapping, outline_in_view
 
-POINTS_AT_ONCE = 1 << 16  # their arrays stay in the cache
-MESH_STEP_PX = 1e-3  # viewer px over which a mesh's map is differentiated
-EDGE_ON = 1e-3  # of its length: a picture seen so thin is nothing to be seen
+POINTS_AT_ONCE = 1 << 16  # so their arrays stay in the cache
+MESH_STEP_PX = 1e-3  # viewer px, step of finite differences on a mesh
+EDGE_ON = 1e-3  # width relative to length below which a picture is edge-on
 BY_MIRROR = Message(" (where it is seen by way of a mirror, set Picture to Image)")
-# viewer px, sides of blocks of pixels: most are covered by the picture wholly, or not at all
+# viewer px, side of pixel blocks, most of which the picture covers fully or not at all
 BLOCK_PX = 16
-UPRIGHT = 1e-3  # of the variance along y; less along x is none: rounding may be as large
+UPRIGHT = 1e-3  # of the variance along y: less along x is treated as 0, as rounding may be as large
 
 
 @dataclass(frozen=True, eq=False)
 class PicturePoints:
-    """Where points of the viewer's image lie on the picture.
+    """Footprints of points of the viewer's image on the picture.
 
-    xy : (n, 2) picture pixels, x right and y down from the top left
-        corner: the middle of the footprint's part on the picture
-    cover : (n,) 0..1, how much of the footprint lies on the picture
-    axes : (4, n) picture px, x and y of two sides of the footprint, each as long as the standard
-        deviation along it: as a parallelogram it has that covariance
+    xy : (n, 2) picture pixels, x right and y down from the top left corner: the centre of the
+        footprint's part on the picture
+    cover : (n,) 0..1, fraction of the footprint on the picture
+    axes : (4, n) picture px, x and y of the footprint's two sides, scaled to standard deviations
     """
 
     xy: Floats
@@ -50,7 +49,7 @@ class PicturePoints:
 
     @property
     def footprint(self) -> Floats:
-        """Side (n,) in picture pixels of a square as large as the footprint."""
+        """Side (n,) in picture pixels of a square of the footprint's area."""
         first_x, first_y, second_x, second_y = self.axes
         return np.sqrt(12 * np.abs(first_x * second_y - first_y * second_x))
 
@@ -66,11 +65,11 @@ POINT = of_square(0.0)
 def picture_from_view(
     place: PicturePlace, viewer: Viewer, view_xy: Floats, covariance: NDArray = POINT
 ) -> PicturePoints:
-    """Follow straight lines from the viewer to the picture, as if there were no glass.
+    """Follow straight lines from the viewer to the picture, without glass.
 
     Parameters
     ----------
-    view_xy : (n, 2) viewer pixels, middles of footprints
+    view_xy : (n, 2) viewer pixels, centres of footprints
     covariance : (3, n) or (3, 1) xx, xy and yy of the footprints on the viewer's image, viewer px^2
     """
     n = len(view_xy)
@@ -88,10 +87,10 @@ def picture_from_view(
 
 
 def cover_in_view(place: PicturePlace, viewer: Viewer) -> Floats:
-    """Which part (h, w) of each viewer pixel the picture covers, as if there were no glass, 0..1.
+    """Fraction (h, w) of each viewer pixel covered by the picture, without glass, 0..1.
 
-    Beyond the borders of a flat picture it is 0, also beside the
-    horizon of its plane, where no single pixel can tell.
+    It is 0 outside a flat picture, even near the horizon of its plane, where a single pixel is
+    ambiguous.
     """
     w, h = viewer.width, viewer.height
     if place.mesh is None:
@@ -112,10 +111,11 @@ def cover_in_view(place: PicturePlace, viewer: Viewer) -> Floats:
 
 
 def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
-    """Cover (h, w) of viewer pixels in blocks that are all within lines (4, 3), or all beyond one
-    of them; NaN in blocks near to a line.
+    """Cover (h, w) of viewer pixels in blocks fully inside lines (4, 3) or fully outside one; NaN
+    in
+    other blocks.
 
-    A flat picture is convex, so that no other block is partly covered.
+    A flat picture is convex, so fully inside or outside is exact.
     """
     x, y = (np.arange(0.5, -(-n // BLOCK_PX)) * BLOCK_PX for n in (width, height))
     reach = BLOCK_PX / 2**0.5 + 2
@@ -129,9 +129,7 @@ def _cover_of_blocks(lines: Floats, width: int, height: int) -> Floats:
 
 
 def why_unseen(place: PicturePlace, viewer: Viewer) -> str:
-    """Why a viewer sees nothing of a picture on a plane,
-    though nothing hides it, and the remedy: two clauses.
-    """
+    """Why an unobstructed picture on a plane is not seen, and the remedy: two clauses."""
     corners = place.mesh.corners.reshape(-1, 3)
     if ((corners - viewer.position) @ viewer.axes[2] <= 0).all():
         return Message(
@@ -170,7 +168,7 @@ def _set_flat(
 ) -> None:
     """Set some points of a flat picture of a size (2,), px.
 
-    It is done column by column: numpy is slow where rows are two numbers long.
+    Computed by columns, because numpy is slow on rows of two.
     """
     x, y = view_xy.T
     u, v, w = (a * x + b * y + c for a, b, c in way.matrix)
@@ -179,7 +177,7 @@ def _set_flat(
     u *= inverse
     v *= inverse
 
-    # derivatives of the picture's pixels; v goes up, pixels go down
+    # derivatives of the picture's pixels; v points up, pixel rows down
     width, height = size
     (ux, uy, _), (vx, vy, _), (wx, wy, _) = way.matrix
     x_scale = width * inverse
@@ -202,18 +200,18 @@ def _set_flat(
 def _axes(
     covariance: Floats, by_x: tuple[Floats, Floats], by_y: tuple[Floats, Floats]
 ) -> NDArray[np.float64]:
-    """Two sides (4, n) of footprints on the picture, of their covariance (3, n) on the viewer's
-    image and the derivatives (2, n) of the picture's pixels by the viewer's.
+    """Sides (4, n) of footprints on the picture, from their covariance (3, n) on the viewer's image
+    and the derivatives (2, n) of picture pixels by viewer pixels.
 
-    The cells of a map lie along the axes of the viewer's image. So its triangular root there has
-    the sides of shares that are whole quads, however the picture is turned.
+    Map cells are aligned with the viewer's image, so the triangular root of the covariance gives
+    the sides of full quads, however the picture is rotated.
     """
     xx, xy, yy = np.asarray(covariance, float)
-    is_upright = xx < UPRIGHT * yy  # where the root begins with y
+    is_upright = xx < UPRIGHT * yy  # the root starts with y
     near, far = np.where(is_upright, yy, xx), np.where(is_upright, xx, yy)
     reach = np.sqrt(np.maximum(near, 0))
     most = np.sqrt(np.maximum(far, 0))
-    # rounding may leave more than there can be
+    # clipped to remove rounding errors
     along = np.clip(xy / np.maximum(reach, LEAST), -most, most)
     across = np.sqrt(np.maximum(far - along * along, 0))
 
@@ -228,9 +226,7 @@ def _axes(
 
 
 def _within(x: Floats, low: float, high: float, variance: Floats) -> tuple[Floats, Floats]:
-    """Which share (n,) of footprints lies between two lines
-    across x, and its middle: they are as good as boxes.
-    """
+    """Fraction (n,) of box-shaped footprints between two lines across x, and its centre."""
     half = np.sqrt(3 * np.maximum(variance, 0))
     before = np.maximum(low - (x - half), 0)
     after = np.maximum(x + half - high, 0)
@@ -241,7 +237,7 @@ def _within(x: Floats, low: float, high: float, variance: Floats) -> tuple[Float
 def _by_tracing(
     place: PicturePlace, viewer: Viewer, view_xy: Floats, covariance: Floats
 ) -> PicturePoints:
-    """The long way, for a picture on any mesh: its outline is not smoothed."""
+    """Points on a picture of any mesh, by tracing; the outline is not antialiased."""
     layer = Layer(place.mesh.corners)
     size = np.array([place.width, place.height], float)
     origins, directions = viewer.rays(view_xy)
@@ -255,7 +251,7 @@ def _by_tracing(
     k = hits.triangle[is_seen]
 
     def xy_at(view_xy: Floats) -> Floats:
-        """Picture pixels on the plane of the triangle that was met."""
+        """Picture pixels on the plane of the triangle hit."""
         o, d = viewer.rays(view_xy)
         t = layer.frames.distance(k, o, d)
         at = layer.frames.barycentric(k, o + t[:, None] * d)

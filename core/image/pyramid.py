@@ -1,9 +1,9 @@
 """Colours of a picture under footprints of any size and shape.
 
-A footprint is the image of a small part of the viewer's image: about a parallelogram. It is divided
-into parts, which are read at their middles between the picture's pixels. So a share is read as
-finely as the picture is, and nothing of the picture is made blurred. Only footprints of more pixels
-than are read leave a rest to smaller sizes of the picture.
+A footprint is the image of a small part of the viewer's image, approximately a parallelogram. It is
+divided into parts, each read at its centre between the picture's pixels. Shares thus have the
+picture's full resolution, without blur. Only footprints too large for the number of reads use
+smaller sizes of the picture.
 """
 
 import weakref
@@ -22,17 +22,17 @@ from ..native import image_passes, loading
 from .flat_picture import LEAST
 from .picture import POINTS_AT_ONCE, PicturePoints
 
-# A footprint's side, picture px, up to twice as long as this is read at two places, up to four
-# times as long at four, a longer one at eight. The error of a source image falls with them until
-# what is left is that of the map, and the shape of shares that a display pixel's border cuts.
+# A footprint's side, picture px, up to twice this long is read at two places, up to four times at
+# four, and a longer one at eight. More reads reduce the source image's error until the map's error
+# dominates, and the shape of shares cut by display pixels.
 SIDE = 0.9
 MOST_READS = 8  # along a side
-# sides beyond two over which each of two places becomes two, and twice as many beyond four:
-# gradually, so that rounding moves no read, but soon, for until then they read nearly the same
+# range of side lengths beyond two (or four) over which each read splits into two: gradual, so
+# rounding moves no read, but short, because the reads nearly coincide until then
 APART = 0.25
-POINT_SIDE = 0.2  # picture px; a shorter side is a point, and one of twice as much as long as it is
+POINT_SIDE = 0.2  # picture px; a shorter side is a point, and full length is reached at twice this
 
-# signs of the far, the near and the nearest step of each read along a side, by their number
+# signs of the far, near and nearest step of each read along a side, by number of reads
 STEPS_BY_NUMBER = {
     1: ((0, 0, 0),),
     2: ((-1, 0, 0), (1, 0, 0)),
@@ -43,13 +43,13 @@ STEPS_BY_NUMBER = {
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Which pixels of a pyramid make up weighted colours of points:
-    a sparse matrix, the same for pictures of one size.
+    """A sparse matrix from pixels of a pyramid to weighted colours of points, for pictures of one
+    size.
 
     Each row adds four neighbouring pixels of a level to a point.
 
     point : (m,) int32
-    levels : number and rows of each run of rows on one level
+    levels : level and slice of each run of rows on one level
     pixel : (m,) int32, the upper left of the four, row * width + column
     weight : (4, m) float32, of the upper left, upper right, lower left and lower right one
     """
@@ -61,12 +61,12 @@ class Taps:
 
 
 def find_taps(points: PicturePoints, weight: Floats, size: tuple[int, int]) -> Taps:
-    """How colours are read, times weight (n,), at points of a picture of a size (width, height).
+    """Taps for colours times weight (n,) at points of a picture of a size (width, height).
 
-    A level read between its pixels spreads as far as a box of its pixel and a tent of two: in all,
-    a variance of 4^k / 4 - 1 / 12 of the picture's pixels. A footprint is read at as many places of
-    the full size as its sides need, and beyond the most of them at smaller sizes: two levels are
-    mixed so that with the places' variance it is the footprint's.
+    Reading level k between its pixels filters with a box of one pixel and a tent of two, a total
+    variance of 4^k / 4 - 1 / 12 of the picture's pixels. A footprint is read at full size at as
+    many places as its sides need. Beyond the largest number, two smaller levels are mixed so that
+    total variance matches the footprint's.
     """
     sizes = _level_sizes(size)
     last = len(sizes) - 1
@@ -110,8 +110,8 @@ def _level_sizes(size: tuple[int, int]) -> list[tuple[int, int]]:
 def _bilinear(
     size: tuple[int, int], x: Floats, y: Floats, weight: Floats
 ) -> tuple[NDArray, NDArray]:
-    """Upper left pixel (n,) and weights (4, n), times weight, that
-    read an image: centres at + 0.5, edges extended.
+    """Upper left pixel (n,) and weights (4, n), times weight, for bilinear reads: centres at + 0.5,
+    edges extended.
     """
     w, h = size
     x = np.clip(x - 0.5, 0, w - 1)
@@ -134,10 +134,9 @@ def _bilinear(
 
 
 class Pyramid:
-    """A picture at full, half, quarter ... size, so that a
-    footprint of any size is read at its own size.
+    """A picture at full, half, quarter ... size, to read footprints of any size.
 
-    levels : (h, w, 4) float32 each, rows in one piece; the fourth channel is of no use
+    levels : (h, w, 4) float32 each, with contiguous rows; the fourth channel is unused
     """
 
     def __init__(self, image: NDArray[np.float32]) -> None:
@@ -150,24 +149,24 @@ class Pyramid:
             self.levels.append(_halved(self.levels[-1]))
 
     def is_of(self, image: NDArray[np.float32]) -> bool:
-        """Was it built from an image like this one?
+        """Whether it was built from an image equal to this one.
 
-        That is told by the array itself where nobody can write to it, else by its values.
+        Read-only arrays are compared by identity, others by value.
         """
         if self._frozen is not None and is_frozen(image):
             return self._frozen() is image
         own = self.levels[0]
-        # first all that lies in one piece, which is six times as fast: the fourth channel is 1, as
-        # it is of most pictures
+        # contiguous comparison first, six times as fast: most pictures have 1 in the fourth
+        # channel, too
         return np.array_equal(own, image) or np.array_equal(own[..., :3], image[..., :3])
 
     @cached_property
     def _first_in_order(self) -> NDArray[np.float32]:
-        """The full size, where its rows lie the other way round in memory a copy."""
+        """The full size, copied if its rows are reversed in memory."""
         return np.ascontiguousarray(self.levels[0])
 
     def read(self, taps: Taps) -> NDArray[np.float32]:
-        """The colour that each row of taps (m,) adds to its point (3, m), linear, over black."""
+        """The linear colour (3, m), over black, added to its point by each row of taps (m,)."""
         values = np.zeros((3, len(taps.pixel)), np.float32)
         for k, rows in taps.levels:
             level = self._first_in_order if k == 0 else self.levels[k]
@@ -191,8 +190,9 @@ class Pyramid:
 
 
 def _in_rows(image: NDArray[np.float32], is_kept: bool) -> NDArray[np.float32]:
-    """An image (h, w, n) with four channels and rows in one piece: the same one where it is so
-    and nobody can write to it (is_kept).
+    """An image (h, w, n) as four channels with contiguous rows: the same array if it has this form
+    and
+    is read-only (is_fixed).
     """
     is_in_rows = image.dtype == np.float32 and image.shape[2] == 4 and image.strides[1:] == (16, 4)
     if is_kept and is_in_rows:
@@ -206,13 +206,13 @@ def _in_rows(image: NDArray[np.float32], is_kept: bool) -> NDArray[np.float32]:
 def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Half the size of an image (h, w, 4) by exact area means.
 
-    Odd rows or columns are shared by their neighbours.
+    Odd rows or columns are split between their neighbours.
     """
     h, w, n = image.shape
-    if loading.library() is not None and not (h % 2 or w % 2):  # the same bits
+    if loading.library() is not None and not (h % 2 or w % 2):  # bit-identical
         return image_passes.halved(image)
     halved = np.empty(((h + 1) // 2, (w + 1) // 2, n), np.float32)
-    # one by one: steps between take a third of the memory
+    # one channel at a time needs a third of the memory
     for channel in range(n):
         halved[..., channel] = _halved_along(1, _halved_along(0, image[..., channel]))
     return halved
@@ -223,11 +223,11 @@ def _halved_along(axis: int, plane: NDArray[np.float32]) -> NDArray[np.float32]:
     n = plane.shape[axis]
     if n == 1:
         return plane
-    if n % 2 == 0:  # the same, many times as fast
+    if n % 2 == 0:  # the same result, many times as fast
         even, odd = (plane[k::2] if axis == 0 else plane[:, k::2] for k in (0, 1))
         return np.float32(0.5) * (even + odd)
 
-    # whole rows below an edge, and the part of the row across it
+    # cumulative sum at an edge: full rows before it, and a fraction of the row across it
     m = (n + 1) // 2
     edges = np.linspace(0, n, m + 1)
     total = np.insert(np.cumsum(plane, axis=axis, dtype=float), 0, 0, axis=axis)
@@ -240,9 +240,7 @@ def _halved_along(axis: int, plane: NDArray[np.float32]) -> NDArray[np.float32]:
 def pyramids_of(
     images: Sequence[NDArray[np.float32]], known: Sequence[Pyramid] = ()
 ) -> tuple[Pyramid, ...]:
-    """A pyramid for each image (h, w, 4): one for the same array, and a known one where it is of
-    such an image.
-    """
+    """A pyramid for each image (h, w, 4), shared by identical arrays; existing ones are reused."""
     found: dict[int, Pyramid] = {}
     for image in images:
         if id(image) not in found:
@@ -252,9 +250,12 @@ def pyramids_of(
 
 
 class FootprintReads(NamedTuple):
-    """Where footprints are read, a row (r,) for each place.
+    """Reads of footprints, one row (r,) for each place.
 
-    number : of the point; x, y : picture px; weight; variance : along each axis, picture px^2
+    number : of the point
+    x, y : picture px
+    weight : (r,)
+    variance : along each axis, picture px^2
     """
 
     number: NDArray[np.int32]
@@ -265,11 +266,11 @@ class FootprintReads(NamedTuple):
 
 
 class _Side(NamedTuple):
-    """How footprints are read along a side of theirs.
+    """Reads along one side of footprints.
 
     number : (n,) of places, 1, 2, 4 or 8
-    steps : far, near and nearest (n,), standard deviations: from the middle to each half of them,
-        from there to each quarter, and to each of eight
+    steps : far, near and nearest (n,), in standard deviations: from the centre to each half, from
+        there to each quarter, and to each eighth
     """
 
     number: NDArray[np.integer]
@@ -277,10 +278,9 @@ class _Side(NamedTuple):
 
 
 def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> FootprintReads:
-    """Where some points are read.
+    """Reads of some points.
 
-    Reads come apart gradually, so that a footprint that rounding changes is read at the same places
-    but for rounding.
+    Reads separate gradually, so rounding a footprint only moves its reads by rounding errors.
     """
     x = points.xy[some, 0]
     y = points.xy[some, 1]
@@ -313,7 +313,7 @@ def reads_of(points: PicturePoints, some: NDArray[np.int32], weight: Floats) -> 
 
 
 def _along(side: Floats) -> _Side:
-    """How sides (n,), picture px, are read: as many places as they need, with their variance."""
+    """Reads along sides (n,), picture px: as many as they need, with the sides' variance."""
     two = np.clip(side / POINT_SIDE - 1, 0, 1)
     relative = side / SIDE
     four = np.clip((relative - 2) / APART, 0, 1)
@@ -324,13 +324,15 @@ def _along(side: Floats) -> _Side:
 
 
 def _left_to_levels(axes: Floats, shorter: Floats) -> Floats:
-    """The variance (n,) along each axis that smaller sizes of the picture add to each of the most
-    reads, of footprints with axes (4, n) and a shorter side (n,).
+    """Variance (n,) along each axis left to smaller sizes of the picture, for each of the most
+    reads.
+
+    For footprints with axes (4, n) and a shorter side (n,).
     """
     each = shorter / MOST_READS
     left = np.maximum(each * each - SIDE * SIDE, 0) / 12
-    # no more than the footprint has in its narrowest direction, which is not that of its sides
-    # where they are askew
+    # limited to the variance in the footprint's narrowest direction, which differs from its sides
+    # if they are oblique
     first_x, first_y, second_x, second_y = axes
     area = first_x * second_y - first_y * second_x
     most = 0.75 * area * area / np.maximum((axes * axes).sum(axis=0), LEAST)
@@ -338,10 +340,10 @@ def _left_to_levels(axes: Floats, shorter: Floats) -> Floats:
 
 
 def _without(axes: Floats, left: Floats) -> Floats:
-    """Axes (4, n) of footprints that have less variance, along each axis of the picture.
+    """Axes (4, n) of footprints with the variance `left` removed along each axis of the picture.
 
-    With L the axes, as a matrix, L L' - left is L K L' with K = 1 - left (L' L)^-1, and L times the
-    triangular root of K has it.
+    With L the axes, as a matrix, L L' - left = L K L' with K = 1 - left (L' L)^-1, so the result is
+    L times the triangular root of K.
     """
     first_x, first_y, second_x, second_y = axes
     area = first_x * second_y - first_y * second_x

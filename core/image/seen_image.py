@@ -12,22 +12,22 @@ from ..rig.rig import Picture, Viewer
 from .picture import POINTS_AT_ONCE, of_square, picture_from_view
 from .pyramid import Pyramid
 
-SUBPIXELS = 2  # an ideal pixel is the mean of this many points an axis, each with its own footprint
+SUBPIXELS = 2  # points per axis of an ideal pixel, each with its own footprint
 
 
 @dataclass(frozen=True)
 class DotKnobs:
-    """How the dots of a lattice are found in an image.
+    """Options for finding the dots of a lattice in an image.
 
     Parameters
     ----------
-    dark : of the brightest red; a pixel with less is background
-    compact : a dot whose rms radius exceeds that of a disc of its area by this factor is seen in
+    dark : fraction of the brightest red; a darker pixel is background
+    compact : ratio of a dot's rms radius to that of a disc of its area, above which it is in
         several pieces
-    least_square : px^2; a dot is taken to be no smaller, mean square radius
-    heap : times the radius of its disc, sides of the cells whose heaviest is the largest piece
-    near : in such sides, how far a piece reaches from its heart
-    most_rounds : by which pieces are parted
+    least_square : px^2; lower limit of a dot's mean square radius
+    heap : cell size, in radii of its disc, for locating the largest piece
+    near : radius of a piece around its centre, in cells
+    most_rounds : of separating pieces
     """
 
     dark: float = 0.02
@@ -42,8 +42,9 @@ DOT_KNOBS = DotKnobs()
 
 
 def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
-    """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with
-    the shares. Pauses while these are made, and after each batch.
+    """The seen image (h, w, 3) of a source image (H, W, 3): the transposed product with the shares.
+
+    Pauses while shares are made, and after each batch.
     """
     width, height = batches.view_size
     n_channels = source.shape[2]
@@ -61,7 +62,7 @@ def seeing(batches: ShareBatches, source: NDArray[np.float32]) -> Steps[NDArray[
 
 
 def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
-    """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
+    """The picture seen by the viewer without glass: (h, w, 3) linear."""
     pyramid = Pyramid(picture.image)
     place = picture.place
     w, h = viewer.width, viewer.height
@@ -85,10 +86,11 @@ def ideal_image(picture: Picture, viewer: Viewer) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class LatticeShift:
-    """Displacement of the dots of a lattice against the ideal image.
+    """Displacement of the dots of a lattice from the ideal image.
 
-    shift : (n, n, 2) viewer px, NaN where the dot is not seen; mean
-        : its mean length; mean_xy : means of |dx|, |dy|
+    shift : (n, n, 2) viewer px, NaN for a dot not seen
+    mean : its mean length
+    mean_xy : means of |dx|, |dy|
     """
 
     shift: Floats
@@ -117,30 +119,32 @@ class LatticeShift:
         return float(dx), float(dy)
 
     def _lengths(self) -> Floats:
-        """How far each dot (m,) that is seen has moved, viewer px."""
+        """Displacement, viewer px, of each dot (m,) seen."""
         return np.linalg.norm(self.shift[self.is_seen], axis=-1)
 
 
 def lattice_shift(seen: Floats, ideal: Floats, n: int = 7) -> LatticeShift:
-    """How far each dot of an n x n colour-coded lattice moved
-    between two images (h, w, >= 3) of one size, linear.
+    """Displacement of each dot of an n x n colour-coded lattice between two images (h, w, >= 3) of
+    one
+    size, linear.
     """
     return LatticeShift(dot_centroids(seen, n) - dot_centroids(ideal, n))
 
 
 def dot_centroids(image: Floats, n: int = 7) -> Floats:
-    """Centroids (n, n, 2) in pixels of the dots of a lattice; entry
-    [j, i] is column i, row j; NaN where not seen.
+    """Centroids (n, n, 2) in pixels of the dots of a lattice; entry [j, i] is column i, row j; NaN
+    if
+    not seen.
 
-    Dots are told apart by colour: dot (i, j) has G / R = (i + 1) / (n + 1), B / R = (j + 1) / (n +
-    1). Their R, taken linear on black, is the weight of a pixel. A dot seen in several pieces
-    counts where most of it is.
+    Dots are identified by colour: dot (i, j) has G / R = (i + 1) / (n + 1), B / R = (j + 1) / (n +
+    1). A pixel's weight is its R, linear on black. A dot in several pieces counts at its largest
+    one.
     """
     red, green, blue = (np.asarray(image[..., c], float) for c in range(3))
     y, x = np.nonzero(red > DOT_KNOBS.dark * max(red.max(), 1e-30))
     weight = red[y, x]
 
-    # the column and the row that the colour says
+    # column and row from the colour
     i = np.rint(green[y, x] / weight * (n + 1)).astype(int) - 1
     j = np.rint(blue[y, x] / weight * (n + 1)).astype(int) - 1
     label = np.where((i >= 0) & (i < n) & (j >= 0) & (j < n), j * n + i, -1)
@@ -154,7 +158,7 @@ def dot_centroids(image: Floats, n: int = 7) -> Floats:
 
 
 def _main_piece(points: Floats, weight: Floats) -> Floats:
-    """Weighted centroid (2,) of points (m, 2), or of the largest heap when they lie in several."""
+    """Weighted centroid (2,) of points (m, 2), or of their largest piece."""
     for _ in range(DOT_KNOBS.most_rounds):
         centre = np.average(points, axis=0, weights=weight)
         square = ((points - centre) ** 2).sum(axis=1)
@@ -165,7 +169,7 @@ def _main_piece(points: Floats, weight: Floats) -> Floats:
         ):
             break
 
-        # the heaviest of the cells of a grid
+        # the heaviest cell of a grid
         side = np.sqrt(2 * disc) * DOT_KNOBS.heap + 1
         cell = np.floor((points - points.min(axis=0)) / side).astype(int)
         name = cell[:, 1] * (cell[:, 0].max() + 1) + cell[:, 0]

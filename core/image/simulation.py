@@ -1,4 +1,4 @@
-"""Stray light, dimness and blur of the viewer's image through a plate's mirrors, by samples."""
+"""Stray light, dimming and blur of the viewer's image by a plate's mirrors, by sampling."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -14,24 +14,24 @@ from ..light.rays import PlateLight, main_landings
 from ..light.trace import TRACED_AT_ONCE, trace
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709
-N_PLATE_RAYS = 4096  # rays from which brightness and blur are told
+N_PLATE_RAYS = 4096  # rays for estimating brightness and blur
 DERIVATIVE_STEP_PX = 0.05  # viewer px, for derivatives of the view map
-# powers of the plastic number's inverse: even in a square
+# inverse powers of the plastic number: an even sequence in a square
 EVEN_STEP = np.array([0.7548776662466927, 0.5698402909980532])
-# one in so many rays is followed by the plate's faces where two for each pixel showed nothing
+# one in so many rays is followed via the plate's faces after two for each pixel found no light
 SELDOM = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """The seen image by way of a plate's mirrors.
+    """The image seen through a plate's mirrors.
 
     Parameters
     ----------
     image : (h, w, 3) linear, row 0 at the top
     error : standard error of a pixel's luminance, rms over the image
-    luminance : mean over the image, for each PlatePath by which
-        light came; luminance_error : its standard errors
+    luminance : mean over the image for each PlatePath
+    luminance_error : its standard errors
     spp : rays a viewer pixel, an even number
     """
 
@@ -45,16 +45,16 @@ class Simulation:
 def simulate(
     plan: Plan, source: NDArray[np.float32], spp: int, seed: int = 0
 ) -> Generator[float, None, Simulation]:
-    """Follow rays from everywhere in the viewer's image the way that the plate's mirrors send them.
+    """Follow rays from the whole viewer image through the plate's actual mirrors.
 
-    All light of the display counts, also past glass and plate, with the share that they leave of
-    it. Light reflected by the face of the first plate on its way is a ray of its own.
+    All display light counts, even past glass and plate, with its throughput. Light reflected by the
+    first plate's face is a separate ray.
 
     Parameters
     ----------
     source : (H, W, 3 or 4) the display's image, linear, row 0 at the top
-    spp : rays a viewer pixel; one more where that is odd, for each of two
-        halves is an image by itself, and their difference tells the error
+    spp : rays a viewer pixel, rounded up to even: the error is estimated from the difference of two
+        half images
     """
     viewer = plan.viewer
     plan = replace(plan, settings=replace(plan.settings, brightness=True, only_through_glass=False))
@@ -84,7 +84,7 @@ def simulate(
             for light, some, weight in ways:
                 rays, colours, path = _shown(plan, xy[some], light, texels)
                 colours *= weight
-                # of a ray that parts all light counts
+                # a ray that splits adds all its light
                 of_chunk = halves[k % 2][:, first : first + len(pixels)]
                 for channel in range(3):
                     of_chunk[channel] += np.bincount(some[rays], colours[:, channel], len(pixels))
@@ -94,7 +94,7 @@ def simulate(
     halves *= 2.0 / passes
     image = halves.mean(axis=0).T.reshape(viewer.height, viewer.width, 3).astype(np.float32)
     apart = LUMINANCE @ (halves[0] - halves[1])
-    # passes of one half keep clear of each other: as if they were independent is on the safe side
+    # passes of one half avoid each other, so assuming independence is conservative
     spread = by_pass.std(axis=0, ddof=1) / np.sqrt(passes)
     return Simulation(
         image=image,
@@ -106,15 +106,16 @@ def simulate(
 
 
 def _shown(plan: Plan, xy: Floats, light: PlateLight, texels: Floats) -> tuple[Ints, Floats, Ints]:
-    """The display's light at viewer px (n, 2) by one way: which of them (m,) have any,
-    its colours (m, 3) and its PlatePath (m,).
+    """Display light at viewer px (n, 2) for one kind of light: indices (m,) of lit points, colours
+    (m,
+    3) and PlatePath (m,).
 
     texels : (H * W, 3) of the display, row by row
     """
     display = plan.rig.display
     landings = trace(plan, *plan.viewer.rays(xy), light=light)
     is_seen, index = landings.pixels(display.width, display.height)
-    if light == "reflected":  # by ideal plates nothing is
+    if light == "reflected":  # ideal plates reflect nothing
         is_seen &= landings.plate_path == PlatePath.REFLECTED
 
     colours = texels[index[is_seen]] * landings.throughput[is_seen, None]
@@ -123,13 +124,13 @@ def _shown(plan: Plan, xy: Floats, light: PlateLight, texels: Floats) -> tuple[I
 
 @dataclass(frozen=True)
 class PlateView:
-    """The effect of mirrors on the picture's light, over the part of the display that is seen.
+    """The effect of mirrors on the picture's light, over the visible part of the display.
 
     Parameters
     ----------
-    brightness : mean share of the light that images, 0..1; least and most of it
-    blur : rms by which the mirrors' pitch moves the image, viewer px; None where it is not known
-    brightness_error, blur_error : standard errors of the two, from a sample of rays
+    brightness : mean share of imaged light, 0..1; least and most over the image
+    blur : rms displacement of the image by the mirrors' pitch, viewer px; None if undefined
+    brightness_error, blur_error : standard errors from the sampling
     """
 
     brightness: float
@@ -141,10 +142,11 @@ class PlateView:
 
 
 def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | None]:
-    """Brightness and blur, from a sample of the viewer's rays;
-    None where the plates are ideal or nothing is seen.
+    """Brightness and blur from a sample of the viewer's rays; None if the plates are ideal or
+    nothing
+    is seen.
 
-    Yields progress 0..1, so that whoever shows it is not held up by all of the rays.
+    Yields progress 0..1.
     """
     if not plan.arrays:
         return None
@@ -158,7 +160,7 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
     if not is_seen.any():
         return None
 
-    # the light that the plate leaves: all that is left, by the light left with an ideal plate
+    # the plate's transmission: light relative to an ideal plate
     yield 0.2
     view = view[is_seen]
     elements = tuple(None if one in plan.arrays else one for one in plan.parts.elements)
@@ -184,11 +186,10 @@ def plate_view(plan: Plan, seed: int = 0) -> Generator[float, None, PlateView | 
 def _moved(
     plan: Plan, view: Floats, xy: Floats, branch: np.ndarray
 ) -> Generator[float, None, Floats]:
-    """By how much (m, 2), viewer px, mirrors move the image
-    at viewer px (n, 2), which lands at xy (n, 2).
+    """Displacement (m, 2), viewer px, by mirrors at viewer px (n, 2) landing at xy (n, 2).
 
-    The view map's derivatives tell it, for light that the mirrors
-    image, where they are known. Yields progress 0.3..1.
+    Derived from the view map's derivatives, for imaged light on a smooth part of the map. Yields
+    progress 0.3..1.
     """
     viewer = plan.viewer
     steps = DERIVATIVE_STEP_PX * np.array([[0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
@@ -208,7 +209,7 @@ def _moved(
         is_known &= other.branch == branch
     is_known &= np.abs(determinant) > 0
 
-    # the inverse of j times the way on the display
+    # the inverse of j times the displacement on the display
     j = j[is_known]
     dx, dy = (real.xy - xy)[is_known].T
     back = np.stack([j[:, 1, 1] * dx - j[:, 0, 1] * dy, j[:, 0, 0] * dy - j[:, 1, 0] * dx], axis=1)

@@ -1,6 +1,4 @@
-"""Paints the source image: least squares through the shares. The
-brute-force splat stands beside it as reference.
-"""
+"""Paints the source image: least squares through the shares, and a brute-force reference."""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -23,32 +21,32 @@ from .pyramid import Pyramid, Taps, find_taps, pyramids_of
 
 Strokes = Taps | native_paint.FlatTaps
 
-# Viewer px^2, times throughput^2: display pixels that are seen by less count as not covered. Taps
-# are float32, which below its least normal number holds no digits. It is no part of the largest
-# weight: light that is faint all over is shown as truly as any.
+# Viewer px^2, times throughput^2: display pixels with less weight are not covered. Taps are
+# float32, without digits below its least normal number. The limit is absolute, so uniformly faint
+# light is still shown.
 LEAST_WEIGHT = float(np.finfo(np.float32).tiny)
-# Light that a display pixel is asked for at the most: float32 holds sums and multiples of it. With
-# that least weight only a picture of 1e7 and more comes near (Cauchy and Schwarz): light is at most
-# the picture's brightest times sqrt(area / weight).
+# Upper limit of a display pixel's light, for sums and multiples in float32. Given the least weight,
+# only a picture of 1e7 or brighter approaches it: by Cauchy and Schwarz, light is at most the
+# picture's maximum times sqrt(area / weight).
 MOST_LIGHT = 1e30
 
 
 class Painting:
-    """A source image in the making: the x that minimises the
-    sum over shares of area (T x - colour)^2.
+    """Accumulates a source image: the x that minimises the sum over shares of area (T x -
+    colour)^2.
 
-    Shares are added some at a time; how their colours are read
-    can be kept for the next picture of the same size.
+    Shares are added in batches; their filter taps can be reused for another picture of the same
+    size.
     """
 
     def __init__(self, display_size: tuple[int, int]) -> None:
         width, height = display_size
-        # not np.zeros, whose memory comes in small pages, each fetched when shares first meet it
+        # np.zeros would map small pages lazily, one fault at a time
         self._total = np.empty((3, height, width))
         self._total.fill(0)
 
     def add(self, pyramid: Pyramid, strokes: Strokes) -> None:
-        """Add shares by their strokes (`find_filter_taps`)."""
+        """Add shares by their filter taps (`find_filter_taps`)."""
         if isinstance(strokes, native_paint.FlatTaps):
             native_paint.paint(self._total, pyramid.levels, strokes)
             return
@@ -56,7 +54,7 @@ class Painting:
             add_at(total, strokes.point, values)
 
     def join(self, other: "Painting", colours: tuple[float, ...]) -> None:
-        """Add another painting, by a weight for each colour."""
+        """Add another painting, with a weight for each colour."""
         self._total += np.array(colours)[:, None, None] * other._total
 
     def finished(
@@ -67,8 +65,8 @@ class Painting:
         Parameters
         ----------
         weight : (H, W), sum of area * T^2 over the shares of each display pixel
-        margin : px by which the covered area is grown outward
-        beside : (H, W), the same sum over light that shall be dark, which comes beside the glass
+        margin : px by which the covered area grows outward
+        beside : (H, W), the same sum over light past the glass, which should be dark
         """
         covered, is_free = weight >= LEAST_WEIGHT, True
         if beside is not None:
@@ -87,12 +85,11 @@ class Painting:
 
 
 def find_filter_taps(place: PicturePlace, viewer: Viewer, shares: Shares) -> Strokes:
-    """How the sums area * T * colour of display pixels are read
-    from a picture in its place: taps whose points are display pixels.
+    """How the sums area * T * colour of display pixels are read from a picture in its place: taps
+    whose points are display pixels.
 
-    A share is read at its own place, as far as it reaches. It lies within the picture or beside it,
-    wholly. For a flat picture the compiled kernel takes the shares as they are, and finds where
-    they are read whenever it paints.
+    A share lies fully inside or outside the picture and is read over its footprint. For a flat
+    picture, the compiled kernel keeps the shares and computes the taps when painting.
     """
     way = flat_mapping(place, viewer) if loading.library() is not None else None
     if way is not None:
@@ -109,8 +106,8 @@ def find_filter_taps(place: PicturePlace, viewer: Viewer, shares: Shares) -> Str
 def grow(
     image: NDArray[np.float32], covered: Bools, margin: int, is_free: Bools | bool = True
 ) -> NDArray[np.float32]:
-    """Fill free pixels next to the covered ones with the mean
-    of their covered neighbours, `margin` times.
+    """Fill free pixels next to covered ones with the mean of their covered neighbours, `margin`
+    times.
     """
     if not margin:
         return image
@@ -121,12 +118,12 @@ def grow(
     for _ in range(margin):
         mask = np.pad(covered, 1)
         is_near = reduce(np.logical_or, [mask[dy : dy + h, dx : dx + w] for dy, dx in around])
-        # few pixels are: colours are read around these alone
+        # few pixels: read colours only around these
         y, x = new = np.nonzero(is_near & ~covered & is_free)
         count = total = np.float32(0)
         for dy, dx in around:
             is_met = mask[y + dy, x + dx]
-            # beyond the image nothing is covered, whichever pixel is read
+            # nothing is covered outside the image, so any pixel may be read
             rows, columns = (y + dy - 1).clip(0, h - 1), (x + dx - 1).clip(0, w - 1)
             count = count + is_met
             total = total + image[rows, columns] * is_met[:, None]
@@ -139,13 +136,13 @@ def grow(
 def splat(
     plan: Plan, spp: int, seed: int = 0, light: PlateLight = "imaged"
 ) -> Generator[float, None, NDArray[np.float32]]:
-    """Source image by brute force: `spp` random samples a
-    viewer pixel, averaged on each display pixel.
+    """Source image by brute force: `spp` random samples a viewer pixel, averaged on each display
+    pixel.
 
-    Pixels that no sample met are black. Imaged light carries the same values as `Painting` and
-    converges to the same image. By other light, stray light among it, a pixel shows the mean colour
-    weighed by throughput, which the plan's settings have to ask for (`brightness`): white stays
-    white. Several viewers of the rig count by their weights, as `blended` settles it.
+    Pixels without samples are black. Imaged light carries the same values as `Painting` and
+    converges to the same image. For other light, including stray light, a pixel shows the mean
+    colour weighted by throughput, which requires the `brightness` setting; white stays white.
+    Several viewers of the rig count by their weights, as for `blended`.
     """
     viewers = plan.rig.viewers if len(plan.rig.viewers) > 1 else (plan.viewer,)
     display = plan.rig.display
@@ -169,7 +166,7 @@ def splat(
             xy = corner + random.random((len(some), 2))
 
             landings = trace(plan.seen_by(viewer), *viewer.rays(xy), light=light)
-            if light == "imaged":  # as the view map
+            if light == "imaged":  # as in the view map
                 landings = main_landings(landings, len(xy))
             inside, index = landings.pixels(display.width, display.height)
             index = index[inside]

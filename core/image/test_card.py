@@ -1,25 +1,26 @@
-"""A test card: by it people see that a display shows pixel for pixel, and all of them."""
+"""A test card to verify that a display shows an image pixel for pixel, without cropping."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 FIELDS = 9  # squares of the lattice along the shorter side
 GREYS = 11  # steps of the ramp from black to white
-RAMP = (0.80, 0.88)  # of the height: where the ramp begins and ends
+RAMP = (0.80, 0.88)  # of the height: start and end of the ramp
 DIM = 0.15  # light of the lattice's lines, linear
 
 
 def card(width: int, height: int) -> NDArray[np.float32]:
-    """The card (height, width, 3), linear: a lattice of squares, a circle, steps of grey in equal
-    steps of a file's numbers, fields of single pixels in the corners, and a line of white pixels
-    along the outermost edge.
+    """The card (height, width, 3), linear.
+
+    A lattice of squares, a circle, a grey ramp with equal steps of encoded values, checkerboards of
+    single pixels in the corners, and a white line along the outermost edge.
     """
     x = np.arange(width) - (width - 1) / 2
     y = np.arange(height)[:, None] - (height - 1) / 2
     side = min(width, height) / FIELDS
     image = np.zeros((height, width))
 
-    # lines at the squares' edges, a pixel wide, counted from the middle
+    # one pixel wide, at the squares' edges, counted from the middle
     lines = (np.abs(x - side * np.rint(x / side)) <= 0.5) | (
         np.abs(y - side * np.rint(y / side)) <= 0.5
     )
@@ -33,7 +34,7 @@ def card(width: int, height: int) -> NDArray[np.float32]:
     greys = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     image[top:bottom] = greys
 
-    # single pixels by turns, in each corner
+    # checkerboards of single pixels in the corners
     n = max(2, int(side / 2))
     turns = (np.indices((n, n)).sum(axis=0) % 2).astype(float)
     for rows in (slice(0, n), slice(height - n, height)):

@@ -1,10 +1,10 @@
-"""From the colours of a picture's image to the light that is wanted of it.
+"""Tone curve from the colours of a picture's image to the wanted light.
 
-Of a channel c of the straight colour, linear, with black level b, gamma g and brightness B:
+For a channel c of the straight colour, linear, with black level b, gamma g and brightness B:
 
     light = B max((c - b) / (1 - b), 0)^(1 / g)
 
-times alpha. White stays white at a brightness of 1, whatever black level and gamma are.
+times alpha. At a brightness of 1, white stays white for any black level and gamma.
 """
 
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-PIXELS_AT_ONCE = 1 << 18  # that are changed together
+PIXELS_AT_ONCE = 1 << 18  # processed together
 
 
 @dataclass(frozen=True)
 class Tone:
-    """How light a picture is wanted.
+    """Tone of a picture.
 
     Parameters
     ----------
-    brightness : times the light of the image, 0 or more
-    gamma : above 0; more than 1 makes the tones between black and white lighter
-    black_level : 0 up to below 1, linear; what is as dark becomes black, and the rest is spread
+    brightness : factor on the light of the image, 0 or more
+    gamma : above 0; more than 1 lightens the midtones
+    black_level : 0 up to below 1, linear; darker colours become black, and the rest is stretched
     """
 
     brightness: float = 1.0
@@ -31,10 +31,7 @@ class Tone:
     black_level: float = 0.0
 
     def of(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The wanted light of an image (h, w, 4), linear, premultiplied; the image is used up.
-
-        Where nothing is to be changed it is the image itself.
-        """
+        """The wanted light of an image (h, w, 4), linear, premultiplied; modifies the image."""
         if self == Tone():
             return image
 

@@ -1,1 +1,1 @@
-"""Rays: the laws, the hits, and where light ends."""
+"""Rays: interactions, hits, and landings."""

@@ -1,5 +1,6 @@
-"""Compiles a rig into a plan that can be traced: its parts in one numbering, and the layers of
-solids that are searched for hits together. Only what the parts ask for is made.
+"""Compiles a rig into a plan: numbers its parts and groups solids into layers for hit tests.
+
+Only the data its parts require is built.
 """
 
 from collections.abc import Callable
@@ -35,9 +36,9 @@ from .rig_parts import (
 )
 from .trace import EventByEvent
 
-TRACERS = Kernel(), EventByEvent()  # the fastest first; the last traces any plan
-MOST_COPIES = 7  # of a ray where parts split rays: eight ways in all
-MOST_UNLIKE = 1e4  # times the size of a part: the extent of the layer that it shares
+TRACERS = Kernel(), EventByEvent()  # fastest first; the last traces any plan
+MOST_COPIES = 7  # of a ray, if parts split rays: eight paths in all
+MOST_UNLIKE = 1e4  # ratio of a layer's extent to the size of its smallest part
 
 
 def colour(touch: np.ndarray) -> Ints:
@@ -50,8 +51,8 @@ def colour(touch: np.ndarray) -> Ints:
 
 
 def are_unlike(boxes: Floats) -> Bools:
-    """Which of boxes (n, 2, 3) are too large together for
-    float32 to resolve the smaller one? (n, n).
+    """Pairs of boxes (n, 2, 3) whose common extent is too large for float32 to resolve the smaller
+    one: (n, n).
     """
     together = np.maximum(boxes[:, None, 1], boxes[None, :, 1]) - np.minimum(
         boxes[:, None, 0], boxes[None, :, 0]
@@ -61,11 +62,12 @@ def are_unlike(boxes: Floats) -> Bools:
 
 
 def group_parts(surfaces: list[Surface], touch: Bools) -> list[list[int]]:
-    """Which parts share a layer: each of few faces is its
-    own, the others by colour so that none touch (p, p).
+    """Group parts into layers: one for each part with few faces, the others by colour, so that
+    parts
+    in a layer do not touch (p, p).
     """
     small = [i for i, surface in enumerate(surfaces) if len(surface.corners) <= FEW_TRIANGLES]
-    if len(small) > FEW_TRIANGLES:  # many boxes and panels: an engine beats asking each of them
+    if len(small) > FEW_TRIANGLES:  # an engine is faster for many boxes and panels
         small = []
 
     rest = [i for i in range(len(surfaces)) if i not in small]
@@ -106,7 +108,7 @@ def triangles_of_boxes(boxes: Floats) -> Floats:
 def compile_plan(
     rig: Rig, settings: Settings, kept: MeshCache | None = None, aside: tuple[int, ...] = ()
 ) -> Plan:
-    """Make a rig ready to be traced, as by `compile_plan_steps`, after its own checks."""
+    """Check a rig and compile it, as `compile_plan_steps`."""
     rig.check()
     return run_steps(compile_plan_steps(rig, settings, kept, aside))
 
@@ -114,13 +116,13 @@ def compile_plan(
 def compile_plan_steps(
     rig: Rig, settings: Settings, kept: MeshCache | None = None, aside: tuple[int, ...] = ()
 ) -> Steps[Plan]:
-    """Make a rig that was checked ready to be traced.
+    """Compile a checked rig into a plan.
 
     Parameters
     ----------
-    kept : solids and layers of an earlier plan, to be used again where nothing has changed
-    aside : numbers of glasses to leave out until a ray comes near
-        them: tracing such a ray raises rays.DeferredObjectError
+    cache : solids and layers of an earlier plan, reused if unchanged
+    aside : numbers of glasses to leave out until a ray comes near; tracing such a ray raises
+        rays.DeferredObjectError
 
     Raises
     ------
@@ -132,7 +134,7 @@ def compile_plan_steps(
     parts = RigParts((yield from read_solids(rig, kept, aside)), read_thin_surfaces(rig, kept))
     solids = [solid.surface for solid in parts.solids]
 
-    # vertices and places are float32: faces of glass that are closer than their rounding touch
+    # positions are float32: glass faces closer than the rounding error touch
     boxes = np.stack([surface.bounds for surface in parts.surfaces])
     touching = 2 * FLOAT32 * float(np.abs(boxes[: len(solids)]).max())
     touch = find_touching(parts.solids, parts.surfaces, parts.is_closed, touching)
@@ -145,7 +147,7 @@ def compile_plan_steps(
     kept.forget()
     yield 0
 
-    # what lies beyond plates, and which needs the rig has by it
+    # light beyond plates, and the features the rig uses
     is_clear = find_clear(parts.surfaces, parts.kind, boxes_aside) & (plane is not None)
     rules = _rules(parts, layers, media, is_clear, settings)
     merge_distance = max(touching, 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max()))
@@ -187,12 +189,12 @@ def compile_plan_steps(
 def _make_layers(
     parts: RigParts, media: Media, touch: Bools, kept: MeshCache
 ) -> Steps[tuple[PlannedLayer, ...]]:
-    """Layers and their contents; one of solids that were moved together is moved as a whole."""
+    """Make the layers and their contents; solids moved by one motion are moved together."""
     layers = []
     n_solids = len(parts.solids)
 
     for group in group_parts(parts.surfaces, touch):
-        # its triangles, where they are or where they were made
+        # its triangles, in place or before the motion
         motions = [parts.solids[i].motion if i < n_solids else None for i in group]
         motion = motions[0] if all(other is motions[0] for other in motions) else None
         if motion is not None:
@@ -205,7 +207,7 @@ def _make_layers(
         layer = yield from kept.making("+".join(names), partial(layer_steps, members))
         yield 0
 
-        # its solids' bits in the masks of their clusters
+        # bits of its solids in the masks of their clusters
         solid = [i for i in group if i < n_solids]
         closed, every = np.zeros((2, media.cluster.max() + 1), np.uint64)
         np.bitwise_or.at(closed, media.cluster[solid], media.bit[solid] * parts.is_closed[solid])
@@ -225,8 +227,9 @@ def _make_layers(
 def _kept_thin_parts(
     parts: RigParts, boxes_aside: Floats, kept: MeshCache
 ) -> Callable[[], ThinParts]:
-    """Gives all that rays may pass near: all triangles, and
-    the boxes (a, 2, 3) of glass that stands aside.
+    """A function that returns the triangles and the boxes (a, 2, 3) of deferred glass, for
+    near-miss
+    tests.
     """
     walls = triangles_of_boxes(boxes_aside)
     number = np.repeat(np.arange(len(boxes_aside)), 12)  # each box is a patch and a part
@@ -253,8 +256,9 @@ def _rules(
     is_clear: Bools,
     settings: Settings,
 ) -> dict[str, tuple[bool, str | None]]:
-    """The needs of a plan: whether this one has them, and why
-    not. is_clear: (p, 2) beyond a plate is one display.
+    """Features a plan may use: whether this one does, and why not.
+
+    is_clear : (p, 2) light beyond a plate can only meet the display
     """
     is_plate = parts.kind == Kind.PLATE
     has_arrays = any(isinstance(one, ArrayFrame) for one in parts.elements)

@@ -1,6 +1,4 @@
-"""The display as something light lands on: its UV islands,
-and its plane where it is one flat rectangle.
-"""
+"""The display as a surface for light: its UV islands, and its plane if it is one flat rectangle."""
 
 from dataclasses import dataclass
 
@@ -12,17 +10,18 @@ from ..glass.meshes import components, edge_corners, find_edges
 from ..glass.surfaces import Surface
 from ..rig.rig import Display, Mesh
 
-# of its size: how flat, affine and whole a display has to be to count as one rectangle
+# relative tolerance for a display to count as one flat rectangle
 DISPLAY_FLATNESS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class DisplayPlane:
-    """A display that is one flat rectangle under its whole
-    image: pixels are one affine map of its plane.
+    """A display that is one flat rectangle under its whole image.
 
-    corner (3,) m; normal (3,) unit, to the front; pixels (2, 3) px / m and origin (2,) px,
-    so that a point p of the plane is at pixel xy = pixels (p - corner) + origin
+    corner : (3,) m
+    normal : (3,) unit, to the front
+    pixels, origin : (2, 3) px / m and (2,) px; a point p is at pixel xy = pixels (p - corner) +
+        origin
     """
 
     corner: Floats
@@ -32,7 +31,7 @@ class DisplayPlane:
 
 
 def display_pixel(display: Display) -> float:
-    """About how long a side of a display's pixel is, m."""
+    """Approximate side of a display's pixel, m."""
     return float(
         np.linalg.norm(np.ptp(display.mesh.bounds, axis=0))
         / np.hypot(display.width, display.height)
@@ -40,8 +39,9 @@ def display_pixel(display: Display) -> float:
 
 
 def uv_islands(mesh: Mesh) -> Ints:
-    """Label (t,) of the UV island of each triangle: joined where
-    they share an edge in UV as they do in space.
+    """Label (t,) of each triangle's UV island.
+
+    Triangles are joined if an edge is shared in UV as well as in space.
     """
     edges = find_edges(mesh.triangles)
     first, second = edge_corners(mesh.uv, edges)
@@ -59,7 +59,7 @@ def uv_area(uv: Floats) -> float:
 def affine_fit(places: Floats, values: Floats) -> tuple[Floats, float]:
     """The affine map (3, k) nearest to values (n, k) at places (n, 2), and its largest error.
 
-    Rows are the values' growth along both axes, and the value at 0.
+    Rows: the derivatives of the values along both axes, and the value at 0.
     """
     system = np.column_stack([places, np.ones(len(places))])
     fit, *_ = np.linalg.lstsq(system, values, rcond=None)
@@ -72,7 +72,7 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     normal = surface.normals[0]
     inside = surface.corners.reshape(-1, 3) - corner
 
-    # is it flat, and under its whole image?
+    # flat, and under its whole image
     uv = display.mesh.uv.reshape(-1, 2)
     size = np.ptp(inside, axis=0).max()
     is_whole = (
@@ -91,8 +91,8 @@ def display_plane(display: Display, surface: Surface) -> DisplayPlane | None:
     right = normalise(inside[1])
     axes = np.stack([right, np.cross(normal, right)])
 
-    # in parts of its size: far from 1 m the columns would
-    # differ so much that the fit loses its last digits
+    # relative to its size: far from 1 m the columns would differ so much in scale that the fit
+    # loses digits
     fit, missed = affine_fit(inside @ axes.T / size, uv)
     if missed > DISPLAY_FLATNESS:
         return None

@@ -1,9 +1,8 @@
-"""Ray engines find in float32 the first triangle on a ray:
-Embree, or Blender's own BVH where there is no Embree.
+"""Ray engines, which find in float32 the first triangle on a ray: Embree, or else Blender's BVH.
 
-Both are made of triangles with corners (t, 3, 3) float32, of about unit size, and are imported when
-one is made. Rays have origins and unit directions (n, 3) float32, and meet triangles from either
-side.
+Both are built from triangles with corners (t, 3, 3) float32, about unit size; their modules are
+imported on construction. Rays have origins and unit directions (n, 3) float32, and hit triangles
+from either side.
 """
 
 from importlib import import_module
@@ -16,15 +15,17 @@ from ..base.arrays import Ints
 from ..base.steps import Steps, run_steps
 from ..glass.meshes import Frames
 
-# components of a direction up to here are 0 to the boxes of Blender's BVH
+# Blender's BVH boxes treat smaller direction components as 0
 ALONG_AXIS = 1.01 * 2.0**-23
 
 
 class EngineHits(NamedTuple):
-    """The first triangles that n rays meet.
+    """The first triangles hit by n rays.
 
-    triangle (n,), -1 for nothing, where the rest says nothing either; distance (n,);
-    u, v (n,) barycentric; normal (n, 3) of the triangle, not unit
+    triangle : (n,), -1 for a miss, which leaves the other fields undefined
+    distance : (n,)
+    u, v : (n,) barycentric
+    normal : (n, 3) of the triangle, not unit
     """
 
     triangle: Ints
@@ -69,8 +70,8 @@ class BlenderBvh:
 
     def shoot(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> EngineHits:
         cast = self._tree.ray_cast
-        # or its triangles would be asked along another way than
-        # its boxes, and edges where boxes end be missed
+        # as the BVH's boxes do, or triangles would see another direction and edges at box borders
+        # be missed
         directions = np.where(np.abs(directions) < ALONG_AXIS, np.float32(0), directions)
         rays = zip(origins.tolist(), directions.tolist(), strict=True)
         met = np.array([cast(*ray)[2:] for ray in rays], float).reshape(-1, 2)  # NaN for its None
@@ -87,10 +88,7 @@ Engine = Embree | BlenderBvh
 
 
 def engine_kind() -> type[Engine]:
-    """Embree if it can be imported, else Blender's BVH.
-
-    Where there is neither, it is Embree that is missed.
-    """
+    """Embree if it can be imported, else Blender's BVH; Embree if neither can."""
     for kind in (Embree, BlenderBvh):
         try:
             for module in kind.modules:
@@ -102,7 +100,7 @@ def engine_kind() -> type[Engine]:
 
 
 def make_engine(corners: NDArray[np.float32]) -> Engine:
-    """An engine for triangles with corners (t, 3, 3); ImportError where there is none."""
+    """An engine for triangles with corners (t, 3, 3); ImportError if none is available."""
     return run_steps(engine_steps(corners))
 
 
@@ -110,7 +108,7 @@ def engine_steps(corners: NDArray[np.float32]) -> Steps[Engine]:
     """Make an engine as `make_engine`, with pauses."""
     engine = engine_kind()(corners)
     yield 0
-    # Embree makes its tree when it is first asked
+    # Embree builds its tree on the first query
     no_rays = np.empty((0, 3), np.float32)
     engine.shoot(no_rays, no_rays)
     yield 0

@@ -1,4 +1,4 @@
-"""Where rays meet surfaces."""
+"""Intersections of rays with surfaces, and the state of a search for them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,11 +14,13 @@ from ..glass.curved_hits import RayLines
 class Hits:
     """First hits of n rays.
 
-    distance (n,) m, inf for none; triangle (n,), -1 for none; u, v (n,) barycentric; enters (n,)
-    the ray comes from the front; cosine (n,) of the angle between the ray and the face's normal,
-    0..1; of curved faces, not unit and 0 elsewhere: facing (n, 3), normal to the face, and normal
-    (n, 3), by which it refracts; None where nothing is curved, and where no face refracts by
-    another normal than its own
+    distance : (n,) m, inf for none
+    triangle : (n,), -1 for none
+    u, v : (n,) barycentric
+    enters : (n,) the ray comes from the front
+    cosine : (n,) of the angle between the ray and the face's normal, 0..1
+    facing : (n, 3) normal of a curved face, not unit, 0 for flat ones; None if nothing is curved
+    normal : (n, 3) normal by which a curved face refracts; None if all refract by their own
     """
 
     distance: Floats
@@ -32,7 +34,7 @@ class Hits:
 
     @classmethod
     def none(cls, n: int, curved: CurvedFaces | None) -> "Hits":
-        """No hit for any of n rays on a surface with or without curved faces."""
+        """Empty hits of n rays, for a surface with or without curved faces."""
         facing = None if curved is None else np.zeros((n, 3))
         normal = np.zeros((n, 3)) if curved is not None and curved.has_given_normals else None
         return cls(
@@ -61,7 +63,7 @@ class Hits:
         return replace(self, facing=None, normal=None)
 
     def or_where(self, chosen: Bools, others: "Hits") -> "Hits":
-        """These hits, and others where chosen (n,)."""
+        """These hits, replaced by others if chosen (n,)."""
         return Hits(
             *(
                 _either(chosen, *pair)
@@ -70,10 +72,12 @@ class Hits:
         )
 
     def gap(self, others: "Hits") -> Floats:
-        """Distances (n,) of the faces of these hits and others of the same rays, m, across the
-        faces: along a ray that grazes them a nanometre is a millimetre.
+        """Perpendicular distances (n,), m, between the faces of these hits and others of the same
+        rays.
+
+        Along a grazing ray, a nanometre between faces becomes a millimetre.
         """
-        with np.errstate(invalid="ignore"):  # neither is met
+        with np.errstate(invalid="ignore"):  # neither is hit
             along = np.abs(self.distance - others.distance)
         return along * np.maximum(self.cosine, others.cosine)
 
@@ -85,37 +89,36 @@ class Hits:
 
 
 def _either(chosen: Bools, mine: np.ndarray | None, theirs: np.ndarray | None) -> np.ndarray | None:
-    """The one column, and the other where chosen; None counts as 0."""
+    """One column, replaced by the other if chosen; None counts as 0."""
     if mine is None and theirs is None:
         return None
     mine, theirs = (np.zeros((1, 3)) if column is None else column for column in (mine, theirs))
     return np.where(chosen if mine.ndim == 1 else chosen[:, None], theirs, mine)
 
 
-# of hits of rays (indices): is each a true one, and is it one that cannot be?
+# for hits of rays (indices): which are true, and which are impossible
 Accept = Callable[[Ints, Hits], tuple[Bools, Bools]]
 
 
-TIMES_FEW = 4  # rays of an event for each that is put off, at the least
+TIMES_FEW = 4  # least number of rays of an event for each deferred ray
 
 
 class LayerSearch:
-    """How far a layer was searched for the first hits of n rays.
+    """Progress of the search of a layer for the first hits of n rays.
 
-    An answer of the engine costs as much for one ray as for many. So where few rays of an event are
-    still to be asked for, they may be put off to the next event.
+    An engine call costs as much for one ray as for many. If only a few rays of an event still need
+    a call, they may be deferred to the next event.
 
     live (m,) : the rays of this event
-    within (m,) : m, hits further away need not be found
-    is_open (m,) : is the search put off?
+    within (m,) : m, hits further away are irrelevant
+    is_open (m,) : the search is deferred
     """
 
     def __init__(self, n: int, may_wait: bool = False) -> None:
         self.may_wait = may_wait
-        # where the engine is asked from next, and how much further
-        # after that, m; NaN where it was not asked yet
+        # start of the next engine query and the step after it, m; NaN before the first query
         self._start, self._step = np.full((2, n), np.nan)
-        self._is_lost = np.zeros(n, bool)  # must have met another face
+        self._is_lost = np.zeros(n, bool)  # must have hit another face
         self.begin(np.arange(n), np.full(n, np.inf))
 
     def begin(self, live: Ints, within: Floats) -> None:
@@ -124,13 +127,15 @@ class LayerSearch:
         self.is_open = np.zeros(len(live), bool)
 
     def resume(self, rays: Ints, start: Floats, step: Floats) -> tuple[Floats, Floats]:
-        """Start and step of some rays, those given where the search only begins."""
+        """Start and step of some rays; the given ones for a new search."""
         i = self.live[rays]
         is_new = np.isnan(self._start[i])
         return np.where(is_new, start, self._start[i]), np.where(is_new, step, self._step[i])
 
     def put_off(self, rays: Ints, start: Floats, step: Floats) -> bool:
-        """Put the search for some rays off, if it may be and they are few; is it?"""
+        """Defer the search for some rays if allowed and if they are few; returns whether it was
+        deferred.
+        """
         if not self.may_wait or len(rays) * TIMES_FEW > len(self.live):
             return False
         self.is_open[rays] = True
@@ -138,27 +143,25 @@ class LayerSearch:
         return True
 
     def lost(self, rays: Ints, lost: Ints) -> Ints:
-        """Those of some rays that must have met another face, now
-        or before, of which the search is not put off.
-        """
+        """The subset of rays, not deferred, with a missed face now or earlier."""
         self._is_lost[self.live[lost]] = True
         return rays[self._is_lost[self.live[rays]] & ~self.is_open[rays]]
 
     def end(self, rays: Ints) -> None:
-        """Forget about some rays, whose hits are found."""
+        """Reset the search for rays whose hits are found."""
         self._start[self.live[rays]], self._is_lost[self.live[rays]] = np.nan, False
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Rays that a layer is asked for their first true hits.
+    """A query for the first true hits of rays in a layer.
 
     lines : n rays, world, float64
-    accept : which hits are true ones
-    is_inside : (n,) the ray is inside a closed solid of the layer, so that a miss cannot be
-    leaves : (n,) the ray is inside a solid, so that only hits from
-        behind can be; None where not all are solids
-    search : how far the layer was searched before
+    accept : decides which hits are true
+    is_inside : (n,) the ray is inside a closed solid of the layer, so a miss is impossible
+    leaves : (n,) the ray is inside a solid, so only back faces can be hit; None if not all parts
+        are solids
+    search : progress of earlier searches of the layer
     """
 
     lines: RayLines
@@ -168,12 +171,12 @@ class Question:
     search: LayerSearch | None = None
 
     def leaves_at(self, rays: Ints) -> Bools | None:
-        """Which of some rays leave; None where not all are solids."""
+        """Which of some rays leave a solid; None if not all parts are solids."""
         return None if self.leaves is None else self.leaves[rays]
 
 
 def is_within(u: Floats, v: Floats, slack: float = EDGE) -> Bools:
-    """Are barycentric coordinates within their triangles, or beyond by less than some slack?"""
+    """Whether barycentric coordinates lie within their triangles, up to some slack."""
     return (u >= -slack) & (v >= -slack) & (u + v <= 1 + slack)
 
 
@@ -191,7 +194,7 @@ def slab(bounds: Floats, origins: Floats, directions: Floats) -> tuple[Floats, F
             inverse = 1.0 / directions[:, axis]
             low = (bounds[0, axis] - origins[:, axis]) * inverse
             high = (bounds[1, axis] - origins[:, axis]) * inverse
-            # fmax and fmin pass over the NaN of a ray that runs within a face of the box
+            # fmax and fmin ignore the NaN of a ray within a face of the box
             enter = np.fmax(enter, np.fmin(low, high))
             leave = np.fmin(leave, np.fmax(low, high))
 

@@ -16,7 +16,7 @@ def surface(part: Blocker, kept: MeshCache) -> tuple[Surface, str]:
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """End here, blocked."""
+    """End the rays as blocked."""
     rays.reason[i] = Reason.BLOCKED
 
 

@@ -1,8 +1,8 @@
-"""The display: where a ray ends, and why it has not arrived, decided here for all ways to end.
+"""The display: ends rays, and gives the reason if a ray has not arrived, for every kind of end.
 
-A ray ends on the display, on the plane of a flat display beyond the plate, or in nothing. Light
-that leaves glass which lies on the display lands where it stands: there is air between them,
-however little, as between a lump of glass and a telephone.
+A ray ends on the display, on the plane of a flat display beyond the plate, or in empty space. Light
+leaving glass placed directly on the display lands at the contact point. A thin layer of air
+separates them, as between a glass block and a phone.
 """
 
 from dataclasses import replace
@@ -26,8 +26,8 @@ from .rays import LAND, Rays, Reason
 
 
 def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
-    """Where rays meet the plane of a flat display: display px
-    (n, 2), distance (n,) m, and do they meet its front?
+    """Intersections of rays with a flat display's plane: display px (n, 2), distance (n,) m, and
+    whether from the front.
     """
     plane = plan.display.plane
     origins, directions = take(rays.positions, i), take(rays.directions, i)
@@ -40,19 +40,19 @@ def on_plane(plan: Plan, rays: Rays, i: Ints) -> tuple[Floats, Floats, Bools]:
 
 
 def is_on_image(plan: Plan, xy: Floats) -> Bools:
-    """Are display pixels (n, 2) within the image, or on its edge but for rounding?"""
+    """Whether display pixels (n, 2) lie within the image, with a tolerance for rounding."""
     size = np.array([plan.rig.display.width, plan.rig.display.height])
     return ((xy >= -EDGE * size) & (xy <= (1 + EDGE) * size)).all(axis=1)
 
 
 def land(plan: Plan, rays: Rays, i: Ints, place: Floats) -> None:
-    """Give rays (n,) their landing at places (n, 2) of the display, px."""
+    """Set the landings of rays (n,) at places (n, 2) of the display, px."""
     rays.xy[i] = plan.rig.display.pixel(place, take(rays.directions, i))
 
 
 def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
-    """Is this light that comes beside the glass, by way of the
-    plate where one is needed, and is it looked for?
+    """Whether light passed by the glass, met the plate if one is required, and the settings follow
+    such light.
     """
     is_beside = (rays.reason[i] == Reason.MISSED_GLASS) & plan.settings.looks_beside
     return is_beside & (rays.has_met_plate[i] | (not plan.needs_plate))
@@ -61,17 +61,18 @@ def _is_beside_glass(plan: Plan, rays: Rays, i: Ints) -> Bools:
 def give_reasons(
     plan: Plan, rays: Rays, i: Ints, is_met: Bools, is_front: Bools, is_on: Bools
 ) -> Bools:
-    """Say why rays (n,) at their end have not arrived; return which of them have a landing there.
+    """Set the reasons of rays (n,) at their end; returns which of them have a landing.
+
+    A ray that met neither glass nor plate has missed the glass, which comes first on its path. A
+    ray that met the display needs no plate if all light is followed, and no glass unless the
+    settings require it. A plate is only missed in a rig that needs one. Light without a picture
+    lands beside the image or the glass so that the map can be cut there.
 
     Parameters
     ----------
-    is_met : (n,) the display is met
+    is_met : (n,) the display is hit
     is_front : (n,) on its front
-    is_on : (n,) and on its image. A ray that has met neither glass nor plate is told to have missed
-        the glass, for that comes first on its way; one that met the display needs no plate where
-        all light is followed, and no glass where that is not asked for. Light that carries no
-        picture has a landing beside the image, or beside the glass, so that the map is cut there.
-        Nobody misses the plate of a rig that needs none
+    is_on : (n,) and on its image
     """
     lacks_glass = ~rays.has_met_glass[i] & (~is_met | plan.settings.only_through_glass)
     lacks_plate = ~rays.has_met_plate[i] & (~is_met | (rays.light == "imaged")) & plan.needs_plate
@@ -93,7 +94,7 @@ def give_reasons(
 
 
 def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
-    """End rays that have nothing before them but a flat display."""
+    """End rays that can only meet a flat display."""
     rays.has_ended[i] = True
     i = i[rays.n_events[i] < plan.settings.max_events]
     xy, t, is_front = on_plane(plan, rays, i)
@@ -109,7 +110,7 @@ def end_beyond_plate(plan: Plan, rays: Rays, i: Ints) -> None:
 
 
 def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
-    """End rays that meet nothing; some of them only just miss a flat display."""
+    """End rays that hit nothing; some narrowly miss a flat display."""
     is_inside = rays.mask[i] != 0
     rays.reason[i[is_inside]] = Reason.LOST_INSIDE
     i = i[~is_inside]
@@ -125,7 +126,7 @@ def end_without_hit(plan: Plan, rays: Rays, i: Ints) -> None:
 
 
 def surface(part: Display, kept: MeshCache) -> tuple[Surface, str]:
-    """Its triangles, each flat; a patch for each piece of its UV map."""
+    """Its triangles, each flat; one patch for each UV island."""
 
     def make() -> Surface:
         return replace(make_surface(part.mesh.flat()), patch=uv_islands(part.mesh))
@@ -135,9 +136,9 @@ def surface(part: Display, kept: MeshCache) -> tuple[Surface, str]:
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """End here: with a landing when the light came the way that it has to, to the display's front.
+    """End the rays; they land if they hit the front and have met the required parts.
 
-    Light that carries no picture, but is followed to see all there is, may come past the plate.
+    Light without a picture, followed for completeness, may pass by the plate.
     """
     display = plan.rig.display
     uv = display.mesh.uv[hits.triangle - plan.display.start]
@@ -153,14 +154,12 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
 LAW = Interaction(meet, surface, ends=True)
 
 
-# times the plan's merge distance: glass and display that differ by rounding are that near
+# times the plan's merge distance: glass and display closer than this are in contact
 NEAR = 4.0
 
 
 class Contact(NamedTuple):
-    """The display as n rays meet it, and where glass that
-    they leave, or that they enter, is in the same place.
-    """
+    """Hits of n rays on display and glass, and where glass in contact is left or entered."""
 
     display: Hits
     glass: Hits
@@ -169,7 +168,7 @@ class Contact(NamedTuple):
 
 
 def _contact(plan: Plan, first: Hits, by_layer: list[Hits]) -> Contact:
-    """Hits of rays at glass and display in one place, from the first ones and those by layer."""
+    """Find contacts of glass and display from the first hits and the hits by layer."""
     n = len(first.distance)
     display, glass = Hits.none(n, None), Hits.none(n, None)
     part_of, parts = plan.triangles.part, plan.parts
@@ -189,7 +188,7 @@ def _contact(plan: Plan, first: Hits, by_layer: list[Hits]) -> Contact:
 
 
 def in_order(plan: Plan, first: Hits, by_layer: list[Hits]) -> Hits:
-    """The first hits of rays, with those changed for which glass and display are in one place."""
+    """The first hits of rays, corrected where glass and display are in contact."""
     contact = _contact(plan, first, by_layer)
     if contact.leaves.any():
         first = first.or_where(contact.leaves, contact.glass)
@@ -201,16 +200,16 @@ def in_order(plan: Plan, first: Hits, by_layer: list[Hits]) -> Hits:
 def end_beneath_glass(
     plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], before: np.ndarray
 ) -> None:
-    """End live rays that have just left glass where it lies on the display.
+    """End live rays that have just left glass in contact with the display.
 
-    before : (n,) masks, those in which rays came to their hits
+    before : (n,) masks before the hits
     """
     contact = _contact(plan, hits, by_layer)
     at = np.flatnonzero(contact.leaves)
     i = rays.live[at]
     is_out = rays.mask[i] != before[at]
 
-    # light that was turned back must not meet the display behind it
+    # reflected light must not hit the display behind it
     shown = plan.triangles.part[contact.display.triangle[at[~is_out]]]
     rays.last_part[i[~is_out]] = plan.parts.sheet[shown]
 

@@ -1,4 +1,4 @@
-"""Glass: light is refracted, or mirrored by total reflection."""
+"""Glass: light is refracted, or totally reflected."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,13 @@ from .rays import FACE_PASS, FACE_TIR, PASS, TIR, Rays
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """Cross or mirror at an interface.
-
-    Faces of other solids at the same place are crossed together with it.
+    """Refract or totally reflect at an interface; coincident faces of other solids are crossed
+    together.
     """
     part = plan.triangles.part[hits.triangle]
     before, after, patch = _cross_faces(plan, rays, i, hits, by_layer)
 
-    # the media before and behind; between equal ones nothing bends
+    # the media before and behind; equal indices do not bend light
     n1 = plan.media.index(part, before)
     n2 = plan.media.index(part, after)
     rays.has_met_glass[i] = True
@@ -37,8 +36,8 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
     geometric, shading, is_own = shading_normals(plan, directions, hits)
     out, is_tir, transmittance = refract(directions, shading, n1, n2)
 
-    # a bent normal can send light to the wrong side of the face
-    # it met: there the face's own normal is used, and light jumps
+    # a bent normal can send light to the wrong side of the face: use the face's own normal, at the
+    # cost of a discontinuity
     wrong = (dot(out, geometric) > 0) != is_tir
     if wrong.any():
         again = refract(directions[wrong], geometric[wrong], n1[wrong], n2[wrong])
@@ -46,8 +45,7 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
         is_own[wrong] = True
 
     rays.directions[i] = normalise(out)
-    # a ray turned back may meet a sheet at this place again, but
-    # not other faces of the glass that are behind it
+    # a reflected ray may hit a coincident thin surface again, but not glass faces behind it
     rays.last_part[i[is_tir]] = plan.triangles.part[hits.triangle[is_tir]]
     rays.mask[i] = np.where(is_tir, before, after)
     if plan.settings.brightness:
@@ -60,12 +58,15 @@ def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> N
 def _cross_faces(
     plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]
 ) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Ints]:
-    """Masks (n,) before and after the faces at a place, all of which are crossed together, and
-    the patch (n,) that names them in the branch: rounding must not choose it, or neighbouring
-    rays would seem to take different ways.
+    """Cross all coincident faces together: masks (n,) before and after, and the patch (n,) recorded
+    in
+    the branch.
+
+    The patch is the smallest number, because a choice by rounding would give neighbouring rays
+    different branches.
     """
-    # a ray inside one cluster meets no other, but where curved faces
-    # stand out of their facets' boxes, or out of gaps
+    # a ray inside one cluster meets no other, unless curved faces extend beyond their facets'
+    # boxes, or through gaps
     parts = plan.parts
     part = plan.triangles.part[hits.triangle]
     cluster = parts.cluster[part]
@@ -77,7 +78,7 @@ def _cross_faces(
     for other in by_layer:
         their_part = plan.triangles.part[other.triangle]
         same_place = (other.triangle >= 0) & (other.triangle != hits.triangle)
-        # a mask is of one cluster
+        # a mask belongs to one cluster
         same_place &= parts.cluster[their_part] == cluster
         same_place &= hits.gap(other) <= plan.merge_distance
         after[same_place] ^= parts.bit[their_part[same_place]]

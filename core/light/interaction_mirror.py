@@ -15,13 +15,13 @@ from .rays import FACE_MIRROR, MIRROR, Rays
 
 
 def surface(part: Mirror, kept: MeshCache) -> tuple[Surface, str]:
-    """A surface that may be curved."""
+    """The surface, possibly curved, and its key."""
     key = part.mesh.fingerprint
     return kept.get(key, lambda: make_surface(part.mesh)), f"{key}/0"
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """Go on reflected; where a bent normal would send light through, by the face's own one."""
+    """Reflect the rays; by the face's own normal if a bent one would send light through."""
     directions = rays.directions[i]
     geometric, shading, is_own = shading_normals(plan, directions, hits)
 

@@ -1,4 +1,4 @@
-"""A plate: light goes on to the mirror image of its place, by a law or by many mirrors."""
+"""A plate: sends light to the mirror image of its origin, ideally or by many mirrors."""
 
 from dataclasses import replace
 
@@ -18,12 +18,12 @@ from .plan import Plan
 from .plate import ArrayFrame, PlatePath, array_frame
 from .rays import PLATE, Rays
 
-# of its size: a plate's vertices may leave its plane by this much
+# largest distance of a plate's vertices from its plane, relative to its size
 PLATE_FLATNESS = 1e-6
 
 
 def surface(plate: Plate, kept: MeshCache) -> tuple[Surface, str]:
-    """A plate's triangles as one patch of one plane; RigError when they do not lie in one."""
+    """A plate's triangles as one patch of one plane; RigError if they are not coplanar."""
     key = key_of_facets(plate.mesh)
     return kept.get(f"plate {key}", lambda: _plane(plate)), key
 
@@ -33,12 +33,12 @@ def _plane(plate: Plate) -> Surface:
     corners = facets.corners.reshape(-1, 3)
     centre = corners.mean(axis=0)
 
-    # the sum of its faces' normals by area, turned to the side of the largest
+    # area-weighted sum of face normals, flipped to agree with the largest face
     areas = np.cross(
         facets.corners[:, 1] - facets.corners[:, 0], facets.corners[:, 2] - facets.corners[:, 0]
     )
     largest = areas[np.argmax(dot(areas, areas))]
-    normal = (areas * np.sign(areas @ largest)[:, None]).sum(axis=0)  # whichever way its faces look
+    normal = (areas * np.sign(areas @ largest)[:, None]).sum(axis=0)  # for any winding
 
     length = np.linalg.norm(normal)
     if length == 0:
@@ -55,12 +55,14 @@ def _plane(plate: Plate) -> Surface:
 
 
 def element(plate: Plate, surface: Surface) -> Plate | ArrayFrame:
-    """A plate of mirrors where it stands, or an ideal one."""
+    """The array frame of a plate of mirrors, or the ideal plate itself."""
     return plate if plate.array is None else array_frame(plate, surface.normals[0])
 
 
 def meet(plan: Plan, rays: Rays, i: Ints, hits: Hits, by_layer: list[Hits]) -> None:
-    """Go on by the mirrors of the plate met, or by the ideal law; land where that is all."""
+    """Redirect light by the plate's mirrors or as an ideal plate; land if only the display lies
+    beyond.
+    """
     normals = plan.triangles.normals[hits.triangle]
     for plate, some in plan.part_of(hits.triangle):
         these = i[some]

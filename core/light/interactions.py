@@ -1,4 +1,4 @@
-"""The laws of all kinds of parts, each found by the name of its role."""
+"""The interactions of all kinds of parts, found by role name."""
 
 from importlib import import_module
 

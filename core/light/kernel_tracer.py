@@ -1,5 +1,6 @@
-"""The compiled kernel as a tracer: it follows rays to their ends and bisects edges, one by one. It
-reads plans and layers, and reads and writes rays, as pointers to the arrays of numpy.
+"""The compiled kernel as a tracer: follows rays to their ends and bisects edges, one by one.
+
+It accesses plans, layers and rays through pointers to numpy's arrays.
 """
 
 import ctypes
@@ -63,7 +64,7 @@ def _make_curved(curved: CurvedFaces) -> Made:
 
 
 def growing_trees(layer: Layer) -> Steps[None]:
-    """Make the trees that every ray asks for in a layer."""
+    """Make the trees that every ray needs in a layer."""
     if layer.has_engine and has_face_tree(layer):
         yield from face_tree_steps(layer)
         yield 0
@@ -73,7 +74,7 @@ def growing_trees(layer: Layer) -> Steps[None]:
 
 
 def growing_faces(layer: Layer, made: Made) -> Steps[None]:
-    """Let a layer point to the tree over its faces, which is made if need be."""
+    """Point a layer to the tree over its faces, made if necessary."""
     tree, facets = yield from face_tree_steps(layer)
     made.set(over_faces=tree.structure)
     made.point("facets", facets, float)
@@ -124,7 +125,7 @@ def make_layer(held: PlannedLayer, part: Ints) -> Made:
 
 
 FOR_EVER = 1 << 31  # events
-# as in kiriko.h: numpy follows rays that may meet parts of other kinds
+# as in kiriko.h; plans with other kinds are left to numpy
 KINDS = (*range(5), 31)  # the last splits rays, for tests
 LAYOUTS = "crossed", "holes", "radial"
 _plans: "WeakKeyDictionary[Plan, Made | None]" = WeakKeyDictionary()
@@ -148,8 +149,8 @@ def _make_array(frame: ArrayFrame) -> Made:
 
 
 def left_out(layers: Sequence[PlannedLayer], kind: Ints) -> str | None:
-    """Why the kernel does not follow rays in a plan of these layers and parts of kinds (p,); None
-    where it does.
+    """Why the kernel cannot trace a plan of these layers and parts of kinds (p,); None if it
+    can.
     """
     return Message("it is not there") if library() is None else _unknown(layers, kind)
 
@@ -201,7 +202,7 @@ def _make_plan(plan: Plan) -> Made | None:
     return made
 
 
-# columns of a plan's tables, and the kernel's types of them
+# columns of a plan's tables, and their types in the kernel
 OF_TRIANGLES = {
     "normals": float,
     "corner_normals": float,
@@ -220,7 +221,7 @@ OF_PARTS = {
 
 
 def _point_to_tables(made: Made, plan: Plan) -> None:
-    """Let a plan point to its tables of triangles and parts, media and boxes."""
+    """Point a plan to its tables of triangles, parts, media and boxes."""
     for table, columns in ((plan.triangles, OF_TRIANGLES), (plan.parts, OF_PARTS)):
         for name, dtype in columns.items():
             made.point(name, getattr(table, name), dtype)
@@ -234,12 +235,12 @@ def _point_to_tables(made: Made, plan: Plan) -> None:
     made.set(n_open=len(plan.open_parts), n_aside=len(plan.aside.boxes))
 
 
-# of elements that an interaction of the kernel reads; the others are NULL to it
+# element types read by the kernel; NULL for others
 ELEMENTS = {ArrayFrame: _make_array}
 
 
 def _point_to_elements(made: Made, plan: Plan) -> None:
-    """Let a plan point to the numbers of each part."""
+    """Point a plan to the data of each part."""
     addresses = np.zeros(len(plan.parts), np.uintp)
     for number, element in enumerate(plan.parts.elements):
         if type(element) in ELEMENTS:
@@ -250,26 +251,26 @@ def _point_to_elements(made: Made, plan: Plan) -> None:
 
 
 def _point_to_layers(made: Made, plan: Plan) -> None:
-    """Let a plan point to its layers, and to the order in which they are asked."""
+    """Point a plan to its layers, and to the order in which they are searched."""
     layers = [make_layer(held, plan.triangles.part) for held in plan.layers]
     structures = (LayerStructure * len(layers))(*(layer.structure for layer in layers))
     made.keep(layers, structures)
     made.layers = layers
     made.set(n_layers=len(layers), layers=ctypes.addressof(structures))
-    # glass comes first: most of what else there is lies beyond, and then need not be asked
+    # glass first: most other parts lie beyond it and can then be skipped
     order = np.argsort([not held.layer.has_engine for held in plan.layers], kind="stable")
     made.point("order", order, np.int64)
 
 
 def making(plan: Plan) -> Steps[None]:
-    """Make a plan ready as `made_of` does, but with pauses."""
+    """Make a plan's trees as `made_of` does, with pauses."""
     if plan not in _plans and left_out(plan.layers, plan.parts.kind) is None:
         for held in plan.layers:
             yield from growing_trees(held.layer)
 
 
 def plan_steps(plan: Plan) -> Steps[None]:
-    """Make the trees that only lost rays ask for, and let a plan that is made point to them."""
+    """Make the trees needed only by lost rays, and point an existing kernel plan to them."""
     made = made_of(plan)
     structures = (LayerStructure * len(made.layers)).from_address(made.structure.layers)
     for number, (held, layer) in enumerate(zip(plan.layers, made.layers, strict=True)):
@@ -279,14 +280,14 @@ def plan_steps(plan: Plan) -> Steps[None]:
 
 
 def is_whole(made: Made) -> bool:
-    """Has a plan all trees that any ray may ask for?"""
+    """Whether a plan has every tree a ray may need."""
     return all(
         layer.structure.over_faces.nodes or not layer.structure.has_engine for layer in made.layers
     )
 
 
 def made_of(plan: Plan) -> Made | None:
-    """A plan as the kernel reads it, made once; None where it does not know it."""
+    """A plan in the kernel's form, cached; None if the kernel cannot trace it."""
     return kept(_plans, plan, lambda: _make_plan(plan))
 
 
@@ -294,12 +295,12 @@ def made_of(plan: Plan) -> Made | None:
 EVENTS_AT_ONCE = 1 << 16
 LEAST_AT_ONCE = 64
 LEAST_EDGES_AT_ONCE = 8
-# bytes of a batch's ways or courses; beyond, they are recorded event by event by numpy
+# bytes of a batch's paths or courses; larger batches are recorded by numpy
 MOST_RECORDED = 1 << 26
-PLACE, WORD = 32, 8  # bytes of an event of a ray, in its way and in its course
+PLACE, WORD = 32, 8  # bytes of an event of a ray, in its path and in its course
 
 LIGHTS = "imaged", "folded", "reflected"
-STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
+STATE = {  # arrays of rays.py's Rays, which the kernel reads and writes in place
     **dict.fromkeys(("positions", "directions", "xy", "throughput"), np.float64),
     **dict.fromkeys(("mask", "branch"), np.uint64),
     **dict.fromkeys(("cluster", "n_events", "last_part", "leak", "n_words"), np.int64),
@@ -311,10 +312,11 @@ STATE = {  # of rays.py's Rays: what the kernel reads and writes where it is
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """What n rays met at m events at the most.
+    """Recorded paths of n rays, m events at most.
 
-    places (m, n, 3) m; met (m, n) triangles, by their numbers + 1, 0 after the last; left_at (n,),
-    the event at which a ray met nothing more, -1 where it ended otherwise
+    places : (m, n, 3) m
+    met : (m, n) triangle numbers + 1, 0 after the last
+    left_at : (n,) the event at which a ray left without a hit, -1 if it ended otherwise
     """
 
     places: Floats
@@ -323,22 +325,22 @@ class Ways:
 
     @classmethod
     def none(cls, n: int, m: int) -> "Ways":
-        """Ways of which nothing is known yet."""
-        # most rays meet few things, so that most of the zeros are never fetched
+        """Empty paths."""
+        # most rays have few events, so most of the zeros are never touched
         return cls(np.empty((m, n, 3)), np.zeros((m, n), np.int64), np.full(n, -1, np.int64))
 
     def begin_again(self, some: slice) -> None:
-        """Forget what is known of some rays."""
+        """Reset the paths of some rays."""
         self.met[:, some] = 0
         self.left_at[some] = -1
 
 
 def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None = None) -> Made:
-    """State of rays as the kernel reads and writes it."""
+    """The state of rays as the kernel reads and writes it."""
     made = Made(RayStateStructure)
     for name, dtype in STATE.items():
         given = getattr(rays, name)
-        # not by `is`: an array that was pickled has a type of its own, though an equal one
+        # not `is`: a pickled array has an equal but separate type
         if made.point(name, given, dtype).ctypes.data != given.ctypes.data:
             raise TypeError(f"{name} is no array of {np.dtype(dtype)} in one piece")
 
@@ -359,18 +361,16 @@ def state_of(rays: Rays, ways: Ways | None = None, is_reached: np.ndarray | None
 
 
 class Kernel:
-    """Follows rays by the compiled kernel, which bisects edges, too."""
+    """Follows rays with the compiled kernel, and bisects edges."""
 
     left_out = staticmethod(left_out)
 
     def rays_at_once(self, plan: Plan, most: int) -> int:
-        """How many rays, up to `most`, are followed at once when their ways or courses are
-        recorded.
-        """
+        """Number of rays, up to `most`, to follow at once when paths or courses are recorded."""
         return min(most, max(1, MOST_RECORDED // (PLACE * (plan.settings.max_events + 1))))
 
     def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
-        """Follow rays to their ends, all of which are under way."""
+        """Follow live rays to their ends."""
         yield from making(plan)
         has_ways = steps is not None
         per_event = PLACE * has_ways + WORD * rays.is_recorded
@@ -401,7 +401,8 @@ class Kernel:
                 reached = is_reached.copy()
             kernel.kiriko_follow(*structures, first, last, n_threads())
             if is_unready[0]:
-                # a ray was lost behind a hull: all of them go once more, with all faces to ask
+                # a ray was lost behind a bounding shell: repeat the batch with the tree over all
+                # faces
                 yield from plan_steps(plan)
                 rays.begin_again(some, *begun)
                 if ways is not None:
@@ -417,11 +418,11 @@ class Kernel:
             steps += _steps_of(plan, rays, ways)
 
     def bisect(self, plan: Plan, edges: Halving) -> Steps[Ends]:
-        """Bisect edges; yields how many rays were traced since.
+        """Bisect edges; yields the number of rays traced since the last yield.
 
         Raises
         ------
-        DeferredObjectError : a ray comes near glass that stands aside
+        DeferredObjectError : a ray comes near deferred glass
         """
         yield from making(plan)
         n = len(edges.start)
@@ -440,7 +441,7 @@ class Kernel:
             some = slice(first, min(first + at_once, n))
             loaded().kiriko_bisect(*structures, some.start, some.stop, n_threads())
             if is_unready[0]:
-                # a ray was lost behind a hull: all go once more, with all faces to ask
+                # as in `follow`
                 yield from plan_steps(plan)
                 for values, before in zip(ends, edges.begun, strict=True):
                     values[some] = before[some]
@@ -454,7 +455,7 @@ class Kernel:
 
 
 def _steps_of(plan: Plan, rays: Rays, ways: Ways) -> Iterator[Step]:
-    """The rays at each event, from their ways."""
+    """The rays at each event, from their recorded paths."""
     for event, (places, met) in enumerate(zip(ways.places, ways.met, strict=True)):
         some = np.flatnonzero(met)
         left = np.flatnonzero(ways.left_at == event)
@@ -474,7 +475,7 @@ def _steps_of(plan: Plan, rays: Rays, ways: Ways) -> Iterator[Step]:
 
 
 def _made_of(viewer: Viewer, edges: Halving, ends: Ends) -> Made:
-    """Edges as the kernel reads them, and their ends, which it writes where they are."""
+    """Edges as the kernel reads them, and their ends, which it writes in place."""
     made = Made(HalvingStructure)
     made.point("start", edges.start, float)
     made.point("way", edges.way, float)

@@ -1,4 +1,4 @@
-"""Trees over the faces that rays meet, and over the hulls that they are asked for."""
+"""Trees over faces and bounding shells, for the compiled kernel."""
 
 import ctypes
 from collections.abc import Callable
@@ -21,32 +21,32 @@ from ..native.structures import NODE, GrowthStructure, HullStructure, Made, Tree
 from .engines import EngineHits
 from .ray_engine import EngineTriangles, Layer
 
-LARGE = 1 << 17  # boxes: a tree over more, which takes over 0.06 s, has a thread of its own
+LARGE = 1 << 17  # boxes: a larger tree takes over 0.06 s and is built in its own thread
 PAUSE_S = 0.005
-LINE = 64  # bytes of a line of the processor's memory: a node fills two
+LINE = 64  # bytes of a cache line; a node fills two
 BEZIER_AT_ONCE = 1 << 12  # faces
 BOXES_AT_ONCE = 1 << 16  # of triangles
-BOX_SLACK = 4e-6  # of its size: so much is the box of a face larger than the face
-# (14,) bound of the way that Bezier points of a face go when it is lowered, per coefficient
+BOX_SLACK = 4e-6  # margin of a face's box, relative to its size
+# (14,) bound of the displacement of a face's Bezier points by degree reduction, per coefficient
 BY_LOWERING = np.abs([TO_BEZIER @ (np.eye(N_TERMS) - lower) for lower in LOWER.values()]).max(
     axis=(0, 1)
 )
 
-# made once of each, however many plans there are
+# shared by all plans
 _frames: WeakKeyDictionary[Frames, Floats] = WeakKeyDictionary()
 _trees: WeakKeyDictionary[Frames | CurvedFaces, tuple[Made, Floats]] = WeakKeyDictionary()
 _hulls: WeakKeyDictionary[EngineTriangles, Made] = WeakKeyDictionary()
 
 
 def kept(cache: WeakKeyDictionary, key: object, make: Callable[[], Any]) -> Any:
-    """What a cache keeps of a key, made once."""
+    """The cached value of a key, made once."""
     if key not in cache:
         cache[key] = make()
     return cache[key]
 
 
 def keeping(cache: WeakKeyDictionary, key: object, making: Callable[[], Steps[Any]]) -> Steps[Any]:
-    """What a cache keeps of a key, made once, with pauses."""
+    """The cached value of a key, made once, with pauses."""
     if key not in cache:
         made = yield from making()
         cache[key] = made
@@ -54,9 +54,9 @@ def keeping(cache: WeakKeyDictionary, key: object, making: Callable[[], Steps[An
 
 
 def making_tree(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
-    """Make a tree over boxes (n, 2, 3), which are about 1 in size, with pauses.
+    """Make a tree over boxes (n, 2, 3) of about unit size, with pauses.
 
-    And the box (n,) that stands at each position.
+    Also returns the box (n,) at each position.
     """
     boxes = np.ascontiguousarray(boxes, float)
     nodes, items = np.empty(len(boxes), NODE), np.empty(len(boxes), np.int32)
@@ -84,7 +84,7 @@ def making_tree(boxes: Floats) -> Steps[tuple[Made, NDArray[np.int32]]]:
 
 
 def in_lines(nodes: NDArray[np.void]) -> NDArray[np.void]:
-    """A copy of nodes (n,) that begins where a line of the memory does."""
+    """Copy nodes (n,) to memory aligned to a cache line."""
     room = np.empty(nodes.nbytes + LINE, np.uint8)
     begin = -room.ctypes.data % LINE
     placed = room[begin : begin + nodes.nbytes].view(NODE)
@@ -93,12 +93,12 @@ def in_lines(nodes: NDArray[np.void]) -> NDArray[np.void]:
 
 
 def stack_frames(frames: Frames) -> Floats:
-    """Corner, normal and both axes (t, 4, 3) of each triangle, side by side."""
+    """Corner, normal and both axes (t, 4, 3) of each triangle, contiguous."""
     return np.stack([frames.corner, frames.normal, frames.axis_u, frames.axis_v], axis=1)
 
 
 def _grown(boxes: Floats) -> Floats:
-    """Boxes (n, 2, 3) a little larger."""
+    """Boxes (n, 2, 3) with a small margin, in place."""
     more = BOX_SLACK * length_of(boxes[:, 1] - boxes[:, 0])
     boxes[:, 0] -= more[:, None]
     boxes[:, 1] += more[:, None]
@@ -106,8 +106,8 @@ def _grown(boxes: Floats) -> Floats:
 
 
 def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Steps[Floats]:
-    """Boxes (t, 2, 3) that hold a layer's faces, curved ones of
-    lower degrees too, in its radii from its centre.
+    """Boxes (t, 2, 3) of a layer's faces, for all degrees of curved ones, in radii from its
+    centre.
     """
     boxes = boxes_of(layer.corners)
 
@@ -129,10 +129,7 @@ def _face_boxes(layer: Layer, curved: CurvedFaces | None) -> Steps[Floats]:
 
 
 def _making_face_tree(layer: Layer, curved: CurvedFaces | None) -> Steps[tuple[Made, Floats]]:
-    """Make a tree over a layer's faces.
-
-    And the frames (t, 4, 3) of the facets, in the order of its positions.
-    """
+    """Make a tree over a layer's faces; also returns the facets' frames (t, 4, 3) in its order."""
     tree, items = yield from making_tree((yield from _face_boxes(layer, curved)))
     return tree, take(stack_frames(layer.frames), items)
 
@@ -155,31 +152,31 @@ def _hull_steps(asked: EngineTriangles) -> Steps[Made]:
 
 
 def frames_of(frames: Frames) -> Floats:
-    """Frames (t, 4, 3) of triangles side by side."""
+    """Frames (t, 4, 3) of triangles, contiguous and cached."""
     return kept(_frames, frames, lambda: stack_frames(frames))
 
 
 def face_tree_steps(layer: Layer) -> Steps[tuple[Made, Floats]]:
-    """Make a tree over a layer's faces; and their frames in its order."""
+    """Make a tree over a layer's faces, cached; also returns the facets' frames in its order."""
     whole = None if layer.curved is None else layer.curved.whole
     return keeping(_trees, whole or layer.frames, lambda: _making_face_tree(layer, whole))
 
 
 def has_face_tree(layer: Layer) -> bool:
-    """Is the tree over a layer's faces there, or made at once because every ray asks it?
+    """Whether the tree over a layer's faces exists, or is needed by every ray.
 
-    Behind a hull it is asked only by rays that are lost there. Most glass has none.
+    Behind a bounding shell only lost rays need it, which most glass never has.
     """
     return layer.curved is None or layer.curved.whole in _trees
 
 
 def hull_steps(asked: EngineTriangles) -> Steps[Made]:
-    """Make triangles that are asked for hits known to the kernel, with a tree over them."""
+    """Make the kernel's form of engine triangles, with a tree over them, cached."""
     return keeping(_hulls, asked, lambda: _hull_steps(asked))
 
 
 class BoundingShellEngine:
-    """The kernel's tree over triangles that are asked for hits, as a ray engine of numpy's way."""
+    """The kernel's tree over engine triangles, as a ray engine for the numpy tracer."""
 
     name = "the kernel's tree"
 

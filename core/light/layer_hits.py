@@ -1,11 +1,10 @@
-"""The first hits of rays in one layer: by its ray engine, or by a test of each of few triangles.
+"""First hits of rays in one layer, found by its ray engine or by testing each of a few triangles.
 
-- A shell may cut itself. All that it winds around, once or more, is glass: a ray within it counts
-  the faces that it enters and leaves, and passes by them, until it has left one more than it has
-  entered. There it leaves the glass.
-- A ray engine loses some of the rays that are aimed at vertices and edges. Rays beside the lost one
-  tell which triangles are near. Only where none of those is met every triangle is tested in
-  float64, as far as a budget goes.
+- A shell may intersect itself. Its glass is every region with a winding number of one or more. A
+  ray inside counts the faces it enters and leaves, and exits the glass when it has left one more
+  than it has entered.
+- A ray engine loses some of the rays aimed at vertices and edges. Rays next to a lost one find
+  nearby triangles. If none of them is hit, every triangle is tested in float64, within a budget.
 """
 
 from dataclasses import dataclass, replace
@@ -38,16 +37,16 @@ def find_first_hits(
     leaves: Bools | None = None,
     search: LayerSearch | None = None,
 ) -> Steps[Hits]:
-    """First true hits of rays; pauses as often as work may be stopped.
+    """First true hits of rays, with pauses at which work can be stopped.
 
     Parameters
     ----------
     lines : origins and directions (n, 3) in the world, float64
-    is_inside : (n,) the ray is inside a closed solid of this layer, so that a miss cannot be
-    accept : which hits are true ones
-    leaves : (n,) the ray is inside a solid, so that only hits from
-        behind can be; None where not all are solids
-    search : how far the layer was searched before; None where all hits are to be found now
+    is_inside : (n,) the ray is inside a closed solid of this layer, so a miss is impossible
+    accept : decides which hits are true
+    leaves : (n,) the ray is inside a solid, so only back faces can be hit; None if not all parts
+        are solids
+    search : progress of earlier searches; None to find all hits now
     """
     search = search or LayerSearch(len(lines.origins))
     if layer.motion is not None:
@@ -65,7 +64,7 @@ def find_first_hits(
 
 
 def _first_hits(layer: Layer, question: Question) -> Steps[Hits]:
-    # rays that may meet the layer's box
+    # rays that may hit the layer's box
     lines = question.lines
     hits = Hits.none(len(lines.origins), layer.curved)
     grown = layer.bounds + np.array([[-layer.tolerance], [layer.tolerance]])
@@ -91,12 +90,12 @@ def _first_hits(layer: Layer, question: Question) -> Steps[Hits]:
 def _test_all(
     layer: Layer, question: Question, rays: Ints, hits: Hits, may_pass: bool = True
 ) -> None:
-    """Put the first true hits of some rays on few flat triangles, each of which is tested."""
+    """Set the first true hits of some rays on few flat triangles by testing all of them."""
     o, d = question.lines.at(rays)
     k = layer.n_triangles
     frames = layer.frames
 
-    # distances and barycentric coordinates of all triangles at once, by products of matrices
+    # distances and barycentric coordinates of all triangles at once, by matrix products
     axes = np.concatenate([frames.normal, frames.axis_u, frames.axis_v])
     start = combine(axes, np.ascontiguousarray((o - layer.centre).T))
     start -= dot(np.tile(frames.corner - layer.centre, (3, 1)), axes)[:, None]
@@ -104,12 +103,12 @@ def _test_all(
     with np.errstate(invalid="ignore", divide="ignore"):
         t = -start[:k] / slope[:k]
         u, v = (start[i : i + k] + t * slope[i : i + k] for i in (k, 2 * k))
-        # a shell that cuts itself would seem to end before it does
+        # or a self-intersecting shell would seem to end too early
         within = np.where(question.is_inside[rays], np.inf, question.search.within[rays])
         is_met = is_within(u, v) & (t > -layer.tolerance) & (t <= within)
         t[~is_met] = np.inf
 
-    # the nearest of each ray, then the next one for those where it is no true one
+    # the nearest hit of each ray, then the next one if it is not true
     passed = SelfIntersections(question.is_inside, layer.tolerance)
     todo = np.arange(len(rays))
     while len(todo):
@@ -124,7 +123,7 @@ def _test_all(
         todo = todo[~is_true]
         t[nearest[~is_true], todo] = np.inf
 
-    # where the numbers of faces do not come out even no shell cuts itself
+    # unbalanced counts: not a self-intersection
     if len(lost := passed.some_of(rays[hits.triangle[rays] < 0])):
         _test_all(layer, question, lost, hits, may_pass=False)
 
@@ -132,15 +131,15 @@ def _test_all(
 def _ask_engine(
     layer: Layer, question: Question, rays: Ints, start: Floats, hits: Hits
 ) -> Steps[Ints]:
-    """Put the hits that the engine finds; return the rays that must have hit something else."""
+    """Set the hits found by the engine; returns the rays that must have hit another face."""
     ended, passed = [], SelfIntersections(question.is_inside, layer.tolerance)
-    # far rays begin a little before the box, near ones ahead, beyond the face they come from
+    # distant rays start just before the box, near ones just beyond the face they come from
     step = np.full(len(rays), 3 * FLOAT32 * layer.radius)
     start = np.where(start > 0, start - 2 * layer.tolerance, step)
     start, step = question.search.resume(rays, start, step)
     asked_of = rays
     while len(rays):
-        # the triangles that the engine finds; a ray within a solid has to meet one
+        # the engine's triangles; a ray within a solid has to hit one
         lines = question.lines.at(rays)
         found, far = layer.shoot(lines, start)
         hit = found.triangle >= 0
@@ -151,7 +150,7 @@ def _ask_engine(
             again = hit & ~question.leaves[rays] & only_leaves
             hit &= ~again
 
-        # where exactly, and is it a true hit?
+        # refine the hits and test whether they are true
         if len(asked := rays[hit]):
             lines = lines if hit.all() else lines.at(hit)
             some, is_met = layer.refine(found, hit, lines, question.leaves_at(asked))
@@ -163,7 +162,7 @@ def _ask_engine(
                 step[hit] = np.where(passes, 3 * FLOAT32 * layer.radius, step[hit])
             hits.put(asked[is_true], some.at(is_true))
 
-            # the others go on; the true hit may lie a little further than the engine has it
+            # the others continue; the true hit may lie slightly beyond the engine's distance
             again[hit] = ~is_true
             if layer.curved is None:
                 is_there = np.isfinite(some.distance)
@@ -180,30 +179,29 @@ def _ask_engine(
 
 
 class SelfIntersections:
-    """The faces of such shells that rays have passed, met one after the other."""
+    """The faces of self-intersecting shells passed by rays, in order."""
 
     def __init__(self, is_inside: Bools, tolerance: float) -> None:
-        """Of rays (n,), inside a closed solid or not.
+        """For rays (n,), each inside a closed solid or not.
 
-        tolerance : m, a face that is no further from the one before is the same
+        tolerance : m, a closer face is the same as the one before
         """
         self._is_inside = is_inside
         self._tolerance = tolerance
-        # of each ray, once there are some: faces entered more than left, how far the last is, and
-        # its triangle, -1 where by itself it could not be met
+        # per ray, allocated on demand: faces entered minus left, distance of the last face, and its
+        # triangle, -1 if it was not a valid hit
         self._deeper: Ints | None = None
         self._distance: Floats | None = None
         self._triangle: Ints | None = None
-        self._doubted: list[Ints] = []  # rays outside with a hit that cannot be
+        self._doubted: list[Ints] = []  # rays outside with an impossible hit
 
     def count(
         self, rays: Ints, hits: Hits, is_true: Bools, is_wrong: Bools
     ) -> tuple[Bools, Bools | None]:
-        """Which hits (m,) of rays (m,) are true ones, with those passed, and which are passed now,
-        None for none.
+        """Which hits (m,) of rays (m,) are true, considering the passed faces; and which are passed
+        now, None for none.
 
-        is_true, is_wrong : (m,) are they true ones, or such that cannot be, of shells that do not
-            cut themselves
+        is_true, is_wrong : (m,) true or impossible if no shell intersects itself
         """
         if self._deeper is None and not is_wrong.any():
             return is_true, None
@@ -220,8 +218,8 @@ class SelfIntersections:
         further = hits.distance - self._distance[rays]
         is_here = np.abs(further) <= self._tolerance
 
-        # the same face may be met behind several triangles of the hull,
-        # and rounding may change the order of two faces in one place
+        # the same face may be hit behind several shell triangles, and rounding may swap two
+        # coincident faces
         is_same = is_here & (hits.triangle == last)
         is_swapped = is_here & (last < 0) & (deeper == 1)
         leaves = is_true & (deeper > 0) & ~is_swapped
@@ -233,16 +231,17 @@ class SelfIntersections:
         return is_true & ~leaves & ~is_same, passes
 
     def last(self, rays: Ints) -> Floats:
-        """How far the last face is that each of rays (m,) has passed, m, -inf for none."""
+        """Distance, m, of the last face passed by each of rays (m,), -inf for none."""
         return np.full(len(rays), -np.inf) if self._distance is None else self._distance[rays]
 
     def some_of(self, rays: Ints) -> Ints:
-        """Those of rays (m,) that have passed a face."""
+        """The subset of rays (m,) that have passed a face."""
         return rays[:0] if self._distance is None else rays[np.isfinite(self._distance[rays])]
 
     def lost(self, ended: list[Ints]) -> Ints:
-        """The rays that must have met another face: outside, those with a hit that cannot be;
-        within, those among the ones that have ended without a hit.
+        """Rays that must have hit another face.
+
+        Outside: rays with an impossible hit. Inside: rays that ended without a hit.
         """
         ended = np.concatenate([np.empty(0, np.int64), *ended])
         return np.concatenate([ended[self._is_inside[ended]], *self._doubted])
@@ -256,10 +255,10 @@ def enter_again(
     hits: tuple[Hits, Bools],
     passed: SelfIntersections,
 ) -> None:
-    """Put hits where rays (m,) within the glass enter it, beside those where they leave it.
+    """Set hits of rays (m,) inside the glass that enter it again before they leave.
 
-    shot : what the engine has found, for which of its rays (n,), m of them, and how far (n,), m
-    hits : where they meet the layer, and whether they do (m,)
+    shot : the engine's hits (n,), which m of them to use, and their distances (n,), m
+    hits : hits on the layer (m,), and whether they exist (m,)
     """
     if layer.curved is None or question.leaves is None:
         return
@@ -267,13 +266,13 @@ def enter_again(
     some, is_met = hits
     enters = dot(take(question.lines.directions, rays), take(found.normal, chosen)) < 0
     enters &= question.leaves[rays] & question.is_inside[rays]
-    # what is entered lies behind the hull: not where the ray leaves before
+    # the entered face lies behind the bounding shell, unless the ray leaves before it
     asked = np.flatnonzero(enters & ~(is_met & (some.distance <= far[chosen])))
     if len(asked):
         which = np.flatnonzero(chosen)[asked]
         from_outside = np.zeros(len(asked), bool)
         more, is_more = layer.refine(found, which, question.lines.at(rays[asked]), from_outside)
-        # before the ray leaves around there, and no face that it has passed
+        # before the exit, and beyond faces already passed
         t = more.distance
         is_more &= more.enters & (t > np.maximum(passed.last(rays[asked]), 0.0) + layer.tolerance)
         is_more &= ~(is_met[asked] & (some.distance[asked] < t))
@@ -283,19 +282,19 @@ def enter_again(
 
 @dataclass(frozen=True)
 class RescueKnobs:
-    """How lost rays are looked for; numbers that decide a hit are the kernel's, too (kiriko.h).
+    """Options of the search for missed hits; values that decide a hit are repeated in kiriko.h.
 
     Parameters
     ----------
-    beside : rays shot beside one that was lost
-    wider : barycentric slack for a ray that met nothing: it runs along a face, whose plane it meets
-        far beside; tuned by `dev.py judge`, at fifty digits
-    many_triangles : from here on a curved face is searched from one place only: a ray that grazes
-        can meet a large face twice, but not a small one
-    most_tests : pairs of rays and triangles that may be tested in one call: a few seconds
-    pairs_at_once : of rays and triangles that are looked over together: about 10 MB
-    near_at_once : pairs of rays and faces near them whose hits are found together: about 20 MB, and
-        0.05 s, so that Esc is heard
+    neighbours : rays shot next to a lost one
+    wider : barycentric slack for a ray without a hit, which runs along a face and meets its plane
+        far away; tuned by `dev.py judge` with fifty digits
+    many_triangles : from this number on, curved faces are searched from one place only: a grazing
+        ray can hit a large face twice, but not a small one
+    most_tests : pairs of rays and triangles tested in one call: a few seconds
+    pairs_at_once : pairs of rays and triangles culled together: about 10 MB
+    near_at_once : pairs of rays and nearby faces tested together: about 20 MB and 0.05 s, so Esc is
+        handled promptly
     """
 
     beside: int = 6
@@ -310,12 +309,12 @@ RESCUE = RescueKnobs()
 
 
 def count_starts(n_triangles: int) -> int:
-    """From how many places each curved face of a layer of so many triangles is searched."""
+    """Number of starting places on each curved face of a layer with so many triangles."""
     return len(ROOTS.starts) if n_triangles < RESCUE.many_triangles else 1
 
 
 class _Nearest:
-    """The nearest true hits, as far as they are found, of some rays of a question."""
+    """The nearest true hits found so far for some rays of a question."""
 
     def __init__(self, layer: Layer, question: Question, rays: Ints) -> None:
         self.rays = rays
@@ -324,9 +323,9 @@ class _Nearest:
         self._accept = question.accept
 
     def keep(self, i: Ints, found: Hits, is_met: Bools | None = None) -> None:
-        """Keep hits found for rays of numbers i (n,) among these where they are nearer.
+        """Keep hits of rays i (n,) if they are nearer.
 
-        Of faces at the same distance the first by number counts, whichever is found first.
+        Ties are resolved by the smaller triangle number, for a result independent of order.
         """
         mine = self.hits.distance[i]
         is_nearer = (found.distance > self._least) & (
@@ -335,22 +334,22 @@ class _Nearest:
         )
         good = np.flatnonzero(is_nearer if is_met is None else is_met & is_nearer)
         good = good[self._accept(self.rays[i[good]], found.at(good))[0]]
-        # nearest last, so that it is the one that stays
+        # nearest last, so it overwrites the others
         good = good[np.lexsort((-found.triangle[good], -found.distance[good]))]
         self.hits.put(i[good], found.at(good))
 
     def put_into(self, hits: Hits) -> Ints:
-        """Put them among the hits of all rays; return the rays that have none."""
+        """Copy them to the hits of all rays; returns the rays without one."""
         is_found = self.hits.triangle >= 0
         hits.put(self.rays[is_found], self.hits.at(is_found))
         return self.rays[~is_found]
 
 
 def find_missed_hits(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Steps[None]:
-    """Put hits that the engine missed, found in float64, for lost rays (n,)."""
+    """Set hits missed by the engine, found in float64, for lost rays (n,)."""
     o, d = question.lines.at(rays)
 
-    # rays in a ring around each, a few float32 steps aside
+    # a ring of rays around each, a few float32 steps away
     aside = np.cross(d, np.where(np.abs(d[:, :1]) < 0.5, [[1.0, 0, 0]], [[0, 1.0, 0]]))
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
     upward = np.cross(d, aside)
@@ -364,8 +363,9 @@ def find_missed_hits(layer: Layer, question: Question, rays: Ints, hits: Hits) -
 
 
 def _ask_beside(layer: Layer, question: Question, beside: Floats, nearest: _Nearest) -> Steps[None]:
-    """Keep the nearest true hit of rays among all triangles
-    that rays beside them (m n, 3), m of each, meet.
+    """Keep the nearest true hit of rays among all triangles hit by their neighbours.
+
+    neighbours : (m n, 3) origins, m for each ray
     """
     lines = question.lines.at(nearest.rays)
     row = np.tile(np.arange(len(nearest.rays)), len(beside) // len(nearest.rays))
@@ -387,7 +387,7 @@ def _ask_beside(layer: Layer, question: Question, beside: Floats, nearest: _Near
 
 
 def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) -> Steps[None]:
-    """Test rays (n,) against every triangle, as far as the budget goes."""
+    """Test rays (n,) against every triangle, within the budget."""
     if not len(rays):
         return
 
@@ -403,7 +403,7 @@ def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) 
         i, k = pass_by(spheres, lines.at(slice(first, first + per_chunk)))
         near.append((first + i, k))
         yield 0
-        # those of several chunks are tested together
+        # several chunks are tested together
         is_last = first + per_chunk >= len(nearest.rays)
         if is_last or sum(len(i) for i, _ in near) >= RESCUE.near_at_once:
             i, k = (np.concatenate(column) for column in zip(*near, strict=True))
@@ -414,7 +414,7 @@ def ask_all_triangles(layer: Layer, question: Question, rays: Ints, hits: Hits) 
 
 
 def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints) -> Steps[None]:
-    """Keep the nearest true hits of rays of numbers i (m,) among these on triangles k (m,)."""
+    """Keep the nearest true hits of rays i (m,) on triangles k (m,)."""
     lines = question.lines.at(nearest.rays)
     if layer.curved is not None:
         is_curved = layer.curved.row[k] >= 0
@@ -433,7 +433,7 @@ def _test(layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints)
 def _test_curved(
     layer: Layer, question: Question, nearest: _Nearest, i: Ints, k: Ints
 ) -> Steps[None]:
-    """Keep the nearest true hits of rays of numbers i (m,) among these on curved faces k (m,)."""
+    """Keep the nearest true hits of rays i (m,) on curved faces k (m,)."""
     lines = question.lines.at(nearest.rays)
     leaves = question.leaves_at(nearest.rays)
     holds = are_in_boxes(layer.curved, k, lines.at(i))

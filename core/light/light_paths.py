@@ -1,7 +1,6 @@
-"""The whole way of a few rays, point by point, from the viewer to the end or to the place where
-the light is lost.
+"""Complete paths of a few rays, from the viewer to the display or to the point of loss.
 
-Rays are traced as for a solve; the steps between their events are joined to polylines here.
+Rays are traced as in a solve; their steps are joined to polylines.
 """
 
 from dataclasses import dataclass
@@ -18,16 +17,16 @@ from .rays import Landings, Reason, Step, main_landings
 from .trace import tracing
 
 PASSED_BY = {Reason.MISSED_PLATE: Kind.PLATE, Reason.MISSED_DISPLAY: Kind.DISPLAY}
-NOTHING = -1  # in the place of a part: the start of a way, or an end where nothing is met
+NOTHING = -1  # no part: start of a path, or an end in empty space
 
 
 @dataclass(frozen=True)
 class Tails:
-    """The lengths of ways beyond their last event, m.
+    """Lengths of paths beyond their last event, m.
 
-    tail : of a ray that leaves to nowhere
-    reach : of one that passes by the plate or the display: it ends on their plane, or else where
-        it is nearest to their middle, if that is no further away
+    tail : of a ray into empty space
+    reach : limit for a ray past the plate or the display; within it, the path ends on their plane,
+        or else at its closest point to their centre
     """
 
     tail: float
@@ -36,11 +35,11 @@ class Tails:
 
 @dataclass(frozen=True, eq=False)
 class LightPath:
-    """The way of a ray.
+    """The path of a ray.
 
-    points : (k, 3) m, world: the start, each surface met, the end
-    parts : (k,) numbers of the plan's parts that are met there, or NOTHING
-    reason : why the light is lost at the last point; ARRIVED where that is its landing
+    points : (k, 3) m, world: the start, each surface hit, the end
+    parts : (k,) numbers of the plan's parts hit there, or NOTHING
+    reason : why the light is lost at the last point; ARRIVED for a landing
     """
 
     points: Floats
@@ -55,13 +54,13 @@ class LightPath:
 def following(
     plan: Plan, origins: Floats, directions: Floats, aims: Floats, tails: Tails
 ) -> Steps[list[LightPath]]:
-    """Follow rays, and return their ways, in the same order.
+    """Follow rays and return their paths, in order.
 
     Parameters
     ----------
     origins, directions : (n, 3) m, world; unit directions; all starting in air
-    aims : (n,) m, how far away is the place that each ray looks at: one that misses the glass is
-        lost there, and ends a tail beyond
+    aims : (n,) m, distance of the place each ray is aimed at; a ray past the glass ends a tail
+        beyond
     """
     n = len(origins)
     steps: list[Step] = []
@@ -92,9 +91,7 @@ def following(
 
 
 def _passing_by(way: LightPath, direction: Floats, length: float) -> LightPath:
-    """A way that missed the glass, cut off where it has passed by;
-    any other, or one that meets something before, as it is.
-    """
+    """Shorten a path that missed the glass, if it meets nothing before; others are unchanged."""
     start = way.points[0]
     if way.reason != Reason.MISSED_GLASS:
         return way
@@ -107,16 +104,16 @@ def _passing_by(way: LightPath, direction: Floats, length: float) -> LightPath:
 def _ends(
     plan: Plan, landings: Landings, n_events: Ints, triangle: Ints, first: Ints, tails: Tails
 ) -> tuple[Floats, Ints, Bools]:
-    """The last point (n, 3) of each way, the part (n,) there, and
-    is it another than that of the last event?
+    """The last point (n, 3) of each path, the part (n,) there, and whether it differs from the last
+    event.
 
-    n_events : (n,) events that were noted; triangle : of all events, ray by
-        ray, those of a ray from `first` (n + 1,) on
+    n_events : (n,) recorded events
+    triangle : of all events, ray by ray; those of a ray start at `first` (n + 1,)
     """
     at = landings.positions.copy()
     part = np.full(len(at), NOTHING)
 
-    # on a display beyond a plate, of which no event is noted; on a surface that ends all light
+    # on a display beyond a plate, which records no event; or on a surface that ends all light
     has_landed = landings.n_events > n_events
     part[has_landed] = len(plan.parts) - 1
     is_met = n_events > 0
@@ -124,7 +121,7 @@ def _ends(
     ends_there = is_met & ENDS[plan.parts.kind[np.where(is_met, last, 0)]]
     goes_on = ~has_landed & ~ends_there & (landings.reason != Reason.CUT_OFF)
 
-    # the others go on, to the plane that they pass by or into nothing
+    # the others continue to the plane they pass, or into empty space
     length = np.full(len(at), tails.tail)
     for reason, kind in PASSED_BY.items():
         some = np.flatnonzero(goes_on & (landings.reason == reason))
@@ -139,9 +136,10 @@ def _ends(
 
 
 def _passing(plan: Plan, number: int, points: Floats, directions: Floats, reach: float) -> Floats:
-    """How far (n,) rays go from points (n, 3) until they pass by a
-    part: to its plane, or else to the place nearest to its middle;
-    inf where that is behind them or out of reach.
+    """Distance (n,) from points (n, 3) to a part that rays pass: to its plane, or else to their
+    closest point to its centre.
+
+    inf if behind them or out of reach.
     """
     its_own = plan.triangles.part == number
     normal = plan.triangles.normals[its_own][0]
@@ -157,7 +155,7 @@ def _passing(plan: Plan, number: int, points: Floats, directions: Floats, reach:
 
 
 def _mesh_of(plan: Plan, number: int) -> Mesh:
-    """The mesh of a plate or of the display, by its number among the parts."""
+    """The mesh of a plate or of the display, by part number."""
     kind = plan.parts.kind[number]
     if kind == Kind.DISPLAY:
         return plan.rig.display.mesh

@@ -1,9 +1,9 @@
-"""The medium at a point: nested, touching and overlapping
-solids by priority (Schmidt & Budge 2002).
+"""The medium at a point, for nested, touching and overlapping solids, by priority.
 
-A ray's mask has a bit for each solid that it is in; the highest one is that of the medium. Solids
-that touch, directly or by others, are a cluster. Those of a cluster that touch have different bits,
-by rising priority where their indices differ. The others share bits: no ray is in two of them.
+Source: Schmidt & Budge 2002. A ray's mask has one bit for each solid around it; the highest bit
+gives the medium. Solids that touch, directly or through others, form a cluster. Touching solids of
+a cluster have different bits, in order of priority if their indices differ. Others share bits,
+because no ray is in two of them at once.
 """
 
 from collections.abc import Sequence
@@ -20,13 +20,18 @@ from ..glass.motion import Motion
 from ..glass.surfaces import Surface
 from ..rig.rig import Glass
 
-N_BITS = 52  # of a mask, which has to be exact as a float64
+N_BITS = 52  # of a mask, which must be exact as a float64
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A solid of a glass of that number, where it is; where it
-    was made, under its key; how it came from there.
+    """A solid of a glass.
+
+    surface : in place
+    key : of the surface before its motion
+    number, glass : the glass it belongs to
+    made : the surface before its motion
+    motion : from there to its place; None without one
     """
 
     surface: Surface
@@ -43,11 +48,15 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Media:
-    """Solids s: cluster (s,), bit (s,) uint64 in its masks, and indices (s, N_BITS + 1): that of
-    air, then for each bit that of the solid that has it and touches this one.
+    """The media of solids (s,).
 
-    A ray is in solids of one cluster at a time, so bits are used again from cluster to cluster.
-    n_overlapping: clusters of more than one solid.
+    cluster : (s,)
+    bit : (s,) uint64 in the cluster's masks
+    indices : (s, N_BITS + 1) index of air, then for each bit the index of the touching solid with
+        this bit
+    n_overlapping : clusters of more than one solid
+
+    A ray is in solids of one cluster at a time, so clusters reuse bits.
     """
 
     cluster: Ints
@@ -56,22 +65,20 @@ class Media:
     n_overlapping: int
 
     def index(self, solid: Ints, mask: np.ndarray) -> Floats:
-        """Index of refraction (n,) where a ray with masks (n,) is, at the surface of
-        solids (n,).
-        """
+        """Index of refraction (n,) at rays with masks (n,), at the surface of solids (n,)."""
         # frexp's exponent is 1 + the position of the highest bit set, and 0 for none
         return self.indices[solid, np.frexp(mask.astype(float))[1]]
 
 
 def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Media:
-    """Give each solid its bit, and the indices around it.
+    """Assign each solid its bit, and the indices around it.
 
-    touch : (p, p) which parts touch, solids first, each itself, too
+    touch : (p, p) which parts touch, solids first, diagonal included
 
     Raises
     ------
     RigError
-        More solids touch than a mask can tell apart.
+        More solids touch than a mask has bits.
     """
     touch = touch[: len(solids), : len(solids)]
     index = np.array([float(solid.glass.ior.at(wavelength)) for solid in solids])
@@ -79,7 +86,7 @@ def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Medi
     place = np.full(len(solids), -1)  # of each solid's bit
     for i in sorted(range(len(solids)), key=rank.__getitem__):
         is_other = index != index[i]
-        # those around a solid that this one touches, too, are told apart by it
+        # solids around a solid touched by this one need different bits
         around = touch[touch[i]].any(axis=0)
         taken = set(place[touch[i] | around & is_other])
         least = 1 + place[touch[i] & is_other].max(initial=-1)
@@ -100,15 +107,13 @@ def make_media(solids: Sequence[Solid], touch: Bools, wavelength: float) -> Medi
     return Media(cluster, bit, indices, int((np.bincount(cluster) > 1).sum()))
 
 
-# of its size: so far a curved surface stays, with room to spare, within the box of its facets
+# bound, with a margin, on how far a curved surface leaves its facets' box, relative to the box
 BULGE = 0.25
-PAIRS_AT_ONCE = 1 << 14  # of boxes, each with each
+PAIRS_AT_ONCE = 1 << 14  # pairs of boxes
 
 
 def grown(boxes: Floats) -> Floats:
-    """Boxes (..., 2, 3) that curved surfaces stay within, however
-    far they bulge out of the boxes of their facets.
-    """
+    """Boxes (..., 2, 3) enlarged to hold curved surfaces over any facets within."""
     return _wider(boxes, BULGE * (boxes[..., 1:, :] - boxes[..., :1, :]))
 
 
@@ -117,12 +122,13 @@ def _wider(boxes: Floats, by: Floats) -> Floats:
 
 
 def boxes_touch(boxes: Floats, slack: float, others: Floats | None = None) -> Bools:
-    """Do axis-aligned boxes (n, 2, 3) and others (m, 2, 3), or the same, overlap or come closer
-    than `slack`? (n, m).
+    """Whether axis-aligned boxes (n, 2, 3) and others (m, 2, 3), by default the same, overlap or
+    are
+    closer than `slack`: (n, m).
     """
     others = boxes if others is None else others
     touch = np.ones((len(boxes), len(others)), bool)
-    for axis in range(3):  # one at a time takes a third of the memory
+    for axis in range(3):  # one axis at a time needs a third of the memory
         low, high = boxes[:, :, axis].T[:, :, None]
         touch &= (low <= others[:, 1, axis] + slack) & (others[:, 0, axis] <= high + slack)
     return touch
@@ -131,12 +137,13 @@ def boxes_touch(boxes: Floats, slack: float, others: Floats | None = None) -> Bo
 def find_touching(
     solids: Sequence[Solid], surfaces: Sequence[Surface], is_closed: Bools, slack: float
 ) -> Bools:
-    """Which parts touch, overlap or nest in one another, or may do so? (p, p).
+    """Which parts touch, overlap or nest, or may do so: (p, p).
 
-    Closed solids do if their faces, in boxes, come closer than `slack`, m, and may do so if the box
-    of one holds the other's. Other parts may do so if their boxes touch.
+    Closed solids do if their faces, in boxes, are closer than `slack`, m, and may if one box holds
+    the other. Other parts may if their boxes touch.
 
-    surfaces : of all parts (p), those of the solids first; is_closed : (p,)
+    surfaces : of all parts (p), solids first
+    is_closed : (p,)
     """
     boxes = np.stack([surface.bounds for surface in surfaces])
     near = boxes_touch(grown(boxes[: len(solids)]), slack)
@@ -159,7 +166,7 @@ def _holds(box: Floats, other: Floats) -> bool:
 
 
 def _faces_touch(corners: Floats, others: Floats, slack: float) -> bool:
-    """Do triangles (n, 3, 3) and others (m, 3, 3) touch? Not where a plane parts them."""
+    """Whether triangles (n, 3, 3) and others (m, 3, 3) touch; False if a plane separates them."""
     points, away = corners.reshape(-1, 3), others.reshape(-1, 3)
     axis = normalise(away.mean(axis=0) - points.mean(axis=0))
     if (away @ axis).min() - (points @ axis).max() > slack:
@@ -168,7 +175,7 @@ def _faces_touch(corners: Floats, others: Floats, slack: float) -> bool:
 
 
 def _some_touch(boxes: Floats, others: Floats, slack: float) -> bool:
-    """Do any of boxes (n, 2, 3) and others (m, 2, 3) touch? Halves of them are asked first."""
+    """Whether any of boxes (n, 2, 3) and others (m, 2, 3) touch, by recursive halving."""
     boxes = boxes[boxes_touch(boxes, slack, _around(others))[:, 0]]
     if not len(boxes):
         return False

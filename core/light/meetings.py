@@ -1,4 +1,4 @@
-"""A meeting of rays with a part of the rig: its form, and the questions that several laws ask."""
+"""Interactions of light with parts of the rig: their interface, and functions shared by several."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -18,18 +18,18 @@ from .rays import Rays
 
 
 class Interaction(NamedTuple):
-    """The effect of a kind of part on light, as its file `interaction_<role>.py` has it.
+    """The effect of a kind of part on light, defined in its file `interaction_<role>.py`.
 
-    meet : takes the plan, the rays, the numbers of those that meet such a part, their hits, and the
-        hits of each layer at the same rays; says how these rays go on
-    surface : the surface of a part, and its key; takes the part, and surfaces kept from before.
-        None for solids, whose surfaces are found together
-    ends : does no ray go on from it?
-    crosses : are faces of other layers at the same place met together with it? Else it is handed no
-        hits of layers
-    splits : may rays go on in copies from it (`Rays.split`)?
-    element : a part with what is worked out of it once for a plan, as `plan.part_of` gives it to
-        `meet`; takes the part and its surface
+    interact : updates rays that hit such a part; arguments: the plan, the rays, the numbers of the
+        rays, their hits, and the hits of each layer at the same rays
+    surface : the surface of a part, and its key, from the part and a cache; None for solids, whose
+        surfaces are found together
+    ends : no ray continues from it
+    crosses : coincident faces of other layers are handled together; otherwise no hits of layers are
+        passed
+    splits : rays may continue in copies (`Rays.split`)
+    element : a part with the data computed once for a plan, as `plan.part_of` passes it to
+        `interact`; from the part and its surface
     """
 
     meet: Callable[[Plan, Rays, Ints, Hits, list[Hits]], None]
@@ -41,15 +41,16 @@ class Interaction(NamedTuple):
 
 
 def key_of_facets(mesh: Mesh) -> str:
-    """A key for the surface of a mesh that is flat, whatever its shading."""
+    """A key for the surface of a mesh whose triangles are all flat, regardless of its shading."""
     return f"{fingerprint(mesh.flat())}/0"
 
 
 def shading_normals(plan: Plan, directions: Floats, hits: Hits) -> tuple[Floats, Floats, Bools]:
-    """Geometric and shading normals (n, 3), both turned against the ray; and where (n,) the face's
-    own normal is kept, because the bent one looks away.
+    """Geometric and shading normals (n, 3), both against the ray, and where (n,) the face's own
+    normal
+    replaces a bent one facing away.
     """
-    # those of curved faces
+    # of curved faces
     geometric = take(plan.triangles.normals, hits.triangle)
     shading = geometric
 

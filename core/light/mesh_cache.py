@@ -1,4 +1,4 @@
-"""Results that one plan leaves for the next."""
+"""Cache of results reused from one plan to the next."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -17,37 +17,37 @@ Thing = TypeVar("Thing")
 
 
 class MeshCache:
-    """Results that can be used again from one plan to the next, by fingerprint of their sources.
+    """Results reused from one plan to the next, by fingerprint of their sources.
 
-    Those asked for between two calls of `forget` stay; the rest is dropped.
+    Results used between two calls of `forget` stay; others are dropped.
 
-    is_exact : use nothing that was only moved again, so that results are the same bits whatever was
-        solved before
+    is_exact : do not reuse moved solids, so results are bit-identical whatever was solved before
     """
 
     def __init__(self, is_exact: bool = False) -> None:
         self._is_exact = is_exact
         self._old: dict[str, Any] = {}
         self._now: dict[str, Any] = {}
-        self._sizes: tuple[list[str], Floats] | None = None  # of the old meshes, once asked for
-        # of meshes themselves, which are not looked at again
+        self._sizes: tuple[list[str], Floats] | None = None  # of the old meshes, computed on demand
+        # by mesh object, to skip the comparison
         self._places: WeakKeyDictionary[Mesh, tuple[str, Motion | None]] = WeakKeyDictionary()
 
     def get(self, key: str, make: Callable[[], Thing]) -> Thing:
-        """The result made before under this key, else one made now."""
+        """The cached result of a key, else a new one."""
         if key not in self._now:
             self._now[key] = self._old[key] if key in self._old else make()
         return self._now[key]
 
     def making(self, key: str, make: Callable[[], Steps[Thing]]) -> Steps[Thing]:
-        """The result made before under this key, else one that is made now, with pauses."""
+        """The cached result of a key, else a new one, made with pauses."""
         if key not in self._now:
             self._now[key] = self._old[key] if key in self._old else (yield from make())
         return self._now[key]
 
     def get_solids(self, mesh: Mesh) -> Steps[tuple[str, list[Surface], Motion | None]]:
-        """Key and solids of a mesh, or those of an earlier one, and
-        the motion that takes them to this one's place.
+        """Key and solids of a mesh, or of an earlier congruent one, and the motion from there to
+        this
+        mesh.
         """
         key, motion = self._places.get(mesh, (None, None))
         if key not in self._old and key not in self._now:
@@ -57,7 +57,7 @@ class MeshCache:
         return key, solids, motion
 
     def _place(self, mesh: Mesh) -> Steps[tuple[str, Motion | None]]:
-        """Key of a mesh's solids, and the motion from there; made where there are none."""
+        """Key of a mesh's solids, and the motion from there; solids are made if necessary."""
         key = mesh.fingerprint
         if key not in self._old and key not in self._now:
             for other in () if self._is_exact else self._alike(mesh):
@@ -69,7 +69,7 @@ class MeshCache:
         return key, None
 
     def _alike(self, mesh: Mesh) -> list[str]:
-        """Keys of the old meshes of this one's size: to compare it with all of them takes long."""
+        """Keys of old meshes of this one's size, to avoid comparing all of them."""
         if self._sizes is None:
             made = {key: one[0] for key, one in self._old.items() if isinstance(one, tuple)}
             sizes = np.array([size_of(one) for one in made.values()]).reshape(-1, 2)
@@ -80,9 +80,9 @@ class MeshCache:
         return [keys[i] for i in np.flatnonzero(is_alike)]
 
     def borrow(self, other: "MeshCache") -> None:
-        """Take over what another keeps, which stays as it is."""
+        """Add another cache's results; the other is unchanged."""
         self._old, self._sizes = {**other._old, **other._now, **self._old}, None
 
     def forget(self) -> None:
-        """Drop results not asked for since the last call."""
+        """Drop results not used since the last call."""
         self._old, self._now, self._sizes = self._now, {}, None

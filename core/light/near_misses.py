@@ -1,5 +1,6 @@
-"""Things that a bundle of rays may have passed by: parts of the rig, near to it, that none of its
-rays met. Triangles that lie together are packed in boxes.
+"""Near misses: parts close to a bundle of rays but hit by none of them.
+
+Nearby triangles are packed in a hierarchy of boxes.
 """
 
 import ctypes
@@ -19,18 +20,18 @@ from ..native.structures import Made, PathsStructure, ThinPartsStructure
 from .kernel_trees import stack_frames
 
 # tuned for time by `dev.py bench`
-MOST_PATCHES = 4096  # with more patches whole parts are looked for
-IN_BOXES = (512, 64, 8, 1)  # triangles, level by level below those of whole patches
-DIGITS = 10  # binary, of each coordinate by which triangles are sorted
+MOST_PATCHES = 4096  # with more patches, whole parts are the units
+IN_BOXES = (512, 64, 8, 1)  # triangles, on each level below the units
+DIGITS = 10  # bits of each coordinate for sorting triangles
 
 
 class Packed(NamedTuple):
     """Triangles in boxes.
 
-    unit_of_patch : (patches,) the unit, patch or part, that a patch belongs to
+    unit_of_patch : (patches,) the unit, patch or part, of each patch
     order : (t,) of triangles, unit by unit, neighbours together
-    starts : of each level, (boxes + 1,) the first triangle of each box, in their order; the boxes
-        of the first level are the units
+    starts : for each level, (boxes + 1,) the first triangle of each box, in order; the boxes of the
+        first level are the units
     """
 
     unit_of_patch: Ints
@@ -39,14 +40,15 @@ class Packed(NamedTuple):
 
 
 class Packing:
-    """The boxes of some triangles, found when they are first asked for."""
+    """The boxes of some triangles, found on first use."""
 
     def __init__(self) -> None:
         self._packed: Packed | None = None
 
     def of(self, corners: Floats, patch: Ints, part: Ints) -> Packed:
-        """Those of triangles with corners (t, 3, 3), m, in patches (t,) and parts (t,), wherever
-        the parts were at first.
+        """Boxes of triangles with corners (t, 3, 3), m, in patches (t,) and parts (t,), packed by
+        the
+        parts' first placement.
         """
         if self._packed is None:
             self._packed = _pack(corners, patch, part)
@@ -60,12 +62,12 @@ def _pack(corners: Floats, patch: Ints, part: Ints) -> Packed:
     unit_of_patch = np.zeros(int(patch.max()) + 1, np.int64)
     unit_of_patch[patch] = unit
 
-    # triangles in an order in which neighbours lie together, unit by unit
+    # neighbouring triangles together, unit by unit
     middles = sum(corners.swapaxes(0, 1)) / 3  # numpy is slow along rows of three
     order = np.lexsort([_along_curve(middles), unit])
     unit = unit[order]
 
-    # boxes: of whole units, then of ever fewer triangles
+    # whole units, then ever fewer triangles
     first = np.flatnonzero(np.diff(unit, prepend=-1))
     within = np.arange(n) - first[unit]
     starts = [
@@ -76,9 +78,7 @@ def _pack(corners: Floats, patch: Ints, part: Ints) -> Packed:
 
 
 def _along_curve(points: Floats) -> Ints:
-    """Place (n,) of points (n, 3) along a curve that fills space
-    (Morton's): neighbours on it are near each other.
-    """
+    """Position (n,) of points (n, 3) along Morton's space-filling curve."""
     low = points.min(axis=0)
     steps = ((points - low) / max(float((points - low).max()), 1e-300) * (2**DIGITS - 1)).astype(
         np.int64
@@ -92,15 +92,15 @@ def _along_curve(points: Floats) -> Ints:
 
 @dataclass(frozen=True)
 class ThinPartsKnobs:
-    """How boxes are looked into; tuned for time by `dev.py bench`.
+    """Options of the box search; tuned for time by `dev.py bench`.
 
     Parameters
     ----------
     pairs_at_once : of bundles and units of the rig
     boxes_at_once : pairs of a bundle and a box
-    many, turns : such pairs, from which on they are looked into in so many turns
-    widest : of the rig's size: a bundle whose rays are further apart would touch everything; the
-        kernel's thin_parts.c has the same
+    many, turns : from this number on, pairs are processed in so many turns
+    widest : relative to the rig: wider bundles would touch everything; repeated in the kernel's
+        thin_parts.c
     """
 
     pairs_at_once: int = 1 << 18
@@ -119,12 +119,12 @@ BUNDLES_AT_ONCE = 1 << 10  # between two pauses
 
 
 class _KernelBoxes:
-    """Triangles in boxes of several levels, as the kernel reads them.
+    """Triangles in boxes of several levels, in the kernel's form.
 
     Parameters
     ----------
-    boxes : of each level, (n, 2, 3) m
-    starts : of each level, (n + 1,) the first triangle in each box
+    boxes : for each level, (n, 2, 3) m
+    starts : for each level, (n + 1,) the first triangle in each box
     frames : of the triangles
     unit_of_patch : (patches,) the box of the first level that holds a patch
     """
@@ -145,13 +145,11 @@ class _KernelBoxes:
         made.set(n_patches=len(unit_of_patch), n_units=self._n_units)
 
     def knows(self, rays: Ints) -> bool:
-        """Can the kernel tell of bundles of such rays (s, k)?"""
+        """Whether the kernel can process bundles of such rays (s, k)."""
         return 0 < rays.shape[1] <= MOST_BUNDLED and self._n_units <= MOST_UNITS
 
     def touch(self, places: Floats, met: Ints, rays: Ints, widest: float) -> Steps[Bools]:
-        """Which bundles (s,) come near a patch that none of their rays met: as
-        `ThinParts.touch`.
-        """
+        """As `ThinParts.touch`, for bundles (s,)."""
         touched = np.zeros(len(rays), bool)
         made = Made(PathsStructure)
         made.point("places", places, float)
@@ -172,10 +170,12 @@ class _KernelBoxes:
 
 @dataclass(frozen=True, eq=False)
 class _Bundles:
-    """Rays between two of their events, k at a time: ends (n, 2,
-    k, 3); owner (n,), the path that they belong to.
+    """Rays between two of their events, k at a time.
 
-    A cone around all of them has its axis along the ray in the middle.
+    ends : (n, 2, k, 3)
+    owner : (n,) the path they belong to
+
+    A cone around them has its axis along the middle ray.
     """
 
     ends: Floats
@@ -183,10 +183,11 @@ class _Bundles:
 
     @cached_property
     def outer(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-        """Along each axis, the upper and the lower line of cones:
-        where each begins, and its way to the end, (3, n).
+        """The upper and the lower line of each cone along each axis: its start, and its extent to
+        the
+        end, (3, n).
 
-        No way is -0.0.
+        A zero extent is never -0.0.
         """
         middle = self.ends.shape[2] // 2
         off = self.ends - self.ends[:, :, middle : middle + 1]
@@ -202,14 +203,13 @@ class _Bundles:
 
 
 class ThinParts:
-    """Triangles in boxes, to be asked which bundles of rays
-    come near a patch that none of the rays met.
+    """Triangles in boxes, searched for patches near a bundle of rays but hit by none of them.
 
     Parameters
     ----------
     corners : (t, 3, 3) m
     patch, part : (t,) of each triangle
-    packing : in which boxes; the same for triangles of which some were only moved
+    packing : the boxes, shared by placements of the same triangles
     """
 
     def __init__(
@@ -242,15 +242,14 @@ class ThinParts:
         return _KernelBoxes(boxes, self._starts, self._frames, self._unit_of_patch)
 
     def touch(self, places: Floats, met: Ints, rays: Ints) -> Steps[Bools]:
-        """Which bundles (s,) of k rays come near a patch that
-        none of them met? Pauses now and then.
+        """Bundles (s,) of k rays close to a patch that none of the rays hit; with pauses.
 
         Parameters
         ----------
-        places : (r, m + 1, 3) m, where r rays began and where their events were; NaN after the last
-        met : (r, m) patch at each event, -1 after the last. Rays are followed up to where they part
-            or diverge; where they do so before they meet anything they count as near to everything
-        rays : (s, k) those of each bundle
+        places : (r, m + 1, 3) m, starts of r rays and places of their events; NaN after the last
+        met : (r, m) patch at each event, -1 after the last. Rays are followed until they part or
+            diverge; bundles that do so before the first event count as near to everything
+        rays : (s, k) the rays of each bundle
         """
         low, high = self.box
         widest = THIN.widest * float(np.linalg.norm(high - low))
@@ -273,11 +272,10 @@ class ThinParts:
     def _look_into(
         self, level: int, bundles: _Bundles, i: Ints, node: Ints, touched: Bools
     ) -> Steps[None]:
-        """Mark the owners of bundles i (n,) that come near a
-        triangle in boxes `node` (n,) of a level.
+        """Mark the owners of bundles i (n,) close to a triangle in boxes `node` (n,) of a level.
 
-        One triangle is enough for an owner: many boxes are looked into
-        in turns, and those of marked owners left out.
+        One triangle is enough for an owner, so many boxes are processed in turns and marked owners
+        skipped.
         """
         turns = THIN.turns if len(i) > THIN.many else 1
         for turn in range(turns):
@@ -298,7 +296,7 @@ class ThinParts:
                     yield 0
 
     def _within(self, level: int, i: Ints, node: Ints) -> tuple[Ints, Ints]:
-        """Pairs of bundles and boxes of a level, from those of the level above."""
+        """Pairs of bundles and boxes of a level, from pairs of the level above."""
         low, high = (
             np.searchsorted(self._starts[level], self._starts[level - 1][node + k]) for k in (0, 1)
         )
@@ -306,17 +304,17 @@ class ThinParts:
         return i[owner], np.arange(len(owner)) - (np.cumsum(high - low) - high)[owner]
 
     def _is_near(self, ends: Floats, k: Ints) -> Bools:
-        """Is any of triangles k (n,) touched by the hull of rays with ends (n, 2, r, 3)?
+        """Whether the convex hull of rays with ends (n, 2, r, 3) touches each of triangles k (n,).
 
-        Not when all rays stay on one side of its plane, or pass it beyond the same of its edges.
+        It does not if all rays stay on one side of the plane, or pass beyond the same edge.
         """
         frames = self._frames
         inside = (ends - frames.corner[k][:, None, None]).reshape(len(k), 2 * ends.shape[2], 3)
         axes = np.stack([frames.normal[k], frames.axis_u[k], frames.axis_v[k]], axis=2)
-        # heights over the planes, and barycentric coordinates of the points below, (n, 2, r) each
+        # heights over the planes, and barycentric coordinates of the projections, (n, 2, r) each
         height, u, v = np.moveaxis(np.matmul(inside, axes), 2, 0).reshape(3, *ends.shape[:3])
 
-        # those whose rays come to the plane from both sides
+        # bundles with rays on both sides of the plane
         near = np.flatnonzero((height.min(axis=(1, 2)) <= 0) & (height.max(axis=(1, 2)) >= 0))
         before, after = np.moveaxis(height[near], 1, 0)
         (u, by_u), (v, by_v) = ((x[near, 0], x[near, 1] - x[near, 0]) for x in (u, v))
@@ -324,8 +322,8 @@ class ThinParts:
         crosses = before * after <= 0
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.nan_to_num(before / (before - after))
-            # The hull meets the plane where rays cross it, and between those and the others on the
-            # way from the first crossing on, or up to the last where the others begin behind the
+            # The hull meets the plane at the crossings of rays, and between these and the other
+            # rays: from the first crossing on, or up to the last if the others start behind the
             # plane.
             first = np.where(crosses, t, 1.0).min(axis=1, keepdims=True)
             last = np.where(crosses, t, 0.0).max(axis=1, keepdims=True)
@@ -346,8 +344,9 @@ class ThinParts:
 
 
 def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]:
-    """The rays of bundles between their events, as far as they stay
-    together; and which (s,) are wide from the first.
+    """The rays of bundles between their events while they stay together; and which (s,) are wide
+    from
+    the start.
 
     widest : m, between rays
     """
@@ -357,8 +356,7 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
     for k in range(met.shape[2]):
         with np.errstate(invalid="ignore"):
             off = np.abs(places[:, :, k + 1] - places[:, :1, k + 1]).max(axis=(1, 2), initial=0.0)
-        # a ray that leaves the rig is followed far beyond it:
-        # there its bundle may be as wide as the rig
+        # rays leaving the rig are followed far beyond it: allow the bundle to be as wide as the rig
         leaves = (met[:, :, k] < 0).any(axis=1)
         is_wide = off > np.where(leaves, widest / THIN.widest, widest)
 
@@ -377,19 +375,19 @@ def _bundles(places: Floats, met: Ints, widest: float) -> tuple[_Bundles, Bools]
 
 
 def _is_in_boxes(bundles: _Bundles, i: Ints, low: Floats, high: Floats) -> Bools:
-    """Do the cones around bundles i (n,) meet boxes with corners low and high (3, n)?
+    """Whether the cones around bundles i (n,) meet boxes with corners low and high (3, n).
 
-    Along each axis a cone reaches, at a part 0..1 of its way, from one line to another: from
-    when to when is it above the box's lower side, and below its upper one?
+    Along each axis, at a fraction 0..1 of its length, a cone spans an interval between two lines.
+    It meets the box while it is above the lower side and below the upper one, on all axes at once.
     """
     enter = np.zeros(len(i))
     leave = np.ones(len(i))
     for side, (start, way), is_lower in zip((low, high), bundles.outer, (True, False), strict=True):
         way = np.take(way, i, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = (side - np.take(start, i, axis=1)) / way  # inf where it always is, or never
+            at = (side - np.take(start, i, axis=1)) / way  # inf for always or never
         comes = (way >= 0) == is_lower
-        # reductions along the first axis: along rows of three they are several times slower
+        # along the first axis: reductions over rows of three are several times slower
         enter = np.fmax(enter, np.fmax.reduce(np.where(comes, at, -np.inf), axis=0))
         leave = np.fmin(leave, np.fmin.reduce(np.where(comes, np.inf, at), axis=0))
     return enter <= leave

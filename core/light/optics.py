@@ -1,4 +1,5 @@
-"""The laws: refraction, reflection, Fresnel, plane symmetry.
+"""Laws of optics: refraction, reflection, Fresnel, plane symmetry.
+
 Directions are unit vectors of travel (n, 3).
 """
 
@@ -14,8 +15,8 @@ def reflect(directions: Floats, normals: Floats) -> Floats:
 
 
 def plane_symmetry(directions: Floats, normals: Floats) -> Floats:
-    """Direction behind an ideal plate: the part along the plate
-    turns round, the part along the normal stays.
+    """Direction behind an ideal plate: the tangential component is reversed, the normal one is
+    unchanged.
 
     Source: Kiuchi & Koizumi 2021 (doi 10.1016/j.cag.2021.02.007), eq. 3.
     """
@@ -25,27 +26,26 @@ def plane_symmetry(directions: Floats, normals: Floats) -> Floats:
 def refract(
     directions: Floats, normals: Floats, n1: Floats, n2: Floats
 ) -> tuple[Floats, Bools, Floats]:
-    """Snell's law.
+    """Refract by Snell's law.
 
     Parameters
     ----------
     directions : (n, 3) unit
-    normals : (n, 3) unit, turned against the ray (their scalar product is negative)
+    normals : (n, 3) unit, against the ray (negative scalar product)
     n1, n2 : (n,) incident and transmitted index
 
     Returns
     -------
-    refracted : (n, 3) unit; where `is_tir`, the reflected direction
+    refracted : (n, 3) unit; the reflected direction if `is_tir`
     is_tir : (n,) total internal reflection
-    transmittance : (n,) unpolarised Fresnel transmittance of power;
-        1 where `is_tir` (all light goes on, reflected)
+    transmittance : (n,) unpolarised Fresnel transmittance of power; 1 if `is_tir`
 
     Notes
     -----
-    With eta = n1 / n2, k = c^2 + (1 - eta)(1 + eta)|i_t|^2 subtracts no near-equal numbers for eta
-    near 1, and gives the direction back bit for bit at eta = 1. The difference is taken of the
-    indices: eta, once rounded, no longer tells which light is totally reflected where they differ
-    by 1e-12. Near the critical angle the error grows as eps / sqrt(k), whatever the form.
+    With eta = n1 / n2, k = c^2 + (1 - eta)(1 + eta)|i_t|^2 avoids cancellation for eta near 1, and
+    returns the direction bit for bit at eta = 1. The difference uses the indices, because rounding
+    eta hides total reflection for indices 1e-12 apart. Near the critical angle the error grows as
+    eps / sqrt(k) in any form.
     """
     eta = n1 / n2
     c = -dot(directions, normals)
@@ -60,8 +60,9 @@ def refract(
 
 
 def transmittance(c1: Floats, c2: Floats, eta: Floats | float) -> Floats:
-    """Unpolarised Fresnel transmittance of power (n,), from the
-    cosines before and behind a face; 0 at grazing.
+    """Unpolarised Fresnel transmittance of power (n,), from the cosines before and behind a face; 0
+    at
+    grazing incidence.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         s = (eta * c1 - c2) / (eta * c1 + c2)

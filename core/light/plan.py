@@ -1,4 +1,4 @@
-"""A rig made ready to be traced: the things it needs, and those it leaves out."""
+"""The plan: a rig compiled for tracing, its tables, and the interface of tracers."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,8 +25,10 @@ from .rays import Rays, Step, Words
 class Triangles:
     """All triangles (t) of a plan in one numbering, the display's last.
 
-    normals (t, 3) unit; corner_normals (t, 3, 3), 0 where they are those of the face, or None where
-    all are; is_bent (t,) flat with bent normals; patch (t,); part (t,)
+    normals : (t, 3) unit
+    corner_normals : (t, 3, 3), 0 for the face's own normal; None if all are the face's own
+    is_bent : (t,) flat with bent normals
+    patch, part : (t,)
     """
 
     normals: Floats
@@ -41,14 +43,16 @@ class Triangles:
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """All parts (p) of a plan: solids first, then sheets, the display last.
+    """All parts (p) of a plan: solids first, then thin surfaces, the display last.
 
-    kind (p,); is_closed (p,); cluster (p,) and bit (p,) uint64 of a solid in the cluster's mask, -1
-    and 0 for no solid; sheet (p,), itself, or the first plate in whose plane it lies; owner (p,):
-    the number of the part's object among the rig's glasses, then mirrors, -1 for all others;
-    is_clear (p, 2): beyond a plate, for light that leaves it against its normal and along it, is
-    nothing but a flat display: such light is not traced any further; elements (p,): each part as
-    its interaction knows it, an ArrayFrame for a plate of mirrors, else the rig's part
+    kind, is_closed : (p,)
+    cluster, bit : (p,), uint64, of a solid in the cluster's mask; -1 and 0 for thin surfaces
+    sheet : (p,) itself, or the first plate in the same plane
+    owner : (p,) number of the part's object among the rig's glasses, then mirrors; -1 for others
+    is_clear : (p, 2) light leaving a plate against its normal, and along it, can only meet a flat
+        display, so tracing ends there
+    elements : (p,) data of each part for its interaction: an ArrayFrame for a plate of mirrors,
+        else the rig's part
     """
 
     kind: Ints
@@ -65,7 +69,7 @@ class Parts:
 
 
 class OpenPart(NamedTuple):
-    """A solid with open edges: its number among the parts, and a box (2, 3), m, that holds it."""
+    """A solid with open edges: its part number, and a box (2, 3), m, around it."""
 
     number: int
     box: Floats
@@ -73,12 +77,12 @@ class OpenPart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PlannedLayer:
-    """A layer, and the triangles and solids in it.
+    """A layer, and its triangles and solids.
 
-    numbers : (t,) the plan's numbers of its triangles, in its own order
-    closed_bits : (clusters,) uint64, those of its closed solids in
-        each cluster's mask: a ray inside has to leave them
-    solid_bits : (clusters,) uint64, those of all its solids; None with sheets
+    numbers : (t,) the plan's numbers of its triangles, in the layer's order
+    closed_bits : (clusters,) uint64, bits of its closed solids in each cluster's mask; a ray inside
+        must leave them
+    solid_bits : (clusters,) uint64, bits of all its solids; None if it has thin surfaces
     """
 
     layer: Layer
@@ -95,9 +99,9 @@ class PlannedLayer:
 
 @dataclass(frozen=True, eq=False)
 class PlannedDisplay:
-    """The display: its triangles from `start` on, and its plane, None where it is not flat.
+    """The display: the number of its first triangle, and its plane, None if not flat.
 
-    is_by_glass : does it come so near glass that the two may be met at one place?
+    is_by_glass : it is close enough to glass for coincident hits
     """
 
     start: int
@@ -107,7 +111,7 @@ class PlannedDisplay:
 
 @dataclass(frozen=True, eq=False)
 class DeferredObjects:
-    """Glasses that are not in the plan, by number, and their boxes (a, 2, 3) m, which rays may not
+    """Glasses left out of the plan, by number, and their boxes (a, 2, 3) m, which rays may not
     enter.
     """
 
@@ -116,18 +120,19 @@ class DeferredObjects:
 
     @classmethod
     def none(cls) -> "DeferredObjects":
-        """Nothing stands aside."""
+        """No glass is deferred."""
         return cls((), np.empty((0, 2, 3)))
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Numbers that are told of each glass of the rig, and, but for n_open, of each mirror after it.
+    """Statistics of each glass of the rig and, except n_open, of each mirror.
 
     n_open : open edges
-    n_contradicted : smooth triangles that stay flat because their normals contradict their shape
-    n_doubted : the same because curved faces would be no nearer to the one meant
-    n_curved : smooth triangles that are curved
+    n_contradicted : smooth triangles kept flat because their normals contradict their shape
+    n_doubted : smooth triangles kept flat because curved faces would be no closer to the intended
+        surface
+    n_curved : smooth triangles with a curved face
     """
 
     n_open: tuple[int, ...]
@@ -137,10 +142,11 @@ class Counts:
 
 
 class Ends(NamedTuple):
-    """Where the branches of edges (n,) end, 0..1 of their ways.
+    """Ends of the branches of edges (n,), as fractions 0..1 of the edges.
 
-    low, width : the last places, and how far beyond them there may be others; xy (n, 2), throughput
-        of the rays there; n_tried : rays
+    low, width : the last place found, and the remaining uncertainty beyond it
+    xy, throughput : (n, 2), (n,) of the rays there
+    n_tried : rays
     """
 
     low: Floats
@@ -153,10 +159,10 @@ class Ends(NamedTuple):
 class Halving(NamedTuple):
     """Edges (n,) to be bisected.
 
-    start, way : (n, 2) viewer px, the near ends, and the ways from there to the far ones
-    course : (n, m), as `recording` gives it, of the branch (n,) that is looked for
-    begun : what is known; a width below 1 is tried as it is, first of all
-    least : part of the way; one that is no longer is bisected no more
+    start, way : (n, 2) viewer px, near ends, and vectors to the far ends
+    course : (n, m), as from `recording`, of the branch (n,) to follow
+    begun : initial values; a width below 1 is tried first as it is
+    least : width, as a fraction, at which bisection stops
     """
 
     start: Floats
@@ -168,42 +174,43 @@ class Halving(NamedTuple):
 
 
 class Tracer(Protocol):
-    """Follows rays: the kernel, or numpy event by event. A plan takes the first that knows it.
+    """Follows rays: the kernel, or numpy event by event. A plan uses the first one that supports
+    it.
 
-    bisect : bisects edges, one by one; yields how many rays were traced since; raises as `follow`;
-        None if the map has to bisect all edges together, by `follow`
+    bisect : bisects edges one by one; yields the number of rays traced since the last yield; raises
+        as `follow`; None if the map must bisect all edges together with `follow`
     """
 
     bisect: Callable[["Plan", Halving], Steps[Ends]] | None
 
     def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> Message | None:
-        """Why it traces no rays among these layers and parts of kinds (p,); None if it does."""
+        """Why it cannot trace these layers and parts of kinds (p,); None if it can."""
 
     def rays_at_once(self, plan: "Plan", most: int) -> int:
-        """How many rays, up to `most`, are followed at once when their ways or courses are
-        recorded.
-        """
+        """Number of rays, up to `most`, to follow at once when paths or courses are recorded."""
 
     def follow(self, plan: "Plan", rays: Rays, steps: list[Step] | None = None) -> Steps[None]:
-        """Follow rays to their ends; yields how many ended since. `steps` is filled if given.
+        """Follow rays to their ends; yields the number ended since the last yield. Fills `steps` if
+        given.
 
         Raises
         ------
-        DeferredObjectError : a ray comes near glass that stands aside
+        DeferredObjectError : a ray comes near deferred glass
         """
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A rig made ready to be traced.
+    """A rig compiled for tracing.
 
-    All is made for one wavelength, that of the settings, and serves every viewer: the viewer is
-    the one whose image is asked about, the rig's first unless `seen_by` says another.
+    It is made for the wavelength of the settings and shared by all viewers.
 
-    thin_parts: gives all triangles, to be asked which of them rays passed by; made when first asked
-    for. merge_distance: m, faces nearer to each other than this are in the same place. used,
-    left_out: needs that the rig has, or has not, and why. tracers: the fastest first. n_copies:
-    how many copies of a ray there may be where it splits, 0 where no part splits rays.
+    viewer : the current viewer; the rig's first unless changed by `seen_by`
+    thin_parts : returns all triangles for near-miss tests; made on first use
+    merge_distance : m, closer faces are coincident
+    used, left_out : features the rig uses, or does not use, with the reason
+    tracers : fastest first
+    n_copies : largest number of copies of a ray; 0 if no part splits rays
     """
 
     rig: Rig
@@ -225,18 +232,18 @@ class Plan:
     n_copies: int
 
     def seen_by(self, viewer: Viewer) -> "Plan":
-        """The same plan for another viewer of the rig: nothing of it is made again."""
+        """The same plan for another viewer of the rig; nothing is recomputed."""
         return self if viewer is self.viewer else replace(self, viewer=viewer)
 
     @property
     def tracer(self) -> Tracer:
-        """What traces its rays: the first that knows all of its layers and parts."""
+        """The first tracer that supports all layers and parts."""
         kind = self.parts.kind
         return next(one for one in self.tracers if one.left_out(self.layers, kind) is None)
 
     def part_of(self, triangle: Ints) -> Iterator[tuple[Any, Ints]]:
-        """Each part that rays (n,) meet by these triangles, as its interaction knows it, and the
-        numbers of those rays.
+        """Each part hit by rays (n,) at these triangles, as its element, with the indices of its
+        rays.
         """
         part = self.triangles.part[triangle]
         for number in np.unique(part):
@@ -244,16 +251,18 @@ class Plan:
 
     @property
     def arrays(self) -> tuple[ArrayFrame, ...]:
-        """The mirror arrays of its plates, where they stand."""
+        """The mirror arrays of its plates, in place."""
         return tuple(one for one in self.parts.elements if isinstance(one, ArrayFrame))
 
     @property
     def needs_plate(self) -> bool:
-        """Does only light that met a plate carry the picture? Not so in a rig that has none."""
+        """Whether only light that met a plate carries the picture; False in a rig without
+        plates.
+        """
         return self.settings.only_through_plate and bool(self.rig.plates)
 
     @property
     def is_flat(self) -> bool:
-        """Are all surfaces flat, to light too?"""
+        """Whether all surfaces are flat, without curved faces or bent normals."""
         are_flat = all(held.layer.curved is None for held in self.layers)
         return are_flat and not self.triangles.is_bent.any()

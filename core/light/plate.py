@@ -1,8 +1,8 @@
 """The mirror array plate in closed form: the outgoing ray of each incoming one.
 
-Between two neighbouring mirrors a ray goes to and fro. Unfolded, it goes straight on: the mirrors
-it would cross are the reflections, and folding its end back into its own slit gives the place where
-it leaves. So each of the two layers, of any number of mirrors, is one fold, exact to rounding
+A ray is reflected back and forth between two neighbouring mirrors. Unfolded, its path is straight:
+each mirror it crosses is a reflection, and folding its end back into its own slit gives the exit.
+Each of the two layers is therefore one fold, exact to rounding for any number of mirrors
 (docs/closed_forms.md).
 """
 
@@ -23,17 +23,16 @@ from .optics import transmittance
 
 
 def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
-    """One layer of mirrors at the whole numbers: where light
-    comes out, and how often it was reflected.
+    """One layer of mirrors at the integers: where light exits, and its number of reflections.
 
     Parameters
     ----------
-    q : (n,) where it enters, in pitches, along the mirrors' normal
-    travel : (n,) how far it would go along there without mirrors, in pitches, signed
+    q : (n,) entry along the mirrors' normal, in pitches
+    travel : (n,) signed displacement without mirrors, in pitches
 
     Returns
     -------
-    q' (n,) in the same slit as q, and n_reflections (n,); its slope is turned round as many times
+    q' (n,) in the same slit as q, and n_reflections (n,); each reflection reverses the slope
     """
     slit = np.floor(q)
     unfolded = q + travel
@@ -44,29 +43,31 @@ def fold(q: Floats, travel: Floats) -> tuple[Floats, Ints]:
 
 
 def is_odd(n: Ints) -> Bools:
-    """Of whole numbers (n,). A bit, as their remainder would take as long as the rest of
-    the fold.
+    """Whether integers (n,) are odd, by their lowest bit; the remainder would take as long as the
+    rest
+    of the fold.
     """
     return (n & 1).astype(bool)
 
 
 def odd_share(r: Floats) -> Floats:
-    """Share P (n,) of light with an odd number of reflections, over
-    all phases, that would cross r (n,) pitches.
+    """Share (n,) of light with an odd number of reflections, over all phases, for a displacement of
+    r
+    (n,) pitches.
     """
     return 1.0 - np.abs(np.abs(r) % 2 - 1.0)
 
 
 def odd_number(r: Floats) -> Floats:
-    """That odd number of reflections: of the two that are
-    possible, |r| rounded up and down, one is odd.
+    """The odd number of reflections: of the two possible numbers, |r| rounded up and down, one
+    is odd.
     """
     return 2.0 * np.floor(np.abs(r) / 2) + 1.0
 
 
 def reflected_share(array: MirrorArray, travel: Floats, is_turned: bool) -> Floats:
-    """Share (n,) of light that is reflected an odd, or an
-    even, number of times by one layer, and comes out.
+    """Share (n,) of light transmitted by one layer after an odd (is_turned) or even number of
+    reflections.
     """
     share = odd_share(travel)
     number = odd_number(travel)
@@ -82,9 +83,7 @@ GRAZING = 1e-12
 
 
 class PlatePath(IntEnum):
-    """A plate's effect on light. The first mirror array that
-    did something else than image it decides.
-    """
+    """The effect of plates on light; set by the first mirror array that does not image it."""
 
     NONE = 0
     IMAGED = 1
@@ -100,8 +99,10 @@ STRAY_PATHS = (PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.THROUGH, PlatePat
 class Crossing(NamedTuple):
     """Light that has left the plate.
 
-    positions (n, 3) m, on the plate's middle plane, where the light that leaves seems to
-    come from; directions (n, 3) unit; throughput (n,); path (n,) of PlatePath
+    positions : (n, 3) m, apparent origins on the plate's middle plane
+    directions : (n, 3) unit
+    throughput : (n,)
+    path : (n,) of PlatePath
     """
 
     positions: Floats
@@ -111,34 +112,33 @@ class Crossing(NamedTuple):
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Of columns: (n,) of (2, n) and (2, n or 1)."""
+    """Scalar products (n,) of columns (2, n) and (2, n or 1)."""
     return a[0] * b[0] + a[1] * b[1]
 
 
 def _depth(array: MirrorArray, cosine: Floats) -> Floats:
-    """Cosine (n,) in the plate's glass of light that has cosines (n,) in air, both to
-    the normal.
-    """
+    """Cosine (n,) in the plate's glass of light with cosine (n,) in air, both to the normal."""
     n = array.ior
-    # sqrt(1 - sine^2 / n^2), without the difference of near-equal
-    # numbers that grazing light makes of it at n = 1
+    # sqrt(1 - sine^2 / n^2), without cancellation for grazing light at n = 1
     return np.sqrt((n - 1.0) * (n + 1.0) + cosine**2) / n
 
 
 def _transmittance(array: MirrorArray, cosine: Floats, depth: Floats) -> Floats:
-    """Of one face (n,), for light with these cosines in air and glass."""
+    """Transmittance (n,) of one face, for light with these cosines in air and glass."""
     return (
         transmittance(cosine, depth, 1.0 / array.ior) if array.has_fresnel else np.ones(len(cosine))
     )
 
 
 class _Light(NamedTuple):
-    """Light at the face it comes to, in the plate's frame.
+    """Light at the face it enters by, in the plate's frame.
 
-    place (2, n) m, from the centre; along (2, n) and cosine (n,): its direction in air, along the
-    plate and across; side (n,) +1 on its way along the normal, else -1; depth (n,) cosine of the
-    direction in the glass. Rows of n and not n pairs: broadcasts over pairs take several times as
-    long.
+    place : (2, n) m, from the centre
+    along, cosine : (2, n) and (n,), direction in air, along the plate and across
+    side : (n,) +1 if it travels along the normal, else -1
+    depth : (n,) cosine of the direction in the glass
+
+    Two rows of n, because broadcasts over n pairs take several times as long.
     """
 
     place: Floats
@@ -150,9 +150,10 @@ class _Light(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ArrayFrame:
-    """A mirror array where it stands: centre (3,) m.
+    """A mirror array in place.
 
-    Axes (3, 3), rows along a side, along the other, normal.
+    centre : (3,) m
+    axes : (3, 3), rows along a side, along the other, normal
     """
 
     array: MirrorArray
@@ -160,22 +161,21 @@ class ArrayFrame:
     axes: Floats
 
     def imaged(self, positions: Floats, directions: Floats) -> Crossing:
-        """The mid-air image's light (odd, odd), as the mean over all phases of the mirrors.
+        """Light of the mid-air image (odd, odd), averaged over all phases of the mirrors.
 
-        It comes out where it would if each layer were one plane mirror, and its throughput is the
-        share of light that goes this way. Both change smoothly: the view map is made of such light.
+        It exits as if each layer were one plane mirror, and its throughput is the share of light on
+        this path. Both change smoothly, so the view map uses this light.
         """
         return self._cross(positions, directions, self._as_one_mirror)
 
     def folded(self, positions: Floats, directions: Floats) -> Crossing:
-        """Light that has met the mirrors where they stand."""
+        """Light reflected by the mirrors at their actual positions."""
         return self._cross(positions, directions, self._as_mirrors)
 
     def reflected(self, positions: Floats, directions: Floats) -> Crossing:
-        """The light that the face it comes to reflects."""
+        """Light reflected by the face it meets first."""
         light = self._entering(positions, directions)
-        # seen from the middle plane, where light seems to come
-        # from, the face is half the thickness nearer
+        # the face is half the thickness nearer than the middle plane, the apparent origin
         place = light.place - 0.5 * self.array.thickness / light.cosine * light.along
         throughput = 1.0 - _transmittance(self.array, light.cosine, light.depth)
         path = np.full(len(positions), PlatePath.REFLECTED, np.uint8)
@@ -207,17 +207,16 @@ class ArrayFrame:
         )
 
     def _mirrors(self, place: Floats) -> tuple[Floats, Floats]:
-        """Unit normals (2, 2, n or 1) of the two directions of
-        mirrors, xy, that light meets at places (2, n).
+        """Unit normals (2, 2, n or 1), xy, of the two directions of mirrors at places (2, n).
 
-        And (2, n or 1), m: added to a place's component along such a
-        normal it is the way from a mirror without phase.
+        And offsets (2, n or 1), m: added to a place's component along such a normal, they give the
+        distance from a mirror without phase.
         """
         angle = np.pi / 4 * np.array([1.0, 3.0]) + np.array([0.0, self.array.crossing_error])
         if self.array.layout != "radial":
             return np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, :, None], np.zeros((2, 1))
-        # rings, as wide as the holes' diagonal; in each of them the
-        # holes stand side by side, their diagonals radial
+        # rings as wide as the holes' diagonal, each with holes side by side and their diagonals
+        # radial
         azimuth = np.arctan2(place[1], place[0])
         radius = np.hypot(*place)
         turned = azimuth + angle[:, None]
@@ -233,9 +232,9 @@ class ArrayFrame:
         normals, offset = self._mirrors(light.place)
         place = light.place
         along = light.along
-        way = array.height / (array.ior * light.depth)  # through a layer, for each unit of `along`
-        phase = np.fmod(array.phase, 1.0)  # whole pitches make no difference
-        is_first = light.side > 0  # light against the normal comes to the second layer first
+        way = array.height / (array.ior * light.depth)  # through a layer, per unit of `along`
+        phase = np.fmod(array.phase, 1.0)  # whole pitches have no effect
+        is_first = light.side > 0  # light against the normal meets the second layer first
         turned_round = []
 
         for first, then in ((0, 1), (1, 0)):
@@ -246,7 +245,7 @@ class ArrayFrame:
                 offset[then] - array.pitch * phase[then],
             )
 
-            # where the light meets the layer, and what that does to it
+            # where the light meets the layer, and the effect of the layer
             speed = _dot(along, normal)
             q = (_dot(place, normal) + beside) / array.pitch
             moved, is_turned, part = layer(q, speed * way / array.pitch)
@@ -254,14 +253,14 @@ class ArrayFrame:
             turned_round.append(is_turned)
 
             step = array.pitch * moved
-            # along its mirrors a layer of slits lets light drift, holes do not
+            # light drifts along the mirrors of slits, but not of holes
             if array.layout == "crossed":
                 place = place + way * along
                 step = step - way * speed
             place = place + step * normal
             along = along - np.where(is_turned, 2.0 * speed, 0.0) * normal
 
-        # seen from the middle plane
+        # relative to the middle plane
         place = place - 0.5 * array.thickness / light.cosine * along
         before, after = turned_round
         path = np.where(is_first, _PATHS[before + 2 * after], _PATHS[after + 2 * before])
@@ -275,11 +274,11 @@ class ArrayFrame:
         return np.zeros(len(q)), np.ones(len(q), bool), reflected_share(self.array, travel, True)
 
 
-# by: is it turned round by the first layer, 1, and by the second, 2
+# index: 1 if reversed by the first layer, plus 2 if by the second
 _PATHS = np.array(
     [PlatePath.THROUGH, PlatePath.STRAY_1, PlatePath.STRAY_2, PlatePath.IMAGED], np.uint8
 )
-# of a layer: how far light moved, pitches; is it turned round; its throughput
+# of a layer: displacement in pitches; whether the light is reversed; its throughput
 _Turned = tuple[Floats, Bools, Floats]
 _Layer = Callable[[Floats, Floats], _Turned]
 
@@ -287,13 +286,13 @@ _Layer = Callable[[Floats, Floats], _Turned]
 def light_by_angle(
     array: MirrorArray, incidence: Floats, azimuth: float = 0.0
 ) -> dict[PlatePath, Floats]:
-    """Share (n,) of light that takes each path, in the mean over all phases of the mirrors.
+    """Share (n,) of light on each path, averaged over all phases of the mirrors.
 
     Parameters
     ----------
     incidence : (n,) rad, angle in air between the light and the plate's normal
-    azimuth : rad, of the light's way along the plate, from one of
-        its sides, to which mirrors stand at 45 degrees
+    azimuth : rad, of the light's direction along the plate, from a side at 45 degrees to the
+        mirrors
     """
     sine = np.sin(incidence)
     cosine = np.maximum(np.cos(incidence), GRAZING)
@@ -301,7 +300,7 @@ def light_by_angle(
     face = _transmittance(array, cosine, depth)
     pitches = sine * array.height / (array.ior * depth * array.pitch)
 
-    # by each layer an even number of times or an odd one
+    # an even or odd number of reflections in each layer
     first = np.pi / 4
     second = 3 * np.pi / 4 + array.crossing_error
     found = {PlatePath.REFLECTED: 1.0 - face}
@@ -315,13 +314,13 @@ def light_by_angle(
 
 
 def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
-    """Where the mirror array of a plate with a unit normal (3,) stands.
+    """The mirror array of a plate with a unit normal (3,), in place.
 
     Raises
     ------
-    RigError : the plate is smaller than a pitch, or it is not known how its mirrors stand
+    RigError : the plate is smaller than a pitch, or the orientation of its mirrors is undefined
     """
-    # its axes: along a side, along the other, normal
+    # axes: along a side, along the other, normal
     corners = plate.mesh.corners
     side = corners[0, 1] - corners[0, 0] if plate.side is None else plate.side
     side = normalise(side - (side @ normal) * normal)
@@ -333,7 +332,7 @@ def array_frame(plate: Plate, normal: Floats) -> ArrayFrame:
         )
     axes = np.stack([side, np.cross(normal, side), normal])
 
-    # its width: a strip that lies askew is narrower than it reaches along either side
+    # a strip at an angle is narrower than its extent along either axis
     low, high = (f(corners.reshape(-1, 3) @ axes.T, axis=0) for f in (np.min, np.max))
     area = areas_of(corners).sum()
     width = min((high - low)[:2].min(), np.sqrt(2.0) * area / np.linalg.norm((high - low)[:2]))

@@ -1,7 +1,7 @@
-"""Which triangle a ray meets first: a ray engine's answer, with the hit refined in float64.
+"""The triangle each ray hits first: a ray engine's answer, refined in float64.
 
-The engine (float32) only says *which* triangle; where the ray meets it is computed in float64 from
-the unmoved ray. Rays that it loses are looked for again in `rescue`.
+The engine (float32) only identifies the triangle. The hit is computed in float64 from the original
+ray. `layer_hits.find_missed_hits` recovers rays lost by the engine.
 """
 
 from copy import copy
@@ -27,13 +27,13 @@ from .hits import Hits, is_within
 
 @dataclass(frozen=True)
 class LeavingKnobs:
-    """When a ray only leaves the hull that has left the faces; the kernel's layers.c has the same.
+    """When a ray through the bounding shell is only leaving it; repeated in the kernel's layers.c.
 
-    Tuned for time: nothing changes, and most such rays are not asked about curved faces
+    Tuned for time: results are unchanged, and most such rays skip the test of curved faces
     (tests/core/test_curved.py, `test_leaving_the_hull_early_changes_nothing`).
 
-    steep : cosine to the hull's normal
-    near : part of a triangle's size
+    steep : cosine to the shell's normal
+    near : relative to a triangle's size
     """
 
     steep: float = 0.5
@@ -45,11 +45,14 @@ LEAVING = LeavingKnobs()
 
 @dataclass(frozen=True, eq=False)
 class EngineTriangles:
-    """Triangles that are asked for hits: n_whole whole ones of a
-    layer, then the others in parts.
+    """Triangles of a ray engine: n_whole flat ones of a layer, then the bounding shell of its
+    curved
+    faces.
 
-    corners (p, 3, 3) in units of the layer's radius, from its centre; owner (p,): the layer's
-    triangle; places (p - n_whole, 3, 2): u, v of the corners of parts in their triangle
+    corners : (p, 3, 3) from the layer's centre, in units of its radius
+    owner : (p,) the layer's triangle
+    places : (p - n_whole, 3, 2) u, v of the shell triangles' corners in their face
+    given : a ready-made ray engine
     """
 
     corners: NDArray[np.float32]
@@ -60,16 +63,16 @@ class EngineTriangles:
 
     @cached_property
     def engine(self) -> Engine:
-        """The ray engine, made when it is first asked."""
+        """The ray engine, made on first use."""
         return make_engine(self.corners) if self.given is None else self.given
 
     def engine_steps(self) -> Steps[None]:
-        """Make the ray engine, with pauses, unless it is there."""
+        """Make the ray engine, with pauses, unless it exists."""
         if self.given is None and "engine" not in vars(self):
             vars(self)["engine"] = yield from engine_steps(self.corners)
 
     def spots(self, found: EngineHits, chosen: Bools) -> Spots:
-        """Places (n,) on the layer's triangles, of the chosen ones that the engine found."""
+        """Places (n,) on the layer's triangles, for chosen hits of the engine."""
         prim = found.triangle[chosen].astype(np.int64)
         u, v = (column[chosen].astype(float) for column in (found.u, found.v))
         in_parts = np.flatnonzero(prim >= self.n_whole)
@@ -79,14 +82,13 @@ class EngineTriangles:
         return Spots(self.owner[prim], u, v)
 
     def are_left(self, found: EngineHits, directions: Floats, far: Floats) -> Bools:
-        """Do the triangles found tell that rays (n,) only come out of the hull, having left the
-        faces just behind it?
+        """Whether rays (n,) are only leaving the bounding shell, having left the faces behind it.
 
         far : (n,) distances of the triangles, in units of the engine
 
-        Such a ray, where it is outside of the glass, has but a short way, a part of the triangle's
-        size, to where it steeply leaves the hull. It can enter nothing on that way: the faces turn
-        much less over a triangle than the ray is steep.
+        Outside the glass, such a ray is within a fraction of the triangle's size of its steep exit
+        from the shell. It cannot enter a face on the way, because the faces turn much less over a
+        triangle than the ray is steep.
         """
         normal = found.normal.T
         area = np.sqrt(product(normal, normal))  # twice the area, in units of the engine
@@ -95,28 +97,29 @@ class EngineTriangles:
         return is_steep & is_near & (found.triangle >= self.n_whole)
 
 
-FEW_TRIANGLES = 32  # up to here all triangles are tested in float64 and no ray engine is built
+FEW_TRIANGLES = 32  # up to here all triangles are tested in float64, without a ray engine
 
 
 class Layer:
-    """Triangles that are asked together for the first hit of each ray.
+    """Triangles searched together for the first hit of each ray.
 
-    Solids of one layer do not touch one another, so that hits at the same place are found in
-    different layers. Its triangles are those it was made of; questions and answers are in the place
-    it was moved to.
+    Solids of one layer do not touch, so coincident hits are found in different layers. Triangles
+    are stored before the layer's motion; rays and hits are in the moved place.
     """
 
     def __init__(
         self, corners: Floats, curved: CurvedFaces | None = None, hull: BoundingShell | None = None
     ) -> None:
-        """A layer of triangles (t, 3, 3), m; the hull of its curved faces may be there already."""
+        """A layer of triangles (t, 3, 3), m; `hull` is the bounding shell of its curved faces, if
+        already made.
+        """
         self.motion: Motion | None = None
         self.corners = corners
         self.frames = Frames.of(corners)
         self.curved = curved
         self.n_triangles = len(corners)
 
-        # curved faces are hidden behind triangles just in front of them, several for each
+        # curved faces are enclosed by a shell, with several triangles for each
         owner = np.arange(len(corners))
         n_whole = len(corners)
         places = np.empty((0, 3, 2), np.float32)
@@ -128,7 +131,7 @@ class Layer:
             n_whole = len(flat)
             corners = np.concatenate([corners[flat], hull.corners])
 
-        # in units and from a place in which float32 loses least
+        # origin and unit with the least float32 rounding
         self.bounds = box_of(corners)
         self.centre = self.bounds.mean(axis=0)
         self.radius = float(np.linalg.norm(self.bounds[1] - self.centre)) or 1.0
@@ -138,24 +141,28 @@ class Layer:
         )
 
     def moved(self, motion: Motion) -> "Layer":
-        """The same layer elsewhere, with the same engine: rays are taken to where it was made."""
+        """The same layer and engine after a motion: rays are transformed back to the original
+        place.
+        """
         other = copy(self)
         other.motion = motion
         return other
 
     def bent(self, curved: CurvedFaces | None) -> "Layer":
-        """The same layer with slightly other curved faces; the triangles in the engine stay."""
+        """The same layer with slightly different curved faces; the engine's triangles are
+        unchanged.
+        """
         other = copy(self)
         other.curved = curved
         return other
 
     @property
     def has_engine(self) -> bool:
-        """Few flat triangles need no ray engine."""
+        """Whether it needs a ray engine: it has many or curved faces."""
         return self.n_triangles > FEW_TRIANGLES or self.curved is not None
 
     def on_facets(self, k: Ints, origins: Floats, directions: Floats) -> Hits:
-        """Where rays meet the planes of triangles k; not finite where they are parallel."""
+        """Intersections of rays with the planes of triangles k; not finite if parallel."""
         t = self.frames.distance(k, origins, directions)
         with np.errstate(invalid="ignore"):
             u, v = self.frames.barycentric(k, origins + t[..., None] * directions)
@@ -165,7 +172,9 @@ class Layer:
     def on_curved(
         self, spots: Spots, lines: RayLines, leaves: Bools | None, is_last: bool = False
     ) -> tuple[Hits, Bools]:
-        """Where rays meet curved faces, beginning at places on them; and whether they do."""
+        """Intersections of rays with curved faces, starting from places on them; and whether they
+        exist.
+        """
         found = find_roots(self.curved, spots, lines, leaves, self.tolerance, is_last)
         hits = Hits(
             *(found.distance, found.triangle, found.u, found.v, found.enters),
@@ -176,15 +185,15 @@ class Layer:
         return hits, found.is_met
 
     def is_on_face(self, hits: Hits) -> Bools:
-        """Are hits within their faces? On curved ones that are met they are."""
+        """Whether hits lie within their faces; hits on curved faces always do."""
         is_flat_hit = is_within(hits.u, hits.v)
         if self.curved is None:
             return is_flat_hit
         return is_flat_hit | (self.curved.row[hits.triangle] >= 0)
 
     def shoot(self, lines: RayLines, start: Floats) -> tuple[EngineHits, Floats]:
-        """The triangles that the engine finds from `start` on,
-        and its distance as the engine has it.
+        """The engine's first triangles beyond `start`, and their distances from the rays'
+        origins.
         """
         origins, directions = lines
         moved = (origins + start[:, None] * directions - self.centre) / self.radius
@@ -194,7 +203,7 @@ class Layer:
     def refine(
         self, found: EngineHits, chosen: Bools, lines: RayLines, leaves: Bools | None
     ) -> tuple[Hits, Bools]:
-        """Hits (n,) in float64 of what the engine has found, some of which may come to nothing."""
+        """Refine chosen engine hits to float64 (n,), and whether they exist."""
         spots = self.asked.spots(found, chosen)
         k = spots.triangle
         if self.curved is None:

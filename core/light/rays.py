@@ -1,6 +1,4 @@
-"""Rays under way, with the branch they have come along, and their landings: where each ended, and
-why not on the display.
-"""
+"""Rays being traced, with their branches, and their landings: where each ended, and why."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -17,7 +15,7 @@ Words = NDArray[np.uint64]
 
 
 class Reason(IntEnum):
-    """Why a ray has no landing; 0 when it has one."""
+    """Why a ray has no landing; 0 if it has one."""
 
     ARRIVED = 0
     MISSED_GLASS = 1
@@ -36,22 +34,26 @@ REASON_WORDS = {
     Reason.MISSED_DISPLAY: Message("missed the display"),
     Reason.CUT_OFF: Message("cut off by Max Events"),
 }
-BY_GAPS = Message("passed gaps in the glass")  # in place of the reason: nobody knows such a way
+BY_GAPS = Message("passed gaps in the glass")  # instead of a reason
 
 
 @dataclass(frozen=True, eq=False)
 class Landings:
-    """Where and how the rays end, in any order: a ray may have one landing, several, or none.
+    """Ends of rays, in any order: a ray may have one landing, several, or none.
 
-    sample (n,) index of the ray asked for; reason (n,) of Reason; branch (n,) uint64, 0 where there
-    is no landing; xy (n, 2) display pixels, x right and y down from the top left corner, NaN
-    without a landing; positions and directions (n, 3) of the end, m, world; throughput (n,) of
-    basic radiance; n_events (n,); plate_path (n,) of PlatePath; leak (n,) the part through whose
-    gap a ray went in or out, -1 for none
+    sample : (n,) index of the traced ray
+    reason : (n,) of Reason
+    branch : (n,) uint64, 0 without a landing
+    xy : (n, 2) display pixels, x right and y down from the top left corner; NaN without a landing
+    positions, directions : (n, 3) at the end, m, world
+    throughput : (n,) of basic radiance
+    n_events : (n,)
+    plate_path : (n,) of PlatePath
+    leak : (n,) the part through whose gap the ray passed, -1 for none
 
-    A ray that only just missed a flat display has branch and xy all the same, beyond the image: the
-    cells at the display's border can then be cut there exactly. So has one that came to the display
-    beside the glass, where the settings look beside it.
+    A ray that narrowly misses a flat display also has branch and xy, beyond the image, so cells at
+    the display's border can be cut exactly. So does a ray that reaches the display past the glass,
+    if the settings follow such light.
     """
 
     sample: Ints
@@ -75,19 +77,18 @@ class Landings:
 
     @property
     def is_beside_glass(self) -> Bools:
-        """Did light come beside the glass, by way of the plate where one is
-        needed? None did where the settings do not look beside it.
+        """Whether light passed by the glass, via the plate if one is required; False if the
+        settings
+        do not follow such light.
         """
         return (self.reason == Reason.MISSED_GLASS) & (self.branch != 0)
 
     def pixels(self, width: int, height: int) -> tuple[Bools, Ints]:
-        """Which (n,) are on the display's image of a size, and at
-        which of its pixels, row by row; 0 for the others.
-        """
+        """Which (n,) are on the display's image, and their pixels, row by row; 0 for the others."""
         return self._pixels_of(self.has_arrived, width, height)
 
     def pixels_beside(self, width: int, height: int) -> tuple[Bools, Ints]:
-        """The same of light beside the glass."""
+        """The same for light past the glass."""
         return self._pixels_of(self.is_beside_glass, width, height)
 
     def _pixels_of(self, some: Bools, width: int, height: int) -> tuple[Bools, Ints]:
@@ -98,7 +99,7 @@ class Landings:
 
 
 def join(parts: list[Landings]) -> Landings:
-    """Landings of consecutive chunks as one."""
+    """Concatenate landings of consecutive chunks."""
     return Landings(
         *(
             np.concatenate([getattr(p, name) for p in parts])
@@ -108,19 +109,19 @@ def join(parts: list[Landings]) -> Landings:
 
 
 def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> Ints:
-    """The main landing (n,) of each of n rays, by number; -1 for a ray that has none.
+    """Index (n,) of each ray's main landing; -1 without one.
 
-    A landing that has a place comes before one that has none, one on the display before one beside
-    it, then the one with the largest throughput, then the one whose branch has the smallest number.
-    The choice does not depend on the order in which landings are listed.
+    Preferred in order: its expected branch, a place on the display plane, arrival on the display,
+    the largest throughput, the smallest branch number. The choice does not depend on the order of
+    landings.
 
-    expected : (n,) branches, where they are known: a landing on its ray's comes before all others
+    expected : (n,) branches, if available
     """
     is_other = np.zeros(len(landings.sample), bool)
     if expected is not None:
         is_other = landings.branch != expected[landings.sample]
 
-    # the last counts most
+    # the last key is the most significant
     order = np.lexsort((
         landings.branch,
         -landings.throughput,
@@ -136,8 +137,9 @@ def main_of(landings: Landings, n_rays: int, expected: Words | None = None) -> I
 
 
 def main_landings(landings: Landings, n_rays: int, expected: Words | None = None) -> Landings:
-    """The main landing of each of n rays, in their order, as by `main_of`. A ray that has none
-    missed the display: its throughput is 0, its end unknown.
+    """The main landing of each of n rays, in order, as by `main_of`.
+
+    A ray without one missed the display, with throughput 0 and an undefined end.
     """
     if len(landings.sample) == n_rays and (landings.sample == np.arange(n_rays)).all():
         return landings
@@ -167,8 +169,8 @@ PlateLight = Literal["imaged", "folded", "reflected"]
 
 
 class DeferredObjectError(Exception):
-    """A ray comes near glass that stands aside, not in the
-    plan: `boxes`, numbers in the plan's `aside`.
+    """A ray comes near deferred glass, which is not in the plan; `boxes` has its numbers in
+    `plan.aside`.
     """
 
     def __init__(self, boxes: set[int]) -> None:
@@ -176,18 +178,18 @@ class DeferredObjectError(Exception):
         self.boxes = boxes
 
 
-# numbers that make up a branch: any odd multiplier mixes; it is the golden ratio's 64 bits
+# hash multiplier, the golden ratio's 64 bits; any odd number works
 _MIX = np.uint64(0x9E3779B97F4A7C15)
-# Events; the last three by a face's own normal, where its bent one fails: light jumps from one to
-# the other. Of a patch there are eight at the most.
+# Events, at most eight per patch. The last three use the face's own normal because its bent normal
+# fails; light is discontinuous between the two.
 PASS, TIR, PLATE, MIRROR, LAND, FACE_PASS, FACE_TIR, FACE_MIRROR = range(1, 9)
 
 
 class Rays:
-    """The state of the rays of one batch; `live` are those still under way.
+    """The state of a batch of rays; `live` ones are still being traced.
 
-    A ray that splits goes on in copies, `n_copies` at the most. All have rows of their own: first
-    those of the rays asked for, then the first copy of each, and so on.
+    A ray that splits continues in up to `n_copies` copies. Rows: first the traced rays, then the
+    first copy of each, and so on.
     """
 
     def __init__(
@@ -206,18 +208,18 @@ class Rays:
         self.positions = np.array(origins, float, order="C")
         self.directions = np.array(directions, float, order="C")
 
-        # where they are, in which media
+        # media around them
         self.mask = np.zeros(n, np.uint64)
         self.cluster = np.zeros(n, np.int64)
 
-        # their result
-        self.reason = np.full(n, Reason.CUT_OFF, np.uint8)  # of those still under way in the end
+        # results
+        self.reason = np.full(n, Reason.CUT_OFF, np.uint8)  # for rays still live at the end
         self.branch = np.zeros(n, np.uint64)
         self.xy = np.full((n, 2), np.nan)
         self.throughput = np.ones(n)
         self.n_events = np.zeros(n, np.int64)
 
-        # parts they have met
+        # parts hit so far
         self.has_met_glass = np.zeros(n, bool)
         self.has_met_plate = np.zeros(n, bool)
         self.plate_path = np.full(n, PlatePath.NONE, np.uint8)
@@ -225,12 +227,12 @@ class Rays:
         self.last_part = np.full(n, -1, np.int64)
         self.leak = np.full(n, -1, np.int64)
 
-        # the course that they keep to, or that is recorded
+        # the course to follow, or to record
         self.live = np.arange(self.n_asked)
         self.is_begun = (
             np.arange(n) < self.n_asked if n_copies else np.ones(n, bool)
-        )  # is there such a copy?
-        self.born = np.empty(0, np.int64)  # copies that are not live yet
+        )  # whether the copy exists
+        self.born = np.empty(0, np.int64)  # new copies, not yet live
         self.course = course
         self.is_recorded = is_recorded
         self.n_words = np.zeros(n, np.int64)
@@ -238,7 +240,7 @@ class Rays:
         self.has_ended = np.zeros(n, bool)
 
     def begin_again(self, some: slice, origins: Floats, directions: Floats) -> None:
-        """Let some of these rays be as they were when they began."""
+        """Reset some rays to their initial state."""
         fresh = Rays(origins, directions, None, False, n_copies=self.n_copies)
         for name, values in fresh._rows().items():
             self._by_copy(getattr(self, name))[:, some] = fresh._by_copy(values)
@@ -246,8 +248,8 @@ class Rays:
             self._by_copy(self.course)[:, some] = 0
 
     def split(self, rays: Ints) -> tuple[Ints, Ints]:
-        """Let some rays go two ways: which (m,) of them (n,) have copies left, and the rows (m,) of
-        copies as these rays are now.
+        """Split some rays: which (m,) of them (n,) have copies left, and the rows (m,) of the new
+        copies, in the same state.
         """
         copies = np.full(len(rays), -1)
         for first in range(self.n_asked, len(self.mask), self.n_asked):
@@ -267,7 +269,7 @@ class Rays:
         return splits, copies[splits]
 
     def _rows(self) -> dict[str, np.ndarray]:
-        """All arrays that have a row for each ray and copy."""
+        """All arrays with a row for each ray and copy."""
         others = "live", "born", "course"
         arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
         return {name: values for name, values in arrays.items() if name not in others}
@@ -284,7 +286,7 @@ class Rays:
         if self.course is None:
             return
 
-        # the course: recorded, or compared
+        # record or compare the course
         n_words = self.n_words[rays]
         width = self.course.shape[1]
 
@@ -305,10 +307,12 @@ class Rays:
 
 
 class Step(NamedTuple):
-    """Rays between two events: those that met something, where and on which patch; and the others.
+    """Rays between two events: hits with place and patch, and rays that left without a hit.
 
-    rays (h,) and left (l,) indices; place (h, 3), patch and
-    triangle (h,) of the surface; start and direction (l, 3)
+    rays, left : (h,) and (l,) indices
+    place : (h, 3) m
+    patch, triangle : (h,) of the surface
+    start, direction : (l, 3)
     """
 
     rays: Ints

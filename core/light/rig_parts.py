@@ -1,6 +1,4 @@
-"""The parts of a rig that are in a plan: solids, of glass, and sheets, which enclose nothing:
-plates, mirrors, blockers and the display. Is the viewer where a viewer can be?
-"""
+"""The parts of a rig in a plan: solids of glass, and thin surfaces (all others)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +22,7 @@ from .plan import Counts, Parts, Triangles
 
 
 class ThinSurface(NamedTuple):
-    """A part that is no solid, with its surface; the key tells the surface from others."""
+    """A part that is not a solid, with its surface and the surface's cache key."""
 
     role: Role
     part: Any
@@ -33,9 +31,9 @@ class ThinSurface(NamedTuple):
 
 
 def find_thin_surfaces(surfaces: list[Surface], kind: Ints) -> Ints:
-    """For each part (p,) the first one in whose plane it lies if both are plates, else itself.
+    """For each part (p,), itself, or the first plate in the same plane if it is a plate.
 
-    Light that has met one plate is beyond all of its plane: where plates overlap they act as one.
+    Light through one plate is beyond its whole plane, so overlapping plates act as one.
     """
     sheet = np.arange(len(surfaces))
     plates = np.flatnonzero(kind == Kind.PLATE)
@@ -52,10 +50,11 @@ def find_thin_surfaces(surfaces: list[Surface], kind: Ints) -> Ints:
 
 
 def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
-    """Is all of the rig but the display on one side of each
-    plate: (p, 2) none before its normal, none behind it?
+    """Whether the rig, except the display, lies on one side of each plate: (p, 2) none in front of
+    its
+    normal, none behind.
 
-    Boxes (a, 2, 3) of glass that stands aside are parts of the rig, too.
+    Boxes (a, 2, 3) of deferred glass count as parts of the rig.
     """
     is_clear = np.zeros((len(surfaces), 2), bool)
     for i in np.flatnonzero(kind == Kind.PLATE):
@@ -63,8 +62,8 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
         others = [s.bounds for k, s in enumerate(surfaces) if k != i and kind[k] != Kind.DISPLAY]
         boxes = np.concatenate([np.stack(others), aside])
 
-        # how far boxes reach along the normal; a face that bulges out
-        # of its facet stays well within half their size
+        # extent of the boxes along the normal; a curved face stays well within half its facet's
+        # size
         middle = boxes.mean(axis=1)
         half = (0.5 + BULGE) * (boxes[:, 1] - boxes[:, 0])
         height = (middle - surfaces[i].corners[0, 0]) @ normal
@@ -75,7 +74,7 @@ def find_clear(surfaces: list[Surface], kind: Ints, aside: Floats) -> Bools:
 
 
 def read_thin_surfaces(rig: Rig, kept: MeshCache) -> list[ThinSurface]:
-    """Everything that is no solid, the display last."""
+    """All parts except solids, the display last."""
     laws = [(role, INTERACTIONS[role.kind].surface) for role in MET_ROLES]
     laws.sort(key=lambda pair: pair[0].kind == Kind.DISPLAY)
     return [
@@ -88,7 +87,7 @@ def read_thin_surfaces(rig: Rig, kept: MeshCache) -> list[ThinSurface]:
 
 @dataclass(frozen=True, eq=False)
 class RigParts:
-    """All parts (p) of a rig that are in the plan: solids first, then sheets, the display last."""
+    """All parts (p) of a rig in the plan: solids first, then thin surfaces, the display last."""
 
     solids: list[Solid]
     sheets: list[ThinSurface]
@@ -107,7 +106,7 @@ class RigParts:
 
     @cached_property
     def starts(self) -> Ints:
-        """The first triangle (p + 1,) of each, and the number of all."""
+        """First triangle (p + 1,) of each part, and the total."""
         return np.cumsum([0] + [len(surface.corners) for surface in self.surfaces])
 
     @cached_property
@@ -139,7 +138,7 @@ class RigParts:
 
     @cached_property
     def elements(self) -> tuple[Any, ...]:
-        """Each part (p,) as its interaction knows it."""
+        """Data of each part (p,) for its interaction."""
         laws = (INTERACTIONS[sheet.role.kind] for sheet in self.sheets)
         return (
             *(solid.glass for solid in self.solids),
@@ -147,24 +146,24 @@ class RigParts:
         )
 
     def joined(self, name: str) -> np.ndarray:
-        """A column of the surfaces, of all triangles."""
+        """A column of all surfaces, concatenated."""
         return np.concatenate([getattr(surface, name) for surface in self.surfaces])
 
     def of_glass(self, name: str, rig: Rig) -> tuple[int, ...]:
-        """Sums of a number of the solids, for each glass of a rig."""
+        """Totals of a statistic of the solids, for each glass of a rig."""
         return tuple(
             sum(getattr(s.surface, name) for s in self.solids if s.glass is glass)
             for glass in rig.glasses
         )
 
     def of_curved(self, name: str, rig: Rig) -> tuple[int, ...]:
-        """The same, then of each mirror: of all parts that may be curved."""
+        """A statistic of each glass, then of each mirror: all parts that may be curved."""
         surface_of = {id(sheet.part): sheet.surface for sheet in self.sheets}
         sheets = rig.curved_parts()[len(rig.glasses) :]
         return *self.of_glass(name, rig), *(getattr(surface_of[id(p)], name) for p in sheets)
 
     def owner(self, rig: Rig) -> Ints:
-        """The number of each part's object among those that may be curved; -1 for all others."""
+        """The number of each part's object among parts that may be curved; -1 for all others."""
         number_of = {id(part): number for number, part in enumerate(rig.curved_parts())}
         numbers = (number_of.get(id(sheet.part), -1) for sheet in self.sheets)
         return np.array([*(solid.number for solid in self.solids), *numbers])
@@ -184,7 +183,7 @@ class RigParts:
         )
 
     def counts(self, rig: Rig) -> Counts:
-        """Numbers that are told of each glass and mirror."""
+        """Statistics of each glass and mirror."""
         return Counts(
             n_open=self.of_glass("n_open", rig),
             n_contradicted=self.of_curved("n_contradicted", rig),
@@ -194,9 +193,7 @@ class RigParts:
 
 
 def _corner_normals(surfaces: list[Surface]) -> Floats | None:
-    """Normals (t, 3, 3) at the corners of all triangles, 0 where
-    they are those of the face; None where all are.
-    """
+    """Normals (t, 3, 3) at the corners of all triangles, 0 for the face's own; None if all are."""
     if all(surface.corner_normals is None for surface in surfaces):
         return None
     return np.concatenate([
@@ -206,14 +203,14 @@ def _corner_normals(surfaces: list[Surface]) -> Floats | None:
 
 
 def _moved(key: str, made: list[Surface], motion: Motion, kept: MeshCache) -> list[Surface]:
-    """Solids elsewhere, the same as long as they stay there: a viewer alone may move."""
+    """Moved solids, cached while they stay: perhaps only a viewer moves."""
     return kept.get(
         f"{key} moved by {fingerprint(motion)}", lambda: [one.moved(motion) for one in made]
     )
 
 
 def read_solids(rig: Rig, kept: MeshCache, aside: tuple[int, ...]) -> Steps[list[Solid]]:
-    """All solids of a rig but those of glasses with these numbers."""
+    """All solids of a rig, except glasses with numbers in `aside`."""
     solids = []
     for number, glass in enumerate(rig.glasses):
         if number in aside:
@@ -237,11 +234,11 @@ class InsideGlassError(RigError):
 
 
 def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
-    """Raise RigError when a viewer is inside a solid, or a
-    solid cuts an orthographic viewer's plane.
+    """Raise RigError if a viewer is inside a solid, or a solid cuts an orthographic viewer's
+    plane.
     """
     if solid.n_open:
-        return  # has no inside
+        return  # an open solid has no inside
 
     if viewer.projection == "orthographic" and cuts_image(viewer, solid):
         raise RigError(
@@ -262,9 +259,7 @@ def check_viewer_outside(viewer: Viewer, glass: Glass, solid: Surface) -> None:
 
 
 def cuts_image(viewer: Viewer, solid: Surface) -> bool:
-    """Does a surface cut the rectangle on its own plane through which an orthographic
-    viewer looks?
-    """
+    """Whether a surface cuts the image rectangle on an orthographic viewer's own plane."""
     left, right, bottom, top = viewer.window
     low, high = solid.bounds
     middle = ((low + high) / 2 - viewer.position) @ viewer.axes.T
@@ -279,8 +274,7 @@ def cuts_image(viewer: Viewer, solid: Surface) -> bool:
         x[is_before.any(axis=1) & ~is_before.all(axis=1)] for x in (corners, is_before)
     )
 
-    # two of each triangle's edges cross the plane, those at the
-    # corner that is on the other side than the others
+    # two edges of each triangle cross the plane, from the corner alone on its side
     alone = np.argmax(is_before == (is_before.sum(axis=1) == 1)[:, None], axis=1)
     apex, *others = (corners[np.arange(len(corners)), (alone + k) % 3] for k in range(3))
     start, end = (apex + (apex[:, 2:] / (apex - other)[:, 2:]) * (other - apex) for other in others)

@@ -1,6 +1,4 @@
-"""Follows a batch of rays to their landings, from first hit to first hit among all layers of a
-plan.
-"""
+"""Follows a batch of rays to their landings, from hit to hit through all layers of a plan."""
 
 from collections.abc import Sequence
 
@@ -19,12 +17,13 @@ from .rays import DeferredObjectError, Landings, PlateLight, Rays, Step, Words, 
 
 
 class _Sides:
-    """Which hits in a layer are true (decision 1): one enters a
-    solid from outside and leaves it from inside.
+    """Decides which hits in a layer are true: solids are entered from outside and left from inside
+    (decision 1).
 
-    Sheets are met from either side, but the one just left not again at once. `gap` and
-    `gap_distance` (n,) tell of the nearest face of an open solid that a ray came upon from the
-    wrong side: it has gone in or out through a gap.
+    Thin surfaces are hit from either side, but not again immediately.
+
+    gap, gap_distance : (n,) the nearest face of an open solid hit from the wrong side, through a
+        gap
     """
 
     def __init__(self, plan: Plan, rays: Rays) -> None:
@@ -37,11 +36,11 @@ class _Sides:
         self.gap_distance = np.full(len(live), np.inf)
 
     def is_in(self, bits: Floats) -> Bools:
-        """Which rays are in solids of these bits (clusters,) in each cluster's mask?"""
+        """Which rays are in solids with these bits (clusters,) in each cluster's mask."""
         return (self.mask & bits[self.cluster]) != 0
 
     def of_layer(self, numbers: Ints, tolerance: float) -> Accept:
-        """The question for a layer whose triangles have these numbers in the plan."""
+        """The test of hits for a layer whose triangles have these numbers in the plan."""
         parts = self.plan.parts
         part_of = self.plan.triangles.part
 
@@ -54,16 +53,15 @@ class _Sides:
             is_in = ((self.mask[i] & bit) != 0) & (self.cluster[i] == parts.cluster[part])
             fits = hits.enters != is_in
 
-            # touching faces may be a little behind; not so others of
-            # the surface just met, however thin it is
+            # touching faces may lie slightly behind; other faces of the surface just left may not,
+            # however thin it is
             is_last = parts.sheet[part] == self.last_part[i]
             is_new = (t > tolerance) | ~is_last & (t > -1e-3 * tolerance)
             is_true = np.where(
                 is_solid, fits & (t > np.where(is_last, -1e-3, -1.0) * tolerance), is_new
             )
 
-            # a face met from the wrong side, and not in the place that the ray comes from: a gap in
-            # open glass, else another one was missed
+            # a back face away from the ray's origin: a gap in open glass, or else a missed face
             is_behind = is_solid & ~fits & (t * hits.cosine > tolerance)
             is_closed = parts.is_closed[part]
             if self.plan.open_parts:
@@ -75,7 +73,7 @@ class _Sides:
 
     def _note_gaps(self, i: Ints, distance: Floats, part: Ints, is_gap: Bools) -> None:
         nearer = np.flatnonzero(is_gap & (distance < self.gap_distance[i]))
-        # nearest last, so that it is the one that stays
+        # nearest last, so it overwrites the others
         nearer = nearer[np.argsort(-distance[nearer], kind="stable")]
         self.gap[i[nearer]] = part[nearer]
         self.gap_distance[i[nearer]] = distance[nearer]
@@ -84,10 +82,12 @@ class _Sides:
 def find_first_hits(
     plan: Plan, rays: Rays, searches: list[LayerSearch]
 ) -> Steps[tuple[Hits, list[Hits], Bools]]:
-    """First hits of the live rays (n,), those of each layer that are no further, without normals,
-    and the rays (n,) of which the search is put off. Triangles are the plan's.
+    """First hits of the live rays (n,), hits of each layer up to there without normals, and the
+    deferred rays (n,).
 
-    searches : how far each layer was searched for all rays
+    Triangles are numbered as in the plan.
+
+    searches : progress of the search of each layer, for all rays
     """
     live = rays.live
     origins = take(rays.positions, live)
@@ -97,14 +97,14 @@ def find_first_hits(
     nearest, cosine = np.full(len(live), np.inf), np.ones(len(live))
     near = NEAR * plan.merge_distance if plan.display.is_by_glass else 0.0
 
-    # glass comes first: most other parts lie beyond, and then need not be asked
+    # glass first: most other parts lie beyond it and can then be skipped
     has_engine = [held.layer.has_engine for held in plan.layers]
     for number in sorted(range(len(plan.layers)), key=lambda number: not has_engine[number]):
         held = plan.layers[number]
         layer = held.layer
         tolerance = max(layer.tolerance, plan.merge_distance)
         has_sides = layer.curved is not None and held.solid_bits is not None
-        # faces in one place are that far apart across, and further along the ray
+        # coincident faces are this far apart perpendicularly, and further along the ray
         with np.errstate(divide="ignore"):
             searches[number].begin(live, nearest + max(tolerance, near) / cosine)
         hits = yield from layer_hits.find_first_hits(
@@ -147,9 +147,7 @@ def find_first_hits(
 
 
 def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Floats) -> None:
-    """Raise DeferredObjectError when a ray, on its way of a length of
-    `distance` (n,), enters the box of glass aside.
-    """
+    """Raise DeferredObjectError if a ray enters a box of deferred glass within `distance` (n,)."""
     reached = set()
     for number, box in enumerate(plan.aside.boxes):
         enter, leave = slab(box, origins, directions)
@@ -160,13 +158,13 @@ def _keep_clear(plan: Plan, origins: Floats, directions: Floats, distance: Float
 
 
 TRACED_AT_ONCE = 1 << 16  # rays
-LIVE_AT_ONCE = 1 << 14  # of them, event by event: their arrays stay in the cache
+LIVE_AT_ONCE = 1 << 14  # rays per event, so their arrays stay in the cache
 
 
 def trace_all(
     plan: Plan, origins: Floats, directions: Floats, light: PlateLight = "imaged"
 ) -> Landings:
-    """Trace any number of rays (n, 3), in chunks; parameters are those of `trace`."""
+    """Trace any number of rays (n, 3), in chunks; parameters as for `trace`."""
     parts = []
     for first in range(0, max(len(origins), 1), TRACED_AT_ONCE):
         some = slice(first, first + TRACED_AT_ONCE)
@@ -177,8 +175,9 @@ def trace_all(
 
 
 def recording(plan: Plan, origins: Floats, directions: Floats) -> Steps[tuple[Landings, Words]]:
-    """The landings of rays (n, 3), and the course of each: its branch after
-    each of its m events at the most, for `tracing` to compare.
+    """Landings of rays (n, 3), and the course of each: its branch after each of at most m events,
+    for
+    comparison in `tracing`.
     """
     n = (1 + plan.n_copies) * len(origins)
     course = np.zeros((n, 8), np.uint64)
@@ -203,18 +202,19 @@ def tracing(
     steps: list[Step] | None = None,
     light: PlateLight = "imaged",
 ) -> Steps[Landings]:
-    """Follow rays backward from the viewer until each has
-    landed on the display or is lost; yields how many have ended since.
+    """Follow rays backward from the viewer until each has landed on the display or is lost; yields
+    the
+    number ended since the last yield.
 
     Parameters
     ----------
     origins, directions : (n, 3) float64, m, world; unit directions; all starting in air
-    course : (n, m) as `recording` gives them: a ray is given up,
-        without a landing, as soon as it leaves its course
-    steps : is filled with a step for each event, without those of copies where rays split
-    light : which light is followed at mirror arrays: that of the mid-air image, as the mean over
-        all phases; what goes where the mirrors stand, stray light and all; or first light reflected
-        by the plate's face, then such light. At ideal plates it is all the same.
+    course : (n, m) from `recording`: a ray is dropped, without a landing, as soon as it leaves its
+        course
+    steps : receives a step for each event, without copies of rays
+    light : light followed at mirror arrays: "imaged", the mid-air image averaged over all phases;
+        "folded", all light by the mirrors' actual positions, stray light included; "reflected",
+        light reflected by the first plate's face, then folded. The same for ideal plates.
     """
     rays = Rays(origins, directions, course, False, light, plan.n_copies)
     yield from plan.tracer.follow(plan, rays, steps)
@@ -222,7 +222,7 @@ def tracing(
 
 
 def _landings_of(rays: Rays) -> Landings:
-    """Where rays have come to in the end."""
+    """The landings of rays at their end."""
     rays.xy[rays.is_astray] = np.nan
     has_place = np.isfinite(rays.xy[:, 0])
     landings = Landings(
@@ -243,13 +243,13 @@ def _landings_of(rays: Rays) -> Landings:
 def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
     """Follow rays from one event to the next.
 
-    Others begin where rays have ended, so that few events are those of a few rays: these cost
-    nearly as much as those of many. Where steps are asked for all rays go through them together.
+    New rays start as others end, because an event costs nearly as much for few rays as for many. If
+    steps are recorded, all rays go through events together.
     """
     waiting = rays.live
     rays.live = waiting[:0]
     at_once = LIVE_AT_ONCE if steps is None else len(waiting)
-    # gaps are told by all that a ray comes upon
+    # gaps depend on everything a ray encounters
     may_wait = steps is None and not plan.open_parts
     searches = [LayerSearch(len(rays.mask), may_wait) for _ in plan.layers]
 
@@ -268,7 +268,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
             rays.live = rays.live[~is_open]
             hits, *by_layer = (some.at(~is_open) for some in (hits, *by_layer))
 
-        # rays that meet nothing end here
+        # rays without a hit end here
         hit = hits.triangle >= 0
         left = rays.live[~hit]
 
@@ -279,15 +279,14 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
             hits = hits.at(hit)
             by_layer = [other.at(hit) for other in by_layer]
 
-        # the others go to what they meet
+        # move the others to their hits
         rays.positions[rays.live] += hits.distance[:, None] * take(rays.directions, rays.live)
         rays.n_events[rays.live] += 1
         _leave_gaps(plan, rays, rays.live, hits)
         if steps is not None:
             steps.append(_step_of(plan, rays, hits, left))
 
-        # glass in the same place as a sheet just met: the
-        # sheet must not be met once more from there
+        # glass coincident with the thin surface just left: do not hit the surface again from there
         part = plan.triangles.part[hits.triangle]
         kind = plan.parts.kind[part]
         is_beside = (kind == Kind.GLASS) & (hits.distance * hits.cosine <= plan.merge_distance)
@@ -306,7 +305,7 @@ def by_events(plan: Plan, rays: Rays, steps: list[Step] | None) -> Steps[None]:
 
 
 def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: Ints) -> None:
-    """Hand live rays over to the interactions of the kinds of parts that they hit."""
+    """Apply the interaction of each kind of part to the live rays that hit it."""
     for of_kind, law in INTERACTIONS.items():
         some = np.flatnonzero(kind == of_kind)
         if len(some):
@@ -315,9 +314,7 @@ def _interact(plan: Plan, rays: Rays, hits: Hits, by_layer: list[Hits], kind: In
 
 
 def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:
-    """The step of the live rays to their hits, and of those that are left with none; none of
-    copies.
-    """
+    """The step of live rays to their hits, and of rays without one; copies are left out."""
     asked = rays.live < rays.n_asked
     triangle, live, left = hits.triangle[asked], rays.live[asked], left[left < rays.n_asked]
     return Step(
@@ -332,9 +329,7 @@ def _step_of(plan: Plan, rays: Rays, hits: Hits, left: Ints) -> Step:
 
 
 def _leave_gaps(plan: Plan, rays: Rays, i: Ints, hits: Hits | None = None) -> None:
-    """Take rays out of open solids that they have left through a
-    gap: beyond the box, or where they meet nothing.
-    """
+    """Remove rays from open solids left through a gap: beyond the box, or without a hit."""
     parts = plan.parts
     for number, box in plan.open_parts:
         has_bit = (rays.mask[i] & parts.bit[number]) != 0
@@ -353,15 +348,15 @@ def _leave_gaps(plan: Plan, rays: Rays, i: Ints, hits: Hits | None = None) -> No
 
 
 class EventByEvent:
-    """Follows the rays of any plan by numpy and a ray engine."""
+    """Follows the rays of any plan with numpy and a ray engine."""
 
     bisect = None
 
     def left_out(self, layers: Sequence[PlannedLayer], kind: Ints) -> None:
-        """There is no plan that it does not trace."""
+        """It traces every plan."""
 
     def rays_at_once(self, plan: Plan, most: int) -> int:
-        """How many rays are followed at once when their ways or courses are recorded."""
+        """All rays at once: recording needs no limit."""
         return most
 
     def follow(self, plan: Plan, rays: Rays, steps: list[Step] | None = None) -> Steps[None]:

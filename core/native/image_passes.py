@@ -1,4 +1,4 @@
-"""Passes over all pixels of an image, to the same bits as numpy's."""
+"""Passes over all pixels of an image, bit-identical to numpy's."""
 
 import ctypes
 from collections.abc import Sequence
@@ -17,11 +17,12 @@ def decode(
     has_coverage: bool,
     is_straight: bool,
 ) -> bool:
-    """Decode a picture (h, w, 4) in place, rows in one piece; are all its numbers finite?
+    """Decode a picture (h, w, 4) with contiguous rows in place; returns whether all numbers are
+    finite.
 
-    table : of 256 numbers, which encoded colours 0..1 stand for; None for linear ones
-    has_coverage : is the fourth channel how much a pixel covers? Else it is set to 1.
-    is_straight : are colours to be multiplied by it?
+    table : 256 linear values of encoded colours 0..1; None for linear ones
+    has_coverage : the fourth channel is coverage; otherwise it is set to 1
+    is_straight : multiply colours by coverage
     """
     level = of_levels([pixels])
     decoding = 0 if table is None else table.ctypes.data
@@ -30,7 +31,7 @@ def decode(
 
 
 def halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Half the size of a picture (h, w, 4) of even sides, as of `paint`, by area means."""
+    """Half the size of a picture (h, w, 4) of even sides, by area means."""
     h, w, n = pixels.shape
     half = np.empty((h // 2, w // 2, n), np.float32)
     level = of_levels([pixels])
@@ -39,8 +40,9 @@ def halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def finish(total: Floats, weight: Floats, is_covered: Bools) -> NDArray[np.float32]:
-    """The image (H, W, 3) of sums (3, H, W) over shares, divided by their weight (H, W) where
-    pixels are covered (H, W), and dark elsewhere.
+    """The image (H, W, 3) of sums (3, H, W) over shares: divided by their weight (H, W) where
+    covered
+    (H, W), else black.
     """
     image = np.empty((*weight.shape, 3), np.float32)
     given = [np.ascontiguousarray(values) for values in (total, weight, is_covered)]
@@ -50,7 +52,7 @@ def finish(total: Floats, weight: Floats, is_covered: Bools) -> NDArray[np.float
 
 
 def of_levels(levels: Sequence[NDArray[np.float32]]) -> ctypes.Array:
-    """The structures of a picture's sizes (h, w, 4) float32, rows in one piece."""
+    """The structures of a picture's sizes (h, w, 4) float32, with contiguous rows."""
     made = (LevelStructure * len(levels))()
     for of_level, pixels in zip(made, levels, strict=True):
         of_level.pixels = pixels.ctypes.data

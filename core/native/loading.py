@@ -1,4 +1,4 @@
-"""Finds and loads the library, unless it is switched off."""
+"""Finds and loads the kernel's library, unless it is switched off."""
 
 import ctypes
 import os
@@ -11,12 +11,12 @@ from pathlib import Path
 from .structures import _D, _I, _P, NODE, STRUCTURES
 
 MODULE = "kiriko_kernel"
-# environment variable: "off" for numpy's way, or the file of another library
+# environment variable: "off" for numpy, or the path of another library
 SWITCH = "KIRIKO_KERNEL"
-ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS takes any
-VERSION = 12  # of what the structures mean, as in kiriko.h
+ENDINGS = {"nt": "dll", "posix": "so"}  # by os.name; macOS accepts any
+VERSION = 12  # of the structures' meaning, as in kiriko.h
 MOST_LAYERS = 256
-# of the library: types of the result and of the arguments
+# types of results and arguments
 FUNCTIONS = {
     "kiriko_layout": (_I, _I),
     "kiriko_begin_tree": (_P, _P, _I),
@@ -44,32 +44,28 @@ FUNCTIONS = {
     "kiriko_agree": (None, *9 * [_P], _D, _I, _I, _P, _P, _I),
 }
 
-_threads = 0  # as many as the machine has
+_threads = 0  # one for each processor
 
 
 def use_threads(number: int) -> None:
-    """Let the kernel have so many threads from now on; 0: as
-    many as the machine has. Results are the same.
-    """
+    """Set the kernel's number of threads; 0: one for each processor. Results do not change."""
     global _threads
     _threads = number
 
 
 def n_threads() -> int:
-    """How many threads the kernel may have."""
+    """The kernel's number of threads."""
     return _threads or _n_processors()
 
 
 @cache
 def _n_processors() -> int:
-    # Linux looks it up in a file, and the progress asks thousands of times
+    # Linux reads a file for it, and progress calls this thousands of times
     return os.cpu_count() or 1
 
 
 def find_library() -> Path | None:
-    """The file of the library that the wheel brought, or
-    that was asked for; None where there is none.
-    """
+    """The library file set in the environment or installed by the wheel; None without one."""
     if os.environ.get(SWITCH):
         return Path(os.environ[SWITCH])
     spec = find_spec(MODULE)
@@ -81,9 +77,7 @@ def find_library() -> Path | None:
 
 @cache
 def loaded() -> ctypes.CDLL | None:
-    """The library, if there is one that can be loaded and
-    whose structures are those of this version.
-    """
+    """The library, if it can be loaded and its structures match this version."""
     path = find_library()
     if path is None:
         return None
@@ -94,7 +88,7 @@ def loaded() -> ctypes.CDLL | None:
             function = getattr(library, name)
             function.restype = result
             function.argtypes = arguments
-    except (OSError, AttributeError):  # made for another processor or system, or not by us
+    except (OSError, AttributeError):  # another processor or system, or another library
         return None
 
     expected = [VERSION, MOST_LAYERS, NODE.itemsize, *map(ctypes.sizeof, STRUCTURES)]
@@ -107,7 +101,7 @@ _is_off = False
 
 @contextmanager
 def off() -> Iterator[None]:
-    """Within this context numpy's way is taken."""
+    """Use numpy instead of the kernel within this context."""
     global _is_off
     before, _is_off = _is_off, True
     try:
@@ -117,5 +111,5 @@ def off() -> Iterator[None]:
 
 
 def library() -> ctypes.CDLL | None:
-    """The library; None where it is not there, fits not, or is switched off."""
+    """The library; None if missing, incompatible, or switched off."""
     return None if _is_off or os.environ.get(SWITCH) == "off" else loaded()

@@ -1,4 +1,4 @@
-"""The structures of kiriko.h, field by field, and arrays that they point to."""
+"""The structures of kiriko.h, field by field, and the arrays they point to."""
 
 import ctypes
 from typing import Any
@@ -8,7 +8,7 @@ from numpy.typing import DTypeLike
 
 
 def _structure(name: str, **fields: Any) -> type[ctypes.Structure]:
-    """A structure of kiriko.h: fields in their order, each a C type or several of one."""
+    """A structure of kiriko.h: fields in order, each a C type or an array type."""
     return type(name, (ctypes.Structure,), {"_fields_": list(fields.items())})
 
 
@@ -106,7 +106,7 @@ STRUCTURES = (
 
 
 class Made:
-    """A structure with the arrays that it points to."""
+    """A structure with the arrays it points to, to keep them alive."""
 
     def __init__(self, kind: type[ctypes.Structure]) -> None:
         self.structure = kind()
@@ -117,18 +117,13 @@ class Made:
         self.kept += others
 
     def hold(self, array: np.ndarray, dtype: DTypeLike) -> np.ndarray:
-        """An array that is kept: the same one if it is of that
-        type and in one piece, else a copy that is.
-        """
+        """Keep an array alive: the same one if of this type and contiguous, else a copy."""
         array = np.ascontiguousarray(array, dtype)
         self.keep(array)
         return array
 
     def point(self, name: str, array: np.ndarray | None, dtype: DTypeLike) -> np.ndarray | None:
-        """Let a field point to the values of an array, which is held and returned.
-
-        To nothing if there is none.
-        """
+        """Point a field to an array, or to NULL without one; returns the array held."""
         if array is not None:
             array = self.hold(array, dtype)
             setattr(self.structure, name, array.ctypes.data)

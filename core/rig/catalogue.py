@@ -1,9 +1,9 @@
-"""Products that can be bought: plates, displays and glasses, each with the source of its numbers.
+"""Commercial plates, displays and glasses, each with the source of its numbers.
 
-A product is in the list only where its maker, or a measurement, tells its numbers. Sizes in m.
-Sources name the page that was read. "EDID" is the size that the monitor tells the computer, which
-is rounded to 1 mm, here in reports of the Linux Hardware Project; the size in the list is that of
-its square pixels within this. Brightness is left out where no page with it was at hand.
+A product is listed only with figures from its maker or a measurement. Sizes in m. Sources name the
+page used. "EDID" is the size a monitor reports to the computer, rounded to 1 mm, from reports of
+the Linux Hardware Project; the listed size is based on its square pixels within this rounding.
+Brightness is omitted without a source.
 """
 
 from dataclasses import dataclass
@@ -29,14 +29,14 @@ class PlateProduct:
 
 @dataclass(frozen=True)
 class DisplayProduct:
-    """A display, as it lies on its longer side.
+    """A display in landscape orientation.
 
     Parameters
     ----------
-    kind : the heading under which it is listed
-    size : (width, height) in m of the area that shows pixels
+    kind : the heading in the product list
+    size : (width, height) in m of the active area
     pixels : (width, height)
-    luminance : cd/m^2 of white, as its maker tells it; None where the maker does not
+    luminance : cd/m^2 of white, by its maker; None if not published
     """
 
     name: str
@@ -51,8 +51,8 @@ class DisplayProduct:
 class GlassProduct:
     """A clear material.
 
-    ior : index of refraction at 589 nm, the sodium D line; at the helium d line, for which Kiriko
-        takes it, it is larger by less than 0.0002
+    ior : index of refraction at 589 nm, the sodium D line; Kiriko uses it for the helium d line,
+        where it is larger by less than 0.0002
     """
 
     name: str
@@ -68,9 +68,9 @@ def _by_density(
     luminance: float | None,
     source: str,
 ) -> DisplayProduct:
-    """A display whose maker tells the pixels to the inch in place of the size.
+    """A display whose maker gives the pixel density instead of the size.
 
-    As exact as that number is: its rounding, by half a pixel to the inch, is under 0.25 %.
+    Rounding the density by half a pixel to the inch is an error under 0.25 %.
     """
     width, height = (INCH * n / per_inch for n in pixels)
     return DisplayProduct(name, kind, (width, height), pixels, luminance, source)
@@ -79,7 +79,7 @@ def _by_density(
 def _by_diagonal(
     name: str, kind: str, pixels: tuple[int, int], inches: float, source: str
 ) -> DisplayProduct:
-    """A display of which the diagonal alone is known: as exact as that, for pixels are square."""
+    """A display with square pixels of which only the diagonal is published."""
     return _by_density(name, kind, pixels, hypot(*pixels) / inches, None, source)
 
 

@@ -10,41 +10,38 @@ from ..base.arrays import Bools, Floats, Ints
 from ..base.errors import MeshError
 from ..base.fingerprint import fingerprint
 
-# radians: corner normals closer than this join faces to one patch (float32 noise is 1e-7 to 1e-6)
+# radians: closer corner normals join faces to one patch (float32 noise is 1e-7 to 1e-6)
 SAME_NORMAL = 1e-5
 SurfaceChoice = Literal["automatic", "smooth", "facets"]
 
-# m, the largest number of float32, in which Blender keeps vertices: products
-# of four such lengths, as those of areas, are still numbers of float64
+# m, the largest float32, Blender's type for vertices; products of four such lengths, as in areas,
+# fit in float64
 FURTHEST = float(np.finfo(np.float32).max)
 
-FLAT_THICKNESS = (
-    1e-9  # of its size: glass no thicker than that, and than rounding makes it, encloses nothing
-)
+# relative to its size: glass thinner than this, or than rounding, encloses nothing
+FLAT_THICKNESS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles in world coordinates. Arrays stay as they are once it is made: what is found for
-    them is kept. A mesh that differs is another one.
+    """Triangles in world coordinates. Arrays must not change, because derived values are cached.
 
     Parameters
     ----------
     vertices : (v, 3) float64, m
-    triangles : (t, 3) int, indices into vertices, counterclockwise
-        seen from the front (outside of a solid)
-    corner_normals : (t, 3, 3) float64 or None, unit, world. Used on smooth triangles only.
+    triangles : (t, 3) int, indices into vertices, counterclockwise seen from the front (outside of
+        a solid)
+    corner_normals : (t, 3, 3) float64 or None, unit, world; used on smooth triangles only
     is_smooth : (t,) bool or None (all flat). A flat triangle refracts by its own plane.
     uv : (t, 3, 2) float64 or None, Blender's UV: origin bottom left
-    surface : that of smooth triangles: the curved one that was meant ("smooth"), or the facets as
-        drawn, on which only the normal is interpolated ("facets"), or whichever the mesh shows to
-        be nearer to the one meant, or a mean of both ("automatic")
-    has_mean_normals : corner normals are means over the faces around, as Blender makes them where
-        the artist gave none; they only say where the surface is smooth, and its own normals are
-        found from the vertices
-    rounding : m, by which vertices may be off because they were rounded
-    polygon : (t,) int or None, the polygon that each triangle is a part of: edges between two of
-        one polygon are its diagonals, which nobody drew. None: each triangle is one of its own
+    surface : of smooth triangles: "smooth", the intended curved surface; "facets", flat facets with
+        interpolated normals; "automatic", whichever of the two, or mean of both, the mesh shows to
+        be nearer to the intended surface
+    has_mean_normals : corner normals are averages over adjacent faces, Blender's default; they only
+        mark the smooth surface, whose normals are derived from the vertices
+    rounding : m, rounding error of vertices
+    polygon : (t,) int or None, the polygon of each triangle; edges within a polygon are its
+        diagonals. None: each triangle is a polygon
     """
 
     vertices: Floats
@@ -58,12 +55,12 @@ class Mesh:
     polygon: Ints | None = None
 
     def flat(self) -> "Mesh":
-        """The same triangles, each flat whatever its shading."""
+        """The same triangles, each flat regardless of shading."""
         return replace(self, corner_normals=None, is_smooth=None, polygon=None)
 
     @cached_property
     def fingerprint(self) -> str:
-        """Tells it from all others; found once, for it takes as long as reading all of it."""
+        """Hash of its content, cached because it takes as long as reading all of it."""
         return fingerprint(self)
 
     @property
@@ -78,19 +75,18 @@ class Mesh:
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     def _used_vertices(self) -> Floats:
-        """Vertices (n, 3) at which a triangle has a corner, m."""
+        """Vertices (n, 3) used by a triangle, m."""
         is_used = np.zeros(len(self.vertices), bool)
         is_used[self.triangles] = True
         return self.vertices[is_used]
 
     @cached_property
     def is_flat(self) -> bool:
-        """Do all corners lie in one plane, but for rounding?"""
+        """Whether all corners lie in one plane, up to rounding."""
         points = self._used_vertices()
         points = points - points.mean(axis=0)
 
-        # without the threads of BLAS (core/base/products.py); the first
-        # axis is the one along which they spread least
+        # without the threads of BLAS (core/base/products.py); the first axis has the least spread
         _, axes = np.linalg.eigh(np.einsum("ni,nj->ij", points, points))
         thick, _, wide = np.ptp(np.einsum("ni,ij->nj", points, axes), axis=0)
 
@@ -98,9 +94,7 @@ class Mesh:
 
     @cached_property
     def n_curved(self) -> int:
-        """How many triangles stand for a curved surface; a flat
-        face that is shaded smooth does not.
-        """
+        """Number of triangles on a curved surface; flat faces shaded smooth do not count."""
         if self.is_smooth is None or self.corner_normals is None or self.surface == "facets":
             return 0
         first, *others = self.corner_normals[self.is_smooth].swapaxes(0, 1)
@@ -108,8 +102,8 @@ class Mesh:
         return int(np.logical_or(*is_bent).sum())
 
     def check(self, owner: str) -> None:
-        """Raise MeshError when there is nothing to trace, or a coordinate is not finite
-        or beyond FURTHEST.
+        """Raise MeshError if the mesh is empty, or a coordinate is not finite or beyond
+        FURTHEST.
         """
         if len(self.triangles) == 0:
             raise MeshError(
@@ -138,7 +132,7 @@ class Mesh:
             )
 
     def check_uv(self, owner: str) -> None:
-        """Raise MeshError when there is no UV map that an image can be put on."""
+        """Raise MeshError without a UV map suitable for an image."""
         if self.uv is None:
             raise MeshError(
                 "{owner} has no UV map: unwrap it, so that pixels have a place.", owner=owner

@@ -1,4 +1,4 @@
-"""The mirrors that a plate is made of."""
+"""The mirrors of a plate."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,21 +12,20 @@ MOST_CROSSING_ERROR = np.radians(10.0)
 
 @dataclass(frozen=True)
 class MirrorArray:
-    """A plate of upright micro mirrors in glass, of which those
-    in two directions at right angles make a corner.
+    """A plate of upright micro mirrors in glass, in two perpendicular directions that form corners.
 
     Parameters
     ----------
-    layout : how the two directions are made: two crossed layers of slits, one above the other
-        (MMAP); square holes, both directions in one layer (DCRA); or such holes, turned with the
-        azimuth about the plate's centre
+    layout : "crossed", two stacked layers of slits (MMAP); "holes", square holes with both
+        directions in one layer (DCRA); "radial", holes rotated with the azimuth about the plate's
+        centre
     pitch : m, from mirror to mirror
-    height : m, of the mirrors, that of one layer
+    height : m, of the mirrors in one layer
     ior : index of refraction of the glass between the mirrors
     reflectance : of a mirror, above 0, up to 1
-    crossing_error : rad, by which the second layer is turned further than 90 degrees from the first
+    crossing_error : rad, deviation of the second layer from 90 degrees to the first
     has_fresnel : the plate's two faces reflect as glass does
-    phase : in pitches, by which the mirrors of the two directions stand beside the plate's centre
+    phase : in pitches, offset of the mirrors of each direction from the plate's centre
     """
 
     layout: Literal["crossed", "holes", "radial"] = "crossed"
@@ -48,7 +47,7 @@ class MirrorArray:
         return self.n_layers * self.height
 
     def check(self, owner: str) -> None:
-        """Raise RigError when no such plate can be made."""
+        """Raise RigError for an impossible plate."""
         for name, value in (("pitch", self.pitch), ("mirror height", self.height)):
             if not (np.isfinite(value) and value > 0):
                 raise RigError(

@@ -1,4 +1,4 @@
-"""The parts of a rig that have a mesh, each with the reasons why it cannot be one."""
+"""The parts of a rig with a mesh, and their validity checks."""
 
 from dataclasses import dataclass, field, is_dataclass
 
@@ -11,27 +11,27 @@ from .mesh import Mesh
 from .mirror_array import MirrorArray
 from .roles import Part
 
-WAVELENGTH = 587.6e-9  # m, the helium d line, at which indices of refraction are given
+WAVELENGTH = 587.6e-9  # m, the helium d line, the reference for indices of refraction
 
 
 class Index:
     """An index of refraction as data: a frozen dataclass with the numbers of a formula.
 
-    A function has no content to compare, so that nothing tells whether it is still the same.
+    A function would have no content to compare for changes.
     """
 
     def at(self, wavelength: float) -> float:
-        """Index of refraction at a wavelength in metres."""
+        """Index of refraction at a wavelength, m."""
         raise NotImplementedError
 
     def __call__(self, wavelength: float) -> float:
-        """The same, as scripts of 0.1 ask for it."""
+        """The same, for scripts written for 0.1."""
         return self.at(wavelength)
 
 
 @dataclass(frozen=True)
 class ConstantIndex(Index):
-    """An index of refraction that does not depend on the wavelength."""
+    """An index of refraction independent of the wavelength."""
 
     value: float
 
@@ -42,9 +42,9 @@ class ConstantIndex(Index):
 
 @dataclass(frozen=True, eq=False)
 class Glass(Part):
-    """A glass object as drawn: one or more closed shells. Shells inside shells are cavities (air).
+    """A glass object: one or more closed shells. Shells inside shells are cavities (air).
 
-    `priority` decides where solids overlap: higher wins; among equals the smaller solid does.
+    `priority` decides between overlapping solids: higher wins; among equals the smaller solid does.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Glass(Part):
     priority: int = 0
 
     def check_numbers(self, owner: str) -> None:
-        """Raise RigError when its index of refraction is no data, or no number above 0."""
+        """Raise RigError unless its index of refraction is data, and a number above 0."""
         if not (isinstance(self.ior, Index) and is_dataclass(self.ior)):
             raise RigError(
                 "{owner} has an index of refraction that is no Index: give it one such as"
@@ -69,7 +69,7 @@ class Glass(Part):
             )
 
     def check_shape(self, owner: str) -> None:
-        """Raise MeshError when it encloses nothing."""
+        """Raise MeshError if it encloses nothing."""
         if self.mesh.is_flat:
             raise MeshError(
                 "{owner} is no closed body, but flat: give it a thickness, as by a Solidify"
@@ -82,10 +82,9 @@ class Glass(Part):
 class Plate(Part):
     """A flat plane-symmetric imaging element; its triangles give plane and outline.
 
-    array : the mirrors it is made of; None for the ideal plate
-    side : (3,) world, along one of its sides, to which mirrors stand
-        at 45 degrees; None: its first face's first edge
-    centre : (3,) m, world, from which the mirrors are counted; None: the middle of its extent
+    array : its mirrors; None for the ideal plate
+    side : (3,) world, along a side, at 45 degrees to the mirrors; None: its first face's first edge
+    centre : (3,) m, world, origin of the mirrors' phase; None: the middle of its extent
     """
 
     name: str
@@ -95,7 +94,7 @@ class Plate(Part):
     centre: Floats | None = None
 
     def check_shape(self, owner: str) -> None:
-        """Raise RigError when it has mirrors that cannot be made."""
+        """Raise RigError if its mirrors are impossible."""
         if self.array is not None:
             self.array.check(owner)
 
@@ -118,10 +117,10 @@ class Blocker(Part):
 
 @dataclass(frozen=True, eq=False)
 class Display(Part):
-    """A surface with a UV map that shows the source image on its front; (width, height)
-    in pixels.
+    """A surface with a UV map that shows the source image on its front.
 
-    black_level : share of white's light that a black pixel shines all the same, 0 up to below 1
+    width, height : pixels
+    black_level : light of a black pixel relative to white, 0 up to below 1
     """
 
     name: str
@@ -131,7 +130,7 @@ class Display(Part):
     black_level: float = 0.0
 
     def check_numbers(self, owner: str) -> None:
-        """Raise RigError when its black is no darker than its white."""
+        """Raise RigError if its black is not darker than its white."""
         if not 0 <= self.black_level < 1:
             raise RigError(
                 "{owner} has a black level of {black_level:g}: set one from 0 to below 1.",
@@ -145,32 +144,34 @@ class Display(Part):
         return np.stack([u * self.width, (1 - v) * self.height], axis=1)
 
     def pixel(self, place: Floats, directions: Floats) -> Floats:
-        """Where rays land: the px (n, 2) of the source image that light shows which leaves places
-        (n, 2) px against directions of rays (n, 3). Each place looks the same from everywhere.
+        """Landings of rays: px (n, 2) of the source image shown at places (n, 2) px against ray
+        directions (n, 3).
+
+        Each place looks the same from all directions.
         """
         return place
 
     def light_of(self, source: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The light of its pixels, white being 1, where it shows a source image, linear."""
+        """The light of its pixels for a linear source image, relative to white."""
         if self.black_level == 0:
             return source
         return self.black_level + (1 - self.black_level) * source
 
     def nearest(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The light that its pixels can have nearest to what is wanted, white being 1 or more."""
+        """The achievable light closest to the wanted light, relative to white."""
         return light if self.black_level == 0 else np.maximum(light, self.black_level)
 
     def source_for(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The source image, linear, whose pixels shine as is wanted, or the least they can.
+        """The linear source image for the wanted light, limited by the black level.
 
-        What is wanted of a pixel is least squares, so that the nearest that it can show is best.
+        Wanted light is a least-squares solution, so the closest achievable light is optimal.
         """
         if self.black_level == 0:
             return light
         return (self.nearest(light) - self.black_level) / (1 - self.black_level)
 
     def check_shape(self, owner: str) -> None:
-        """Raise MeshError or RigError when no image can be put on it."""
+        """Raise MeshError or RigError if it cannot show an image."""
         self.mesh.check_uv(owner)
         if min(self.width, self.height) < 1:
             raise RigError("{owner} has no pixels: set its resolution.", owner=owner)
@@ -178,15 +179,15 @@ class Display(Part):
 
 @dataclass(frozen=True, eq=False)
 class PicturePlace(Part):
-    """Where the image stands that the viewer should see, and how many pixels it has.
+    """The place of the image the viewer should see, and its resolution.
 
-    Outline, cover, shares and strokes need no more of a picture: its colours may follow later, and
-    change from frame to frame.
+    Outline, cover, shares and filter taps need only this. The colours can follow later, and change
+    from frame to frame.
 
     Parameters
     ----------
     width, height : of the image, pixels
-    mesh : the textured plane (with UV), or None when the image is in the viewer's own pixels
+    mesh : the textured plane (with UV), or None for an image in the viewer's own pixels
     """
 
     name: str
@@ -196,16 +197,16 @@ class PicturePlace(Part):
 
     @property
     def place(self) -> "PicturePlace":
-        """Itself, as a picture has it."""
+        """Itself, for the interface of `Picture`."""
         return self
 
     @property
     def n_pixels(self) -> int:
-        """Of its image."""
+        """Pixels of its image."""
         return self.width * self.height
 
     def seen_by(self, viewer: str) -> "PicturePlace":
-        """Itself, whoever looks at it."""
+        """Itself for every viewer."""
         return self
 
     def showing(self, image: NDArray[np.float32]) -> "Picture":
@@ -213,7 +214,7 @@ class PicturePlace(Part):
         return Picture(self.name, image, self.mesh)
 
     def check_still(self) -> None:
-        """Raise RigError where it goes with the viewer, who is to look at it from elsewhere."""
+        """Raise RigError if it moves with the viewer, who has to see it from elsewhere."""
         if self.mesh is None:
             raise RigError(
                 "The picture is in the viewer's own pixels and moves with it: choose a picture"
@@ -221,16 +222,16 @@ class PicturePlace(Part):
             )
 
     def check_shape(self, owner: str) -> None:
-        """Raise MeshError when its plane has no place for an image."""
+        """Raise MeshError if its plane cannot hold an image."""
         _check_plane(self.mesh, owner)
 
 
 @dataclass(frozen=True, eq=False)
 class OwnImage:
-    """The image that one of several viewers should see, in that viewer's own pixels.
+    """The image that one of several viewers should see, in its own pixels.
 
     name : of the viewer
-    image : (h, w, 4) float32, as that of a picture
+    image : (h, w, 4) float32, as for a picture
     """
 
     name: str
@@ -244,8 +245,8 @@ class Picture(Part):
     Parameters
     ----------
     image : (h, w, 4) float32, linear, premultiplied by alpha, row 0 at the top
-    mesh : the textured plane (with UV), or None when the image is in the viewer's own pixels
-    own : in place of the image one for each viewer, where they are in the viewers' own pixels
+    mesh : the textured plane (with UV), or None for an image in the viewer's own pixels
+    own : instead of the image, one for each viewer, in their own pixels
     """
 
     name: str
@@ -255,35 +256,35 @@ class Picture(Part):
 
     @property
     def place(self) -> PicturePlace:
-        """All but the colours."""
+        """Everything except the colours."""
         height, width = self.image.shape[:2]
         return PicturePlace(self.name, width, height, self.mesh)
 
     @property
     def images(self) -> tuple[NDArray[np.float32], ...]:
-        """All that viewers should see."""
+        """All images of the viewers."""
         return tuple(one.image for one in self.own) or (self.image,)
 
     @property
     def n_pixels(self) -> int:
-        """Of all its images; one that several viewers see counts once."""
+        """Pixels of all its images; an image shared by several viewers counts once."""
         different = {id(image): image for image in self.images}.values()
         return sum(image.shape[0] * image.shape[1] for image in different)
 
     def seen_by(self, viewer: str) -> "Picture":
-        """The picture as the viewer of a name should see it."""
+        """The picture for the viewer of a name."""
         if not self.own:
             return self
         by_viewer = {one.name: one.image for one in self.own}
         return Picture(self.name, by_viewer.get(viewer, self.image))
 
     def check_shape(self, owner: str) -> None:
-        """Raise MeshError when its plane has no place for an image."""
+        """Raise MeshError if its plane cannot hold an image."""
         _check_plane(self.mesh, owner)
 
 
 def _check_plane(mesh: Mesh | None, owner: str) -> None:
-    """Raise MeshError when a picture's plane, if it has one, has no place for an image."""
+    """Raise MeshError if a picture has a plane that cannot hold an image."""
     if mesh is not None:
         mesh.check(owner)
         mesh.check_uv(owner)

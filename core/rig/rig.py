@@ -59,7 +59,7 @@ __all__ = [
 ]
 
 
-# as scripts of 0.1 ask for the plates of the catalogue
+# names in scripts written for 0.1
 PRESETS = {name: product.array for name, product in PLATES.items()}
 PRESET_SIDES = {name: product.side for name, product in PLATES.items()}  # m
 
@@ -71,10 +71,10 @@ def _parts_of(role: Role, default: Any = MISSING) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Everything on the bench: the table of roles, a field for each.
+    """All parts on the bench; its fields form the table of roles.
 
-    `check` tells the reason why it cannot be solved. The picture may be its place alone, where
-    nothing is painted.
+    `check` reports why it cannot be solved. The picture may be a bare `PicturePlace` if nothing is
+    painted.
     """
 
     # fmt: off
@@ -115,7 +115,7 @@ class Rig:
 
     @property
     def viewer(self) -> Viewer:
-        """The first viewer, for scripts that know one; core takes the viewer it is told."""
+        """The first viewer, for scripts with one; core passes viewers explicitly."""
         return self.viewers[0]
 
     @property
@@ -137,15 +137,15 @@ class Rig:
 
     @property
     def has_own_images(self) -> bool:
-        """Should each viewer see an image that is no other's?"""
+        """Whether each viewer sees its own image."""
         return any(isinstance(picture, Picture) and picture.own for picture in self.pictures)
 
     def picture_of(self, viewer: Viewer) -> Picture:
-        """The picture that a viewer should see; raises as `picture` does."""
+        """The picture for a viewer; raises as `picture` does."""
         return self.picture.seen_by(viewer.name)
 
     def place_of(self, viewer: Viewer) -> PicturePlace:
-        """The place of that picture."""
+        """The place of the picture for a viewer."""
         return self.pictures[0].seen_by(viewer.name).place
 
     def of(self, role: Role) -> tuple[Any, ...]:
@@ -159,7 +159,7 @@ class Rig:
                 yield role, part
 
     def for_each_display(self) -> tuple["Rig", ...]:
-        """A rig for each display, which is solved for its source image: the others stop light."""
+        """A rig to solve for each display; the other displays stop light."""
         stops = [Blocker(display.name, display.mesh) for display in self.displays]
         return tuple(
             replace(self, displays=(one,), blockers=(*self.blockers, *stops[:k], *stops[k + 1 :]))
@@ -168,15 +168,16 @@ class Rig:
 
     @cached_property
     def light_keys(self) -> tuple[str, ...]:
-        """A key of all that light from each viewer meets, whatever the others are, however much
-        that viewer counts, and wherever the picture is; found once.
+        """For each viewer, a cached key of everything its light meets.
+
+        The key ignores other viewers, weights and the picture.
         """
-        # meshes, which are large, often stay the same ones
+        # meshes are large, and their hashes cached
         met = {
             role.field: tuple(replace(part, mesh=part.mesh.fingerprint) for part in self.of(role))
             for role in MET_ROLES
         }
-        # light lands where it does, however dark the display's black is
+        # landings do not depend on the black level
         met["displays"] = tuple(replace(one, black_level=0.0) for one in met["displays"])
         of_all = fingerprint(replace(self, viewers=(), pictures=(), **met))
         return tuple(fingerprint(of_all, replace(one, weight=1.0)) for one in self.viewers)
@@ -186,7 +187,7 @@ class Rig:
         return tuple(part for role, part in self.parts() if role.is_curved)
 
     def check(self) -> None:
-        """Raise RigError or MeshError, in one sentence, when the rig cannot be solved."""
+        """Raise RigError or MeshError, in one sentence, if the rig cannot be solved."""
         self._check_number_of_parts()
 
         for role, part in self.parts():
@@ -204,7 +205,7 @@ class Rig:
             check_own_images(self.viewers, self.picture)
 
     def _check_number_of_parts(self) -> None:
-        """Raise RigError for a role that none, or too many parts have."""
+        """Raise RigError for a role with no part, or with too many."""
         viewer, *others = ROLES
         in_order = (*others, viewer)
 
@@ -226,18 +227,18 @@ class Rig:
                 )
 
 
-# the table, in the order of the rig's fields
+# in the order of the rig's fields
 ROLES = tuple(replace(f.metadata["role"], field=f.name) for f in fields(Rig))
 
-# those that light meets, by the number of their law
+# roles of parts that light meets, by the number of their interaction
 MET_ROLES = tuple(
     sorted((role for role in ROLES if role.kind is not None), key=lambda role: role.kind)
 )
 
-# the effect of a surface on a ray, as the table numbers it
+# numbers of the interactions
 Kind = IntEnum("Kind", [(role.name, role.kind) for role in MET_ROLES])
 
 
 def owner(role: Role, part: Part) -> Message:
-    """A part at the beginning of a sentence."""
+    """A part as the subject of a sentence."""
     return Message("The {role} '{name}'", role=role.noun, name=part.name)

@@ -1,4 +1,4 @@
-"""What a rig knows of each kind of its parts, whichever part it is."""
+"""Properties of each kind of part in a rig."""
 
 from dataclasses import dataclass
 
@@ -7,24 +7,23 @@ from ..base.messages import as_message
 
 @dataclass(frozen=True)
 class Role:
-    """One line of the table of roles, which stands in `rig.Rig`, a field for each.
+    """One row of the table of roles, defined by the fields of `rig.Rig`.
 
     Parameters
     ----------
-    name : as Blender's files keep it
-    label : as the artist reads it; in a sentence in lower case
-    kind : the number of its law at a meeting of light, as plans and the kernel have it; None for a
-        part that light does not meet
-    number : its number in Blender's files; None where no object can be given it
-    icon : Blender's name of its icon
+    name : its name in Blender's files
+    label : its name in the interface; lower case within a sentence
+    kind : number of its interaction in plans and the kernel; None if light does not meet it
+    number : its number in Blender's files; None if it cannot be assigned to an object
+    icon : name of its Blender icon
     tip : its effect, in one line
-    remedy : for a rig that has none; '' where a rig can do without
-    is_missed : a rig that has some, all of them hidden, is refused: it would be another rig
+    remedy : for a rig without one; '' if optional
+    is_missed : refuse a rig with all of them hidden, which would be a different rig
     is_single : a rig has one at most
-    is_curved : smooth shading stands for a curved surface
-    is_mapped : its UV map counts
-    may_be_off : on a real bench it may stand elsewhere than planned
-    field : the field of `Rig` that has such parts
+    is_curved : smooth shading means a curved surface
+    is_mapped : its UV map is used
+    may_be_off : may be misplaced on a real bench
+    field : the field of `Rig` with its parts
     """
 
     name: str
@@ -43,17 +42,17 @@ class Role:
 
     @property
     def noun(self) -> str:
-        """The word for it within a sentence."""
+        """The label within a sentence."""
         return as_message(self.label.lower())
 
 
 class Part:
-    """A part of a rig. Its class says what makes it invalid."""
+    """A part of a rig. Its class defines its checks."""
 
     name: str
 
     def check_numbers(self, owner: str) -> None:
-        """Raise RigError for a number that cannot be, before any mesh is looked at."""
+        """Raise RigError for an invalid number, before any mesh is read."""
 
     def check_shape(self, owner: str) -> None:
-        """Raise RigError or MeshError for a shape that its role cannot have."""
+        """Raise RigError or MeshError for a shape invalid for its role."""

@@ -1,4 +1,4 @@
-"""How to solve: the user's choices, and their bounds."""
+"""Settings of a solve: the user's choices, and their bounds."""
 
 from dataclasses import dataclass, replace
 from math import isqrt
@@ -9,7 +9,7 @@ from .rig import WAVELENGTH
 
 Ghosts = Literal["mean", "strongest"]
 Disagreement = Literal["sharp", "blended"]
-# px; landings are right to about 1e-7 px where the glass is curved
+# px; landings are accurate to about 1e-7 px on curved glass
 LEAST_TOLERANCE = 1e-6
 MOST_TOLERANCE = 100.0
 MOST_EFFORT = 4096  # rays for a viewer pixel
@@ -17,30 +17,28 @@ MOST_EFFORT = 4096  # rays for a viewer pixel
 
 @dataclass(frozen=True)
 class Settings:
-    """How to solve.
+    """Settings of a solve.
 
     Parameters
     ----------
-    tolerance : display pixels by which landings may be off; LEAST_TOLERANCE to MOST_TOLERANCE
-    max_events : surfaces a ray may meet before it counts as lost
-    only_through_glass : only rays that went through glass carry the picture
+    tolerance : allowed error of landings, display pixels; LEAST_TOLERANCE to MOST_TOLERANCE
+    max_events : surfaces a ray may hit before it counts as lost
+    only_through_glass : only rays through glass carry the picture
     brightness : weigh paths by their throughput (Fresnel) instead of by 1
-    effort : rays that sample a viewer pixel where light is chaotic, rounded down to a square;
-        up to 3.25 times as many where the display is faint (core/map/samples.py). No pixel takes
-        more than 24 times as many, for each display pixel that there is for it
-        (core/map/ray_budget.py);
-        1 to MOST_EFFORT
-    margin : display pixels by which the covered area is grown in the source image
+    effort : rays that sample a viewer pixel with chaotic light, rounded down to a square; up to
+        3.25 times as many where the display is faint (core/map/samples.py), and at most 24 times as
+        many for each display pixel available to it (core/map/ray_budget.py); 1 to MOST_EFFORT
+    margin : display pixels by which the covered area grows in the source image
     wavelength : m
-    suppress_glare : weight, 0 to 1, of light beside the glass, which shall be
-        dark; where only light through glass carries the picture
-    ghosts : what a display pixel shows that is seen by several paths: the "mean"
-        of what they ask for, or what the "strongest" of them asks for
-    only_through_plate : only rays that met a plate carry the picture; of no account in a rig that
-        has no plate
-    disagreement : what a display pixel shows for which several viewers ask for different places of
-        the picture: the picture at the weighted mean of these places ("sharp"), or the weighted
-        mean of their colours ("blended"); of no account where there is one viewer
+    suppress_glare : weight, 0 to 1, of light past the glass, which should be dark; only if just
+        light through glass carries the picture
+    ghosts : for a display pixel seen by several paths, the "mean" of their demands, or the demand
+        of the "strongest"
+    only_through_plate : only rays that met a plate carry the picture; ignored in a rig without
+        plates
+    disagreement : for a display pixel where several viewers need different places of the picture,
+        the picture at the weighted mean place ("sharp"), or the weighted mean colour ("blended");
+        ignored for one viewer
     """
 
     tolerance: float = 0.1
@@ -57,14 +55,12 @@ class Settings:
 
     @property
     def looks_beside(self) -> bool:
-        """Is light beside the glass followed to the display, though it carries no picture?"""
+        """Whether light past the glass is followed to the display, though it carries no picture."""
         return self.only_through_glass and self.suppress_glare > 0
 
     @property
     def of_optics(self) -> "Settings":
-        """These settings, with those that do not count
-        before anything is painted at their defaults.
-        """
+        """These settings, with all painting options at their defaults."""
         return replace(
             self,
             margin=0,
@@ -75,15 +71,14 @@ class Settings:
 
     @property
     def samples_along(self) -> int:
-        """Samples along a viewer pixel's side where light is chaotic.
-
-        Each quarter of a pixel has one at least.
+        """Samples along a viewer pixel's side where light is chaotic, at least one per quarter
+        pixel.
         """
         return isqrt(int(self.effort))
 
     def check(self) -> None:
-        """Raise RigError when the tolerance is none that can be kept, or no surface may be met."""
-        # Blender keeps it as float32
+        """Raise RigError for a setting out of bounds."""
+        # Blender stores float32
         if not LEAST_TOLERANCE <= round(self.tolerance, 12) <= MOST_TOLERANCE:
             raise RigError(
                 "The tolerance is {tolerance:g} display pixels: set one from {least:g} to"

@@ -14,15 +14,15 @@ from .mesh import Mesh
 from .parts import Picture, Plate
 from .roles import Part
 
-PERPENDICULAR = 1e-9  # axes of a frame may miss orthonormality by this much
+PERPENDICULAR = 1e-9  # largest deviation of a frame's axes from orthonormality
 
 
 @dataclass(frozen=True, eq=False)
 class Viewer(Part):
     """A pinhole or orthographic camera.
 
-    Viewer pixels (x, y) run right and down from the top left
-    corner of the image; pixel centres at + 0.5.
+    Viewer pixels (x, y) run right and down from the top left corner of the image; pixel centres at
+    + 0.5.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Viewer(Part):
     window : left, right, bottom, top of the image on the plane at unit distance along forward
         (perspective: dimensionless tangents) or on the camera's own plane (orthographic: m)
     width, height : pixels
-    weight : how much it counts beside other viewers, above 0
+    weight : relative to other viewers, above 0
     """
 
     name: str
@@ -52,7 +52,7 @@ class Viewer(Part):
             )
 
     def check_numbers(self, owner: str) -> None:
-        """Raise RigError when it stands nowhere or sees nothing."""
+        """Raise RigError if its numbers are not finite, or it sees nothing."""
         left, right, bottom, top = self.window
         if not np.isfinite([*self.position, *self.axes.ravel(), *self.window]).all():
             raise RigError(
@@ -77,13 +77,11 @@ class Viewer(Part):
             )
 
     def weighed(self, values: Floats) -> Floats:
-        """Values as much as the viewer counts; the array itself at a weight of 1."""
+        """Values times the viewer's weight; the same array at a weight of 1."""
         return values if self.weight == 1 else self.weight * values
 
     def _on_plane(self, xy: ArrayLike) -> tuple[Floats, Floats]:
-        """Window coordinates, both (n,), of viewer pixels (n, 2): numpy is slow where rows are
-        short.
-        """
+        """Window coordinates, both (n,), of viewer pixels (n, 2), by columns for speed."""
         left, right, bottom, top = self.window
         x, y = np.asarray(xy, float).T
         return (
@@ -107,8 +105,8 @@ class Viewer(Part):
         return np.broadcast_to(self.position, directions.shape).copy(), directions
 
     def project(self, points: ArrayLike) -> Floats:
-        """Viewer pixels (n, 2) at which points (n, 3) are seen
-        straight; NaN behind a perspective viewer.
+        """Viewer pixels (n, 2) of points (n, 3), without refraction; NaN behind a perspective
+        viewer.
         """
         across = (np.asarray(points, float) - self.position) @ self.axes.T
         plane = across[:, :2]
@@ -128,10 +126,10 @@ class Viewer(Part):
 
 
 def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirrors: bool) -> None:
-    """Raise RigError where a viewer is there twice, two have one name, or a plate stands between
-    two of them.
+    """Raise RigError for a repeated viewer, a repeated name, or a plate between two viewers.
 
-    By way of mirrors the light of viewers on both sides of a plate may come to the same one.
+    With mirrors, light of viewers on both sides of a plate may reach the same side, so plates are
+    not checked.
     """
     if len(viewers) < 2:
         return
@@ -164,9 +162,7 @@ def check_together(viewers: Sequence[Viewer], plates: Sequence[Plate], has_mirro
 
 
 def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
-    """Raise RigError where a viewer has no image, though others have one of their own, or where the
-    picture stands on a plane, which is the same for all.
-    """
+    """Raise RigError if only some viewers have their own image, or the picture also has a plane."""
     if picture.mesh is not None:
         raise RigError(
             "The picture '{picture}' stands on a plane, and has an image for each viewer: take"
@@ -185,13 +181,13 @@ def check_own_images(viewers: Sequence[Viewer], picture: Picture) -> None:
 
 
 def _is_same(one: Viewer, other: Viewer) -> bool:
-    """Do two viewers look alike from one place, whatever they are called and weigh?"""
+    """Whether two viewers have the same view, whatever their names and weights."""
     pairs = ((one.position, other.position), (one.axes, other.axes), (one.window, other.window))
     return one.projection == other.projection and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def _side(viewer: Viewer, mesh: Mesh) -> float:
-    """On which side of a flat mesh a viewer is: above 0 before its front."""
+    """The side of a flat mesh a viewer is on: positive in front."""
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     normals = np.cross(b - a, c - a)
     largest = np.argmax(np.linalg.norm(normals, axis=1))
