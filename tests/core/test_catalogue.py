@@ -1,13 +1,21 @@
-"""The catalogue of products, and its table in the README."""
+"""The catalogue of products, and its tables in the manual."""
 
 from math import hypot
 from pathlib import Path
 
 import pytest
 
-from kiriko.core.rig.catalogue import DISPLAYS, GLASSES, INCH, PLATES
+from kiriko.core.rig.catalogue import (
+    DISPLAYS,
+    GLASSES,
+    INCH,
+    PLATES,
+    DisplayProduct,
+    GlassProduct,
+    PlateProduct,
+)
 
-README = Path(__file__).resolve().parents[2] / "README.md"
+MANUAL = Path(__file__).resolve().parents[2] / "docs" / "manual"
 
 # inches, by which makers name their displays
 DIAGONALS = {
@@ -92,22 +100,30 @@ def test_a_plate_has_mirrors_that_can_be_made(name: str) -> None:
     assert name.endswith(f"-{1e3 * plate.side:.0f}")
 
 
-def test_the_readme_lists_all_products_with_their_numbers() -> None:
-    """A row for each, word for word."""
-    text = README.read_text(encoding="utf-8")
-    rows = [
-        f"| {p.name} | pitch {1e3 * p.array.pitch:g} mm, layers of {1e3 * p.array.height:g} mm,"
-        f" {1e3 * p.side:g} mm a side | {p.source} |"
-        for p in PLATES.values()
-    ]
-    rows += [
-        f"| {p.name} | {1e3 * p.size[0]:.1f} x {1e3 * p.size[1]:.1f} mm,"
-        f" {p.pixels[0]} x {p.pixels[1]}{_luminance(p.luminance)} | {p.source} |"
-        for p in DISPLAYS.values()
-    ]
-    rows += [f"| {p.name} | {p.ior:g} | {p.source} |" for p in GLASSES.values()]
-    assert [row for row in rows if row not in text] == []
+def test_the_manual_lists_all_products_with_their_numbers() -> None:
+    """English page: name, numbers and source of each product. Japanese page: name and numbers."""
+    products = *PLATES.values(), *DISPLAYS.values(), *GLASSES.values()
+    rows = [f"| {p.name} | {_numbers(p)} |" for p in products]
+    english, japanese = (
+        (MANUAL / language / "products.md").read_text(encoding="utf-8").splitlines()
+        for language in ("en", "ja")
+    )
+    full = [f"{row} {p.source} |" for row, p in zip(rows, products, strict=True)]
+    assert [row for row in full if row not in english] == []
+    assert [row for row in rows if not any(line.startswith(row) for line in japanese)] == []
 
 
-def _luminance(luminance: float | None) -> str:
-    return "" if luminance is None else f", {luminance:g} cd/m\N{SUPERSCRIPT TWO}"
+def _numbers(product: PlateProduct | DisplayProduct | GlassProduct) -> str:
+    if isinstance(product, GlassProduct):
+        return f"{product.ior:g}"
+    if isinstance(product, PlateProduct):
+        pitch, height = 1e3 * product.array.pitch, 1e3 * product.array.height
+        return f"pitch {pitch:g} mm, layers of {height:g} mm, {1e3 * product.side:g} mm a side"
+    width, height = (1e3 * length for length in product.size)
+    columns, rows = product.pixels
+    text = f"{width:.1f} x {height:.1f} mm, {columns} x {rows}"
+    return (
+        text
+        if product.luminance is None
+        else f"{text}, {product.luminance:g} cd/m\N{SUPERSCRIPT TWO}"
+    )
