@@ -49,7 +49,7 @@ from kiriko.core.solve.solution import Solution
 from known.reference_rigs import finer, glass_rig, zone_plate
 
 from .ablation_rows import ROWS, Row, import_all
-from .ablation_table import GAIN, table
+from .ablation_table import GAIN, table, without_row
 
 CACHE = ROOT / "out" / "ablation"
 RESULTS = ROOT / "docs" / "ablation.json"
@@ -315,7 +315,7 @@ def main() -> None:
     parser.add_argument("--glass", nargs="+", metavar="NAME", help="only these glasses")
     parser.add_argument("--rounds", type=int, default=1, help="solves of each; the fastest counts")
     parser.add_argument("--fresh", action="store_true", help="only rows that are not measured yet")
-    parser.add_argument("--table", action="store_true", help="make the table alone")
+    parser.add_argument("--table", action="store_true", help="make the table alone; prints the options without a row")
     parser.add_argument("--numpy", action="store_true", help="rows of the path without kernel, too")
     parser.add_argument("--here", action="store_true", help="measure the first glass here")
     parser.add_argument("--off", metavar="NAME", help="the row without which another bench runs")
@@ -347,6 +347,8 @@ def main() -> None:
             subprocess.run([sys.executable, *as_module("bench.ablation"), *options], check=True)
 
     write_table()
+    if arguments.table:
+        print(*without_row(ROWS), sep="\n")
 
 
 if __name__ == "__main__":

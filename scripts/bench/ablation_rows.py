@@ -201,19 +201,19 @@ def _option_rows(
 
 TAIL = [
     Row(
-        "Known limit of Subdivision",
+        "Exact limit of Subdivision",
         (instead("glass.subdivided.MOST_TRIANGLES", -1),),
         "no mesh is small enough to be looked at",
         "meant: wine glass, bottle and rings by one level",
     ),
     Row(
-        "Known splines",
+        "Exact splines",
         (instead("glass.subdivided.looking_for_splines", _giving(None)),),
         "no grid is taken for splines",
         "meant: wine glass by one level",
     ),
     Row(
-        "Known limit around poles",
+        "Exact limit around poles",
         (instead("glass.subdivided.looking_for_subdivided", _giving(None)),),
         "no quads around poles are taken for subdivided ones",
         "meant: bodies that end on their axis",
@@ -277,7 +277,7 @@ TAIL = [
         "extremes: the bound on rays of a pixel",
     ),
     Row(
-        "Things that rays pass by",
+        "Parts that rays pass closely",
         (instead("light.near_misses.ThinParts.touch", _untouched),),
         "no bundle of rays passes by anything",
         "extremes: thin parts; judge: rays at edges",
@@ -462,7 +462,7 @@ SOLVE = [
         "a sixty-fourth of the rays; no image changes",
     ),
     Row(
-        "Shares kept for the next picture",
+        "Shares cached for the next picture",
         (instead("solve.painting.MOST_PLACED", 0),),
         "none are kept; no image changes",
     ),

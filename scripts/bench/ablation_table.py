@@ -17,61 +17,53 @@ N_GLASSES = 16
 
 HEAD = """# Ablation
 
-`python3 scripts/dev.py ablation` makes this file. Each heuristic and option is switched off, or set
-to its neutral value, one at a time. The numbers are ratios: a solve without it to a solve with it,
-on the same glass in the same run. Above 1 the heuristic gains. For each number the table has the
-median and the largest ratio of the glasses measured. *Error* is the RMSE of the source image. Rows
-of `glass` are judged by the surface that was meant, if it is known. *As seen* weights each display
-pixel by its light. *Gains* counts the glasses on which error, error as seen or CPU seconds are
-larger by {gain:.0%} without it. *Loses* counts those on which CPU seconds fall by {gain:.0%}.
+`python3 scripts/dev.py ablation` switches off one heuristic or option at a time and solves the
+sixteen glasses. Each number is a ratio, without to with the heuristic, as median / largest over the
+glasses measured: above 1 it gains. *Error* is the RMSE of the source image, for rows of `glass`
+against the surface that was meant. *As seen* weights display pixels by their light. *Gains* counts
+glasses on which error, error as seen or CPU seconds are {gain:.0%} larger without it.
 
 A heuristic that gains on fewer than {enough} of {n} glasses goes, unless it protects rows of other
-benches. Verdicts:
+benches. Its verdict is **open** until enough glasses are measured, and **goes so far** if it gains
+on none of {few} or more.
 
-- **stays**: it gains on {enough} glasses or more, or the solver fails without it.
-- **goes**: it can no longer gain on {enough} of {n} glasses.
-- **goes so far**: it gains on none of {few} glasses or more. The other glasses may still save it.
-- **protected**: it does not gain here. The rows that it protects decide.
-- **open**: too few glasses are measured.
-
-`docs/ablation.json` has the numbers of each glass, without the heuristic and with it: error, error
-as seen, rays, CPU seconds, and both errors against the surface meant.
+`scripts/bench/ablation_rows.py` has the neutral values and the protected rows, `docs/ablation.json`
+the numbers of each glass. `--table` prints the options without a row.
 """
 FEW = 6
-COLUMNS = (
-    "switched off", "neutral value", "error x", "as seen x", "rays x", "CPU x",
-    "gains", "loses", "protects", "verdict",
-)  # fmt: skip
+COLUMNS = "switched off", "error", "as seen", "CPU", "gains", "verdict"
 
 
 def table(rows: Sequence[Row], results: dict[str, dict[str, list]], machine: str) -> str:
-    """All of `docs/ablation.md`."""
+    """The text of `docs/ablation.md`."""
     text = [HEAD.format(gain=GAIN, enough=ENOUGH, n=N_GLASSES, few=FEW)]
     noise = _noise(results)
     if noise:
         text.append(f"{machine}, one thread of a busy machine: {noise}\n")
     for room in dict.fromkeys(row.room for row in rows):
-        text.append(f"## {room}\n\n| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
+        text.append(f"## {room}\n\n{_head(COLUMNS)}")
         text += [line_of(row, results.get(row.name, {})) for row in rows if row.room == room]
         text.append("")
     text += _removed(rows, results)
-    text.append("## Options without a row\n")
-    text.append(
-        "Batch sizes, rounding, scales without a neutral value, and other benches' options.\n"
-    )
-    text += list(_without_row(rows))
-    return "\n".join(text) + "\n"
+    return "\n".join(text)
+
+
+def _head(columns: Sequence[str]) -> str:
+    """The first two lines of a table."""
+    return f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}"
 
 
 def line_of(row: Row, found: dict[str, list]) -> str:
     """The line of a row, by its numbers or fault on each glass."""
     ratios = judged(row, found)
-    cells = [_spread([one[k] for one in ratios]) for k in range(4)]
-    gains, loses = count_gains(ratios)
-    n = len(ratios)
-    counted = [f"{gains} of {n}", f"{loses} of {n}"] if n else ["", ""]
-    columns = [row.name, row.why, *cells, *counted, row.protects, verdict_of(row, found)]
-    return f"| {' | '.join(columns)} |"
+    return f"| {' | '.join([row.name, *_cells(ratios), verdict_of(row, found)])} |"
+
+
+def _cells(ratios: Sequence[tuple[float, ...]]) -> list[str]:
+    """Error, error as seen, CPU seconds and gains, over all glasses."""
+    gains, _ = count_gains(ratios)
+    spreads = [_spread([one[k] for one in ratios]) for k in (0, 1, 3)]
+    return [*spreads, f"{gains} of {len(ratios)}" if ratios else ""]
 
 
 def judged(row: Row, found: dict[str, list]) -> list[tuple[float, float, float, float]]:
@@ -105,7 +97,7 @@ def verdict_of(row: Row, found: dict[str, list]) -> str:
     if faults:
         return f"stays: {faults[0]}"
     if not found:
-        return "numpy only, not measured" if row.by_numpy else "not measured"
+        return "by numpy: not measured" if row.by_numpy else "not measured"
     ratios = judged(row, found)
     gains, _ = count_gains(ratios)
     if gains >= ENOUGH:
@@ -139,23 +131,19 @@ def _noise(results: dict[str, dict[str, list]]) -> str:
 
 
 def _removed(rows: Sequence[Row], results: dict[str, dict[str, list]]) -> Iterator[str]:
-    """The numbers on which heuristics were removed: of the results that have no row."""
-    columns = "removed", *COLUMNS[2:8]
-    yield f"## Removed\n\n| {' | '.join(columns)} |\n|{'---|' * len(columns)}"
+    """Lines of the heuristics that were removed: results without a row."""
+    yield f"## Removed\n\n{_head(('removed', *COLUMNS[1:5]))}"
     for name in sorted(set(results) - {row.name for row in rows}):
         ratios = [ratios_of(*both) for both in results[name].values() if not isinstance(both, str)]
-        cells = [_spread([one[k] for one in ratios]) for k in range(4)]
-        counted = [f"{n} of {len(ratios)}" for n in count_gains(ratios)]
-        yield f"| {' | '.join([name, *cells, *counted])} |"
+        yield f"| {' | '.join([name, *_cells(ratios)])} |"
     yield ""
 
 
-def _without_row(rows: Sequence[Row]) -> Iterator[str]:
-    """The options of records that no row changes, by record; `bench` and `lab` in one line."""
+def without_row(rows: Sequence[Row]) -> Iterator[str]:
+    """Lines of options that no row changes, by record; `bench` and `lab` in one line."""
     changed = {
         (change.target, name) for row in rows for change in row.changes for name in change.fields
     }
-    yield "| record | options | measured by |\n|---|---|---|"
     n_bench = []
     for room in (*ROOMS, "bench", "lab"):
         for path in sorted((ROOT / "core" / room).rglob("*.py")):
@@ -166,9 +154,8 @@ def _without_row(rows: Sequence[Row]) -> Iterator[str]:
                     n_bench.append(len(left))
                 elif left:
                     judge = ELSEWHERE.get(f"{module}.{record}", "")
-                    yield f"| `{module}.{record}` | {', '.join(left)} | {judge} |"
-    records = f"{len(n_bench)} records of `bench` and `lab`"
-    yield f"| {records} | {sum(n_bench)} options | {ELSEWHERE['bench']} |"
+                    yield f"{module}.{record}: {', '.join(left)}" + (f" ({judge})" if judge else "")
+    yield f"bench and lab: {len(n_bench)} records, {sum(n_bench)} options ({ELSEWHERE['bench']})"
 
 
 def records_of(path: Path) -> Iterator[tuple[str, str, list[str]]]:
