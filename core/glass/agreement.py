@@ -17,7 +17,7 @@ from .quartics import AT, AT_NODES, INWARD, N_NODES, N_ON_EDGES, NODES
 
 @dataclass(frozen=True)
 class AgreementKnobs:
-    """Thresholds of agreement and trust (design.md, decision 3).
+    """Thresholds of agreement and trust (docs/decisions/04-automatic-surface.md).
 
     agree : rad: a smaller difference of normals moves landings by 1e-3 px at most; on fine regular
         meshes they differ by 1e-7 or less

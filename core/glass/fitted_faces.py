@@ -171,7 +171,7 @@ def fitting_fields(v: Vertices, wanted: Bools) -> Steps[Fields]:
 
 @dataclass(frozen=True)
 class FaceKnobs:
-    """Limits of fitted faces against their mesh (design.md, decision 3, "Contradictions").
+    """Limits of fitted faces against their mesh (docs/decisions/02-curved-faces.md).
 
     Tuned by `dev.py irregular` on decimated and bevelled meshes, whose long sides next to a bevel
     would dip by a millimetre, and by `dev.py bench`.

@@ -19,7 +19,7 @@ from .vertices import Vertices
 
 @dataclass(frozen=True)
 class LineKnobs:
-    """Edges that form a line (design.md, decision 3, "Automatic").
+    """Edges that form a line (docs/decisions/04-automatic-surface.md).
 
     Tuned by `dev.py irregular` on ellipsoids, tori and waves of 8 to 24 faces around, and on
     remeshed, decimated and noisy meshes.

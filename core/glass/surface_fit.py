@@ -42,7 +42,7 @@ from .vertices import Vertices, find_vertices, seen_across
 
 @dataclass(frozen=True)
 class NormalKnobs:
-    """Fit of normals to vertices, and limits for their use (design.md, decision 3).
+    """Fit of normals to vertices, and limits for their use (docs/decisions/02-curved-faces.md).
 
     Tuned by `dev.py irregular` on uneven, noisy, decimated and bevelled meshes: if vertices lie on
     the surface, chords contradict found normals by 0.001 of the turn and less.
@@ -238,7 +238,7 @@ def contradicted(v: Vertices, normal: Floats, wanted: Bools) -> Bools:
 
 @dataclass(frozen=True)
 class FitKnobs:
-    """Smooth triangles that become curved faces (design.md, decision 3, "Contradictions").
+    """Smooth triangles that become curved faces (docs/decisions/02-curved-faces.md).
 
     Tuned by `dev.py irregular` and `dev.py bench`, against closed forms.
 

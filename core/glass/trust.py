@@ -27,7 +27,7 @@ from .vertices import Vertices
 
 @dataclass(frozen=True)
 class PartKnobs:
-    """Trust in a vertex (design.md, decision 3, "Automatic").
+    """Trust in a vertex (docs/decisions/04-automatic-surface.md).
 
     Parameters
     ----------

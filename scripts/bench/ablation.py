@@ -315,7 +315,11 @@ def main() -> None:
     parser.add_argument("--glass", nargs="+", metavar="NAME", help="only these glasses")
     parser.add_argument("--rounds", type=int, default=1, help="solves of each; the fastest counts")
     parser.add_argument("--fresh", action="store_true", help="only rows that are not measured yet")
-    parser.add_argument("--table", action="store_true", help="make the table alone; prints the options without a row")
+    parser.add_argument(
+        "--table",
+        action="store_true",
+        help="make the table alone; prints the options without a row",
+    )
     parser.add_argument("--numpy", action="store_true", help="rows of the path without kernel, too")
     parser.add_argument("--here", action="store_true", help="measure the first glass here")
     parser.add_argument("--off", metavar="NAME", help="the row without which another bench runs")

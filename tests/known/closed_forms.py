@@ -1,7 +1,7 @@
 """Light through shapes that have a closed form, written
 without Kiriko's tracer: the judge of the tests.
 
-The formulas are derived in docs/closed_forms.md.
+The formulas are derived in docs/theory.md.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 three dimensions: the judge of core/light/plate.py.
 
 Nothing is unfolded here: light goes to the nearest mirror of the slit or hole it is in, is
-reflected there, and goes on until it is through the layer. docs/closed_forms.md says why one fold
+reflected there, and goes on until it is through the layer. docs/theory.md says why one fold
 comes to the same.
 """
 

@@ -1,4 +1,4 @@
-"""The reference rigs of docs/optics.md as plain data, and the shapes that tests put in
+"""The reference rigs of docs/theory.md as plain data, and the shapes that tests put in
 their place.
 """
 
@@ -214,7 +214,7 @@ def rod(start, end, radius, sides=8):
 
 def wavy_slab(n=16, size=0.075, thickness=0.02, amplitude=0.001):
     """Slab across y of 4 n^2 + 8 n triangles: wavy, smooth front
-    and back (docs/closed_forms.md), flat sides.
+    and back (docs/theory.md), flat sides.
     """
     across = np.linspace(-size / 2, size / 2, n + 1)
     z, x = (a.ravel() for a in np.meshgrid(across, across, indexing="ij"))
@@ -322,7 +322,7 @@ def rig(
     viewer_distance=1.0,
     plate=0.488,
 ):
-    """The bench of docs/optics.md around the origin: viewer on
+    """The bench of docs/theory.md around the origin: viewer on
     -y, plate at 45 degrees on +y, display below it.
     """
     x, y, z = np.eye(3)
