@@ -3,7 +3,7 @@
 A ray is reflected back and forth between two neighbouring mirrors. Unfolded, its path is straight:
 each mirror it crosses is a reflection, and folding its end back into its own slit gives the exit.
 Each of the two layers is therefore one fold, exact to rounding for any number of mirrors
-(docs/closed_forms.md).
+(docs/theory.md).
 """
 
 from collections.abc import Callable

@@ -18,7 +18,7 @@ from .rays import DeferredObjectError, Landings, PlateLight, Rays, Step, Words, 
 
 class _Sides:
     """Decides which hits in a layer are true: solids are entered from outside and left from inside
-    (decision 1).
+    (docs/decisions/01-true-hits.md).
 
     Thin surfaces are hit from either side, but not again immediately.
 

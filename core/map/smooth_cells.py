@@ -38,7 +38,7 @@ DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 CORNERS = [0, 4, 24, 20]  # of the nodes, around the square
 
 # Quads, tuned on the ball and on flat glass, by the error of the source image against the number of
-# shares (docs/design.md, decision 5)
+# shares (docs/decisions/05-cells-not-samples.md)
 OF_TOLERANCE = 0.5  # quads may be off their smooth cell by so much, and this off the map
 CHEAP_ERROR_PX = 0.01  # display px, so near they come, unless that takes less than viewer pixels
 N_PLACES = 4  # along a display pixel that is larger than a viewer pixel: its colour is taken there
