@@ -1,1 +1,1 @@
-"""The view map: which display pixel each part of the viewer's image shows."""
+"""View maps: the display pixel seen at each place of the viewer's image."""

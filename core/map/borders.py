@@ -1,9 +1,9 @@
-"""Where the border between two branches crosses the edges of cells.
+"""Borders between two branches on the edges of cells, found by bisection.
 
-A border is the last place on an edge whose ray takes the branch of the edge's end. Each ray halves
-the part in question; it is given up as soon as it leaves the course of its branch. The kernel finds
-each border on its own, from first to last; numpy all at once, round by round. Trying several places
-at once would save rounds where borders are few, and take up to five times the rays.
+A border is the last place on an edge whose ray takes the branch of the edge's near end. Each ray
+halves the interval; it is given up as soon as it leaves the course of its branch. The kernel finds
+each border on its own, from first to last; numpy all at once, round by round. Several places at
+once would save rounds if borders are few, and trace up to five times the rays.
 """
 
 from collections.abc import Generator
@@ -17,13 +17,14 @@ from ..light.rays import Words
 from .points import Points, trace_points
 from .ray_budget import RayBudget
 
-N_DIGITS = 9  # binary, a border is known to 2^-9 of an edge: the rays that it takes
+N_DIGITS = 9  # binary: a border is found to 2^-9 of an edge, with as many rays
 
 
 class BorderEdges(NamedTuple):
-    """Edges (n,) between points, by number, from the near one, whose ray takes a course (n, m).
+    """Edges (n,) between points, by number, searched from the near one.
 
-    end (n,) : a border is searched for up to here, 0..1 of the way
+    course : (n, m) of the near one's ray
+    end : (n,) limit of the search, 0..1 of the edge
     """
 
     near: Ints
@@ -32,16 +33,18 @@ class BorderEdges(NamedTuple):
     end: Floats
 
     def at(self, which: Ints) -> "BorderEdges":
-        """Some of the edges."""
+        """A subset of the edges."""
         return BorderEdges(*(column[which] for column in self))
 
 
 def lack(points: Points, near: Ints, far: Ints, allowance: RayBudget) -> Bools:
-    """Do borders on edges (n,), as for `find_borders`, take more rays than their pixels have?"""
+    """Mask of edges (n,), as for `find_borders`, whose borders need more rays than their pixels
+    have.
+    """
     n = len(near)
-    # from the other side by bisection, too, after one try
+    # the second side of a border is bisected, too, after one try
     n_rays = N_DIGITS + ((points.branch[far] != 0) & (near > far))
-    middle = (points.view[near] + points.view[far]) / 2  # their rays start in the same pixel
+    middle = (points.view[near] + points.view[far]) / 2  # rays on an edge start in the same pixel
     view = np.concatenate([middle, points.view[near]])
     lacks = allowance.lacks(view, np.append(n_rays, np.ones(n, np.int64)))
     return lacks[:n] | lacks[n:]
@@ -51,10 +54,10 @@ def find_borders(
     plan: Plan, points: Points, near: Ints, far: Ints, allowance: RayBudget
 ) -> Generator[int, None, Points]:
     """Borders on edges (n,) from points `near` to points `far`, sorted by near, then far: the last
-    points (n,) on the branch of the near ones. Yields how many rays were traced since.
+    points (n,) on the near branch. Yields the number of rays traced since.
 
-    Where both ends have a landing the other's branch most often begins where the one's ends: it is
-    searched for there first.
+    If both ends have a landing, the far branch usually begins where the near one ends: its search
+    starts there.
     """
     if not len(near):
         return Points.none()
@@ -67,7 +70,7 @@ def find_borders(
     yield from trace_points(plan, view, courses=courses)
     edges = BorderEdges(near, far, _together(courses)[at_near], np.ones(len(near)))
 
-    # the other side of each border, where it is searched for, too
+    # second sides of borders, searched from the other end
     n = len(points)
     key, back = near * n + far, far * n + near
     at = np.minimum(np.searchsorted(key, back), len(key) - 1)
@@ -76,7 +79,7 @@ def find_borders(
     second = np.flatnonzero(is_second)
     ends, found = yield from last_on_branch(plan, points, edges.at(first), allowance)
 
-    # the second side, where the first has told about where it ends
+    # second sides, limited by the end found from the first
     rank = np.empty(len(near), np.int64)
     rank[first] = np.arange(len(first))
     of_second = edges.at(second)._replace(end=np.minimum(1 - ends[rank[at[second]]], 1.0))
@@ -87,14 +90,14 @@ def find_borders(
 def last_on_branch(
     plan: Plan, points: Points, edges: BorderEdges, allowance: RayBudget
 ) -> Generator[int, None, tuple[Floats, Points]]:
-    """Where (n,) the branch of the near points of edges (n,) ends, and the last points (n,) on it,
-    by bisection.
+    """End (n,) of the near points' branch on edges (n,), and the last points (n,) on it, by
+    bisection.
 
-    They are searched for up to `end`, where the point itself is tried first unless it is the far
-    one. Yields how many rays were traced since.
+    The search is limited by `end`; a place there is tried first, unless it is the far point. Yields
+    the number of rays traced since.
     """
     near, far, course, end = edges
-    # as if there were nothing beyond the points themselves
+    # start with the near points themselves
     start = take(points.view, near)
     way = take(points.view, far) - start
     branch = points.branch[near]
@@ -108,7 +111,9 @@ def last_on_branch(
     least = 2.0**-N_DIGITS
 
     def tried(some: Ints, at: Floats) -> Generator[int, None, Bools]:
-        """Which of some edges (k,) are on their branch so far (k,), 0..1 of the way?"""
+        """Trace some edges (k,) at places (k,), 0..1; returns a mask of edges still on their
+        branch.
+        """
         ends.n_tried[some] += 1
         view = start[some] + at[:, None] * way[some]
         found = yield from trace_points(plan, view, course[some])
@@ -122,7 +127,7 @@ def last_on_branch(
         edges = Halving(start, way, course, branch, ends, least)
         ends = yield from plan.tracer.bisect(plan, edges)
     else:
-        # the ends alone, then halves, all together
+        # first the limits, then halves, all edges together
         nearer = np.flatnonzero(end < 1)
         holds = yield from tried(nearer, end[nearer])
         ends.width[nearer[holds]] = 0.0
@@ -140,7 +145,7 @@ def last_on_branch(
 
 
 def _together(courses: list[Words]) -> Words:
-    """Courses (n, m), of several widths m, one after the other."""
+    """Courses (n, m) of several widths m in one array, padded with 0."""
     width = max(course.shape[1] for course in courses)
     return np.concatenate(
         [np.pad(course, ((0, 0), (0, width - course.shape[1]))) for course in courses]

@@ -1,10 +1,9 @@
-"""Cells as polygons: area, centroid, covariance; squeezed ones made thicker, folded ones parted.
+"""Cells as polygons: area, centroid, covariance; thin ones are widened, folded ones split.
 
-A cell is a small polygon on the viewer's image together with its image on the display. A quad
-whose image is folded, as at a caustic, counts as the two triangles that a diagonal makes of it:
-the sum of its signed parts would lose the area that lies on itself. A triangle squeezed to a line
-or a point has no area to be divided in proportion to, so it is given a width that rounding cannot
-touch.
+A cell is a small polygon on the viewer's image together with its image on the display. A quad with
+a folded image, as at a caustic, counts as the two triangles on either side of a diagonal: the
+signed sum of its parts would lose overlapping area. A triangle squeezed to a line or a point has no
+area to divide in proportion to, so it gets a width well above rounding errors.
 """
 
 from functools import reduce
@@ -15,22 +14,20 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints, take
 
-COUNTED = 1 << 16  # pieces at the least whose shares are counted, if there are more
+COUNTED = 1 << 16  # pieces with counted shares, about; of more a sample is counted
 
-# The slacks of dividing cells, the same in core/native/shares.c.
-# px: a cell that a caustic squeezed thinner than this is spread as if it were this wide
+# Tolerances for the division of cells, the same in core/native/shares.c.
+# px: a cell squeezed thinner than this by a caustic is spread to this width
 THINNEST = 1e-5
 SMALLEST = 1e-14  # of a cell: smaller shares are rounding errors
-LEVEL = 1e-100  # px: an edge that falls by less has no area beside it
-INSIDE = 1e-9  # of a cell: a share's centroid keeps this far from the border
-LEAST_LEAN = 1e-3  # px: an edge that leans less is upright
-FARTHEST = 1e15  # px: beyond it a double cannot tell one pixel from the next
+LEVEL = 1e-100  # px: an edge with a smaller fall bounds no area
+INSIDE = 1e-9  # of a cell: least distance of a share's centroid from the border
+LEAST_LEAN = 1e-3  # px: an edge with less lean is upright
+FARTHEST = 1e15  # px: beyond it a double cannot resolve pixels
 
 
 class Cells(NamedTuple):
-    """Cells with their corners, one corner a row: numbers
-    (c,), display x, y and viewer u, v (k, c).
-    """
+    """Cells with their corners in rows: numbers (c,), display x, y and viewer u, v (k, c)."""
 
     number: Ints
     x: Floats
@@ -39,7 +36,7 @@ class Cells(NamedTuple):
     v: Floats
 
     def pick(self, which: Ints) -> "Cells":
-        # np.take keeps one corner a row in memory too, indexing would not
+        # np.take leaves each corner contiguous, indexing would not
         return Cells(self.number[which], *(np.take(corners, which, axis=1) for corners in self[1:]))
 
     def triangle(self, corners: tuple[int, int, int]) -> "Cells":
@@ -79,11 +76,11 @@ def signed_area(x: Floats, y: Floats) -> Floats:
 
 
 def area_within(x: Floats, y: Floats, size: tuple[int, int]) -> Floats:
-    """Area (c,) of the part of polygons (k, c) that lies in the rectangle from (0, 0) to a size.
+    """Area (c,) of polygons (k, c) within the rectangle from (0, 0) to a size.
 
-    By Green's theorem it is the sum over the edges of the integral of x dy, x and y taken to the
-    rectangle's border where they are beyond it. The integral of a straight edge is closed: with
-    F' = clip(x, 0, w) it is the slope of F between both ends times their height.
+    Green's theorem: the sum over the edges of the integral of x dy, with x and y clamped to the
+    rectangle. The integral over a straight edge has a closed form: with F' = clip(x, 0, w) it is
+    the slope of F between both ends times their height.
     """
     width, height = size
     bx, by = np.roll(x, -1, axis=0), np.roll(y, -1, axis=0)
@@ -92,7 +89,7 @@ def area_within(x: Floats, y: Floats, size: tuple[int, int]) -> Floats:
         slope = (bx - x) / (by - y)
         ends = x + (low - y) * slope, x + (high - y) * slope
         inside = [np.clip(end, 0, width) for end in ends]
-        # F is quadratic in the rectangle, and goes on as a straight line
+        # F is quadratic in the rectangle, and linear beyond
         first, last = (
             0.5 * near**2 + np.maximum(end - width, 0) * width
             for near, end in zip(inside, ends, strict=True)
@@ -109,7 +106,7 @@ def centroid(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     if len(x) == 3:
         return (x[0] + x[1] + x[2]) / 3, (y[0] + y[1] + y[2]) / 3
 
-    # two triangles, weighed by their areas
+    # two triangles, weighted by their areas
     dx = x[1:] - x[0]
     dy = y[1:] - y[0]
     first = cross(dx[0], dy[0], dx[1], dy[1])
@@ -123,8 +120,8 @@ def centroid(x: Floats, y: Floats) -> tuple[Floats, Floats]:
 
 
 def covariance_of(x: Floats, y: Floats) -> NDArray[np.float32]:
-    """Covariance (3, c) of points in triangles or quads (k, c):
-    xx, xy and yy. A quad is taken for a parallelogram.
+    """Covariance (3, c) of points in triangles or quads (k, c): xx, xy and yy. A quad counts as a
+    parallelogram.
     """
     found = np.empty((3, x.shape[1]), np.float32)
 
@@ -138,7 +135,7 @@ def covariance_of(x: Floats, y: Floats) -> NDArray[np.float32]:
         found[2] = (ay * ay + by * by - ay * by) / 18
         return found
 
-    # by the diagonals: the sides of a parallelogram are half their sum and half their difference
+    # from the diagonals: sides of a parallelogram are half their sum and half their difference
     ax = x[2] - x[0]
     ay = y[2] - y[0]
     bx = x[3] - x[1]
@@ -158,17 +155,15 @@ def _corner_areas(x: Floats, y: Floats) -> Floats:
 
 
 def is_unfolded(x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """Whether the bilinear map of a quad (4, c) turns the same
-    way all over: it does where the quad is convex.
-    """
+    """Whether the bilinear map of a quad (4, c) has one orientation: the quad is convex."""
     corner = _corner_areas(x, y)
     extent = np.maximum(np.ptp(x, axis=0), np.ptp(y, axis=0))
     return np.maximum(corner.min(axis=0), -corner.max(axis=0)) > 0.5 * THINNEST * extent
 
 
 def unfolded(quads: Cells) -> tuple[Cells, Cells]:
-    """Two triangles for each quad, by the diagonal that makes
-    the smaller ones: a quad bent in keeps its area.
+    """Two triangles for each quad, by the diagonal with the smaller ones: a concave quad keeps its
+    area.
     """
     corner = np.abs(_corner_areas(quads.x, quads.y))
     turn = np.where(corner[0] + corner[2] < corner[1] + corner[3], 1, 0)
@@ -180,14 +175,14 @@ def unfolded(quads: Cells) -> tuple[Cells, Cells]:
 
 
 def thickened(cells: Cells) -> Cells:
-    """Give triangles squeezed to a line or a point a width that rounding cannot touch.
+    """Widen triangles squeezed to a line or a point, well above rounding errors.
 
-    The width goes to the right (down, for a level line), so that a line along a grid line
-    fills the pixels it bounds on the left or from above, as a point there would.
+    The width goes to the right (down, for a level line): a line along a grid line fills the pixels
+    it bounds on the left or from above, as a point there would.
     """
     x, y = cells.x, cells.y
 
-    # which are thin, and along which of their sides
+    # thin triangles, and their longest sides
     dx = np.roll(x, -1, axis=0) - x
     dy = np.roll(y, -1, axis=0) - y
     lengths = np.sqrt(dx * dx + dy * dy)
@@ -198,7 +193,7 @@ def thickened(cells: Cells) -> Cells:
     if len(thin) == 0:
         return cells
 
-    # the direction of that side; of a point, straight down
+    # direction of the longest side; of a point, straight down
     start, end, apex = ((first[thin] + step) % 3 for step in range(3))
     is_point = longest[thin] < THINNEST
     along_x = np.where(is_point, 0.0, x[end, thin] - x[start, thin])
@@ -207,7 +202,7 @@ def thickened(cells: Cells) -> Cells:
     along_x = along_x / length
     along_y = along_y / length
 
-    # the side as it is, and the corner that is not on it beside it
+    # the longest side stays, and the third corner moves off it
     x = x.copy()
     y = y.copy()
     reach = (x[apex, thin] - x[start, thin]) * along_x + (y[apex, thin] - y[start, thin]) * along_y
@@ -225,11 +220,14 @@ def thickened(cells: Cells) -> Cells:
 def count_shares(
     xy: Floats, pieces: Ints, display_size: tuple[int, int], n_parts: Ints | None = None
 ) -> tuple[Floats, int]:
-    """Approximate number of shares that each of some pieces (n, 4 or 3) of points at xy (p, 2),
-    display px, makes, cut into n_parts a side; and how many pieces each of them stands for, if
-    there are more than `COUNTED`.
+    """Approximate number of shares each of some pieces makes, and the number of pieces it
+    represents, above 1 if there are more than `COUNTED`.
 
-    A convex part wide w and high h, of area a, touches a + w + h + 1 pixels on average.
+    xy : (p, 2) display px of points
+    pieces : (n, 4 or 3) points of their corners
+    n_parts : (n,) parts along each side; None: one
+
+    A convex part of width w, height h and area a touches a + w + h + 1 pixels on average.
     """
     step = 1 + len(pieces) // COUNTED
     some = pieces[::step]
@@ -241,7 +239,7 @@ def count_shares(
 
     area = area_within(*np.moveaxis(corners, 2, 0), display_size)
     area = np.fmin(area, size.prod(axis=1))
-    # of many parts those beside the image make none
+    # parts outside the image make none
     with np.errstate(invalid="ignore", divide="ignore"):
         within = np.nan_to_num((size / (high - low)).prod(axis=1), nan=1.0)
     n_seen = 1 + (parts**2 - 1) * within

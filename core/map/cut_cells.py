@@ -1,4 +1,4 @@
-"""Cuts cells into pieces along borders. These are found on edges, from each side with a landing."""
+"""Cutting of cells into pieces, along borders found on their edges."""
 
 from collections.abc import Generator
 from typing import NamedTuple
@@ -13,10 +13,10 @@ from .ray_budget import RayBudget
 
 
 class Cut(NamedTuple):
-    """Cells (m,) that were cut: all points.
+    """Pieces of cells (m,), and all points.
 
-    pieces, owner : triangles (t, 3), and the cells (t,) they are pieces of
-    lacks (m,) : cells that were not cut, for want of rays
+    pieces, owner : triangles (t, 3), and their cells (t,)
+    lacks : (m,) cells not cut, because they exceed the ray budget
     """
 
     points: Points
@@ -28,10 +28,9 @@ class Cut(NamedTuple):
 def cut_cells(
     plan: Plan, points: Points, cells: Ints, allowance: RayBudget, middle: Ints | None = None
 ) -> Generator[int, None, Cut]:
-    """Cut cells (m, k) whose corners lie on several branches, as far as there is an allowance for
-    the rays.
+    """Cut cells (m, k) with corners on several branches, within the ray budget.
 
-    Cells with four corners have middles (m,), points that were traced.
+    Cells with four corners have middles (m,), traced points.
     """
     cells = cells.astype(np.int64)
     key, of_cell = _sides(points, cells)
@@ -40,13 +39,13 @@ def cut_cells(
     if not len(cells):
         return Cut(points, np.empty((0, 3), np.int64), np.empty(0, np.int64), lacks)
 
-    # each border is searched for once, from each of its two sides that has a landing
+    # each border is searched once from each of its two sides with a landing
     new, number = np.unique(key, return_inverse=True)
     yield 0
     lacks[of_cell[lack(points, *_points_of(new), allowance)[number]]] = True
     yield 0
 
-    # of cells that lack no ray
+    # borders of cells within the budget
     is_wanted = np.zeros(len(new), bool)
     is_wanted[number[~lacks[of_cell]]] = True
     new = new[is_wanted]
@@ -65,25 +64,25 @@ def cut_cells(
 
 
 def around_middles(cells: Ints) -> Ints:
-    """Four triangles (4 m, 3) around the middle of each cell (m, 5), given after its corners."""
+    """Four triangles (4 m, 3) around the middle of each cell (m, 5), which follows its corners."""
     return np.concatenate([cells[:, [4, k, (k + 1) % 4]] for k in range(4)])
 
 
 def _key_of(near: Ints, far: Ints) -> Ints:
-    """A number for an edge between points, by their numbers."""
+    """Key of an edge between points, from their numbers."""
     return near << 32 | far
 
 
 def _points_of(key: Ints) -> tuple[Ints, Ints]:
-    """The near and the far point of edges with such numbers."""
+    """Near and far points of edges with such keys."""
     return key >> 32, key & 0xFFFFFFFF
 
 
 def _sides(points: Points, cells: Ints) -> tuple[Ints, Ints]:
-    """Keys (e,) of the edges of cells (m, k) on which a branch ends, from its side, and the
-    cells (e,) that they are of.
+    """Keys (e,) of the edges of cells (m, k) on which a branch ends, from its side, and the cell
+    (e,) of each.
     """
-    # edge by edge: numpy is slow where rows are four numbers long
+    # edge by edge: numpy is slow on rows of four numbers
     corners = np.ascontiguousarray(cells.T)
     branch = points.branch[corners]
     keys = [np.empty(0, np.int64)]
@@ -101,19 +100,19 @@ def _sides(points: Points, cells: Ints) -> tuple[Ints, Ints]:
 def _cut(
     points: Points, cells: Ints, border: Ints, first: int, middle: Ints | None
 ) -> Generator[int, None, tuple[Ints, Ints]]:
-    """Triangles (t, 3) of cells (m, k), and the cells (t,) they are pieces of.
+    """Triangles (t, 3) of cells (m, k), and the cell (t,) of each.
 
-    A cell's outline has 3 k places: each corner, then for the edge that follows it the last point
-    on the corner's own branch and the first on the next corner's. The places on one branch, in
-    order, are a convex piece.
+    A cell's outline has 3 k places: each corner, then on the edge after it the last point on the
+    corner's own branch and the first on the next corner's. The places on one branch, in order, form
+    a convex piece.
 
-    border : (b,) keys of the edges with a border, sorted: its points are those from `first` on
+    border : (b,) sorted keys of the edges with a border, whose points are those from `first` on
     """
     branch = points.branch[cells]
     following = np.roll(cells, -1, axis=1)
     differs = branch != np.roll(branch, -1, axis=1)
 
-    # places: 0 where there is none, else 1 + index of the point
+    # places: 0 for none, else 1 + index of the point
     places = np.zeros((*cells.shape, 3), np.int64)
     places[:, :, 0] = np.where(branch != 0, cells + 1, 0)
     for place, near, far in ((1, cells, following), (2, following, cells)):
@@ -133,8 +132,8 @@ def _cut(
 
 
 def _fans(places: Ints, is_member: Bools) -> tuple[Ints, Ints]:
-    """Triangles (t, 3) of convex polygons, whose corners are the
-    members of each row in order, and the rows (t,).
+    """Triangles (t, 3) of convex polygons, and their rows (t,). Corners are the members of a row,
+    in order.
     """
     members = places[is_member]
     n_corners = is_member.sum(axis=1)
@@ -151,10 +150,10 @@ def _fans(places: Ints, is_member: Bools) -> tuple[Ints, Ints]:
 
 
 def _groups(points: Points, cells: Ints, middle: Ints | None) -> Ints:
-    """For each corner (m, k) the first corner whose piece it belongs to; -1 without a landing.
+    """First corner (m, k) of the piece each corner belongs to; -1 without a landing.
 
-    Opposite corners on one branch between two that are not
-    belong together only when the middle (m,) is on it too.
+    Opposite corners on one branch, between two on others, belong together only if the middle (m,)
+    is on it, too.
     """
     branch = points.branch[cells]
     same = branch[:, :, None] == branch[:, None, :]
@@ -164,7 +163,7 @@ def _groups(points: Points, cells: Ints, middle: Ints | None) -> Ints:
         opposite = np.abs(corner[:, None] - corner) == 2
         beside = same & ~opposite & ~np.eye(k, dtype=bool)
 
-        # where both corners of the other branch stand alone the middle decides
+        # if both corners of the other branch are isolated, the middle decides
         alone = ~beside.any(axis=2)
         saddle = ((same & opposite).any(axis=2) & alone & (branch != 0)).any(axis=1)
         holds = points.branch[middle[saddle]][:, None] == branch[saddle]

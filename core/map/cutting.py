@@ -1,8 +1,8 @@
-"""Where branches meet: a pixel whose corners lie on several branches is cut along the borders.
+"""Cutting of pixels whose corners lie on several branches, along the borders of the branches.
 
-Corners do not know all that goes on within a pixel. A ray through its middle tells: where it misses
-its piece by more than the tolerance the pixel is quartered. Where light is chaotic that has no end,
-and where borders take more rays than a pixel is allowed: such pixels are sampled.
+Corners do not show everything within a pixel. A ray through its middle checks them: if it misses
+its piece by more than the tolerance, the pixel is quartered. In chaotic light this would never end,
+and some borders need more rays than a pixel may take: such pixels are sampled.
 """
 
 from collections.abc import Generator
@@ -19,17 +19,17 @@ from .cut_cells import around_middles, cut_cells
 from .points import Points, areas, in_triangles, is_seen, trace_points
 from .ray_budget import RayBudget
 
-# pixels of a square that may be in doubt, as where edges meet, which is no chaos
+# pixels in doubt that a square may have without being chaotic, as where edges meet
 N_DOUBTFUL = 1
-# display px between samples, the median of pixels on one branch: further apart they leave gaps
+# display px between samples, the median of pixels on one branch: beyond it they leave gaps
 APART_PX = 1.25
-LEAST_ALONG = 4  # samples along a pixel's side for that median: less Effort is set to be faster
-GAP_SHARE = 1 / 16  # of a cell: less that its pieces leave out is light that is not missed
+LEAST_ALONG = 4  # samples along a pixel's side for this median: less Effort is meant to be faster
+GAP_SHARE = 1 / 16  # of a cell: a smaller part left out by its pieces is ignored
 
 
 def is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
-    """Do samples of pixels like these (m, 4), each on one branch, light all of the display, without
-    gaps?
+    """Whether samples of pixels such as these (m, 4), each on one branch, light all of the display
+    without gaps.
     """
     lit = pixels[points.branch[pixels[:, 0]] != 0]
     if not len(lit):
@@ -40,8 +40,8 @@ def is_dense(plan: Plan, points: Points, pixels: Ints) -> bool:
 
 
 def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: RayBudget) -> Steps[Bools]:
-    """Which square cells (m, 4) with middles (m,) have no rays left for the corners and the
-    middles of their quarters?
+    """Mask of square cells (m, 4), with middles (m,), without enough rays for the corners and the
+    middles of their quarters.
     """
     corners = take(points.view, cells)
     halfway = (corners + np.roll(corners, -1, axis=1)) / 2
@@ -54,17 +54,18 @@ def lack_quarters(points: Points, cells: Ints, middle: Ints, allowance: RayBudge
 def quartered(
     plan: Plan, points: Points, cells: Ints, middle: Ints, allowance: RayBudget
 ) -> Generator[int, None, tuple[Points, Ints, Ints]]:
-    """The quarters (4 m, 4) of square cells (m, 4), given their middles; and all
-    points, among them the middles (4 m,) of the quarters.
+    """All points, the quarters (4 m, 4) of square cells (m, 4), and the quarters' middles (4 m,).
+
+    middle : (m,) of the cells, traced already
     """
     if not len(cells):
         return points, cells, middle
 
-    # points between the corners, each once
+    # points between the corners, once each
     view = take(points.view, cells)
     halfway = (view + np.roll(view, -1, axis=1)) / 2
 
-    # they lie on a grid so fine: whole numbers are told apart faster than places
+    # on a grid of half steps: integers compare faster than coordinates
     column, row = np.moveaxis(2 * halfway, 2, 0).astype(np.int64)
     _, first, number = np.unique(row << 32 | column, return_index=True, return_inverse=True)
     yield 0
@@ -74,10 +75,10 @@ def quartered(
         np.stack([cells[:, k], number[:, k], middle, number[:, k - 1]], axis=1) for k in range(4)
     ]
 
-    # each begins at its corner of the whole: turned back, so that all begin at the upper left
+    # each starts at its corner of the cell: rotated to start at the upper left one
     quarters = np.concatenate([np.roll(q, k, axis=1) for k, q in enumerate(quarters)])
 
-    # with their middles, in one go
+    # in one batch with their middles
     middles = mean_at(np.concatenate([points.view, halfway]), quarters)
     asked = np.concatenate([halfway, middles])
     allowance.take(asked)
@@ -90,11 +91,13 @@ def quartered(
 
 @dataclass(frozen=True, eq=False)
 class CutPixels:
-    """Pixels cut in pieces: all points; indices of corners of whole
-    pixels and quarters (q, 4), of other pieces (t, 3).
+    """Pixels cut into pieces.
 
-    chaotic (c, 4) : cells that are not cut, because light is chaotic there
-    allowance : what is left of it
+    points : all of them
+    quads : (q, 4) corners of whole pixels and quarters
+    triangles : (t, 3) corners of other pieces
+    chaotic : (c, 4) corners of cells in chaotic light, not cut
+    allowance : the remaining ray budget
     """
 
     points: Points
@@ -107,7 +110,7 @@ class CutPixels:
 class _Parts(NamedTuple):
     """Pixels, or quarters of them, to be cut: indices of corners (m, 4) and middles (m,).
 
-    is_calm (m,) : they are cut while there are rays left
+    is_calm : (m,) they are cut while rays are left
     """
 
     corners: Ints
@@ -119,12 +122,13 @@ class _Parts(NamedTuple):
 
 
 class _CutSamples(NamedTuple):
-    """What was found by cutting cells (m,).
+    """Result of cutting cells (m,).
 
-    is_one : corners on one branch; off : display px by which the middle is missed, as of `_missed`
+    is_one : corners on one branch
+    off : display px by which the middle is missed, as in `_missed`
     has_gaps : pieces leave out a lit part
-    lacks : they were not cut, since that takes more rays than are left to their pixels
-    pieces, owner : (t, 3) lit pieces of those that are not one, and the cells (t,) they are of
+    lacks : not cut, because they exceed the rays left to their pixels
+    pieces, owner : (t, 3) lit pieces of cells on several branches, and the cell (t,) of each
     """
 
     is_one: Bools
@@ -136,23 +140,22 @@ class _CutSamples(NamedTuple):
 
 
 class Cutting:
-    """Cuts pixels (m, 4) whose corners lie on several branches along the borders between them: a
-    round for the pixels, one for their quarters, and a last one.
+    """Cuts pixels (m, 4) with corners on several branches along the borders between them: a round
+    for the pixels, one for their quarters, and a last one.
 
-    A ray through the middle tells whether more goes on than the corners know. Where it takes
-    another branch than the piece it lies in, or lands further than the tolerance from where it was
-    expected, the pixel is quartered. Of cells that are still off then four triangles around the
-    middle are cut.
+    A ray through the middle checks each pixel. If it takes another branch than the piece it lies
+    in, or lands further than the tolerance from the expected place, the pixel is quartered. Cells
+    still off after the second round are cut as four triangles around the middle.
 
-    Bisection has no end where light is chaotic. If more than a few pixels of a square (m,), by
-    number, are in doubt, its mixed quarters are not cut, and pixels of which the pieces leave out a
-    part, though all corners are lit: else light would be lost. If samples would leave gaps on the
-    display, all are cut. Nor are pixels and quarters whose
-    borders take more rays than the allowance of a pixel has left.
+    Bisection has no end in chaotic light. If more than a few pixels of a square (m,), by number,
+    are in doubt, two kinds of cells are sampled instead: its mixed quarters, and pixels with all
+    corners lit whose pieces leave out a part, or light would be lost. If samples would leave gaps
+    on the display, all are cut. Pixels and quarters are also sampled if their borders exceed the
+    rays left to the pixel.
 
     is_coarse : no pixel is quartered
-    last : (n, 5) corners and middles of cells that are cut around their middles at the end
-    rough : (t, 4) the pieces of these by their corners alone, and the numbers of the cells
+    last : (n, 5) corners and middles of cells to be cut around their middles at the end
+    rough : (t, 4) their pieces by the corners alone, and the numbers of the cells
     """
 
     def __init__(self, plan: Plan, points: Points, is_coarse: bool) -> None:
@@ -165,7 +168,7 @@ class Cutting:
         self.rough: list[Ints] = []
 
     def pixels(self, corners: Ints, square: Ints) -> Generator[int, None, _Parts]:
-        """Cut pixels (m, 4) in squares (m,), by number; the cells that are to be quartered."""
+        """Cut pixels (m, 4) in squares (m,), by number; returns the cells to be quartered."""
         middle = mean_at(self.points.view, corners)
         self.allowance.take(middle)
         found = yield from trace_points(self.plan, middle)
@@ -176,7 +179,7 @@ class Cutting:
         found = yield from self._cut(cells)
         yield 0
 
-        # calm where few are in doubt: not by cells that are only bent by more than the tolerance
+        # calm if few are in doubt; cells bent by more than the tolerance do not count
         in_doubt = (found.has_gaps | np.isinf(found.off)) & ~found.lacks
         n_in_doubt = np.bincount(square, in_doubt)
         is_dense_enough = is_dense(self.plan, self.points, corners[found.is_one])
@@ -203,7 +206,7 @@ class Cutting:
         yield from self._settled(cells, found, is_last=True)
 
     def finished(self) -> Generator[int, None, CutPixels]:
-        """Cut what is left."""
+        """Cut the remaining cells."""
         yield 0
         last = np.concatenate(self.last)
         of_last = yield from self._cut_last(last)
@@ -212,7 +215,7 @@ class Cutting:
         return CutPixels(self.points, quads, triangles, chaotic, self.allowance)
 
     def _cut(self, cells: _Parts) -> Generator[int, None, _CutSamples]:
-        """Cut cells on several branches, and compare all with their middles."""
+        """Cut cells on several branches, and compare all cells with their middles."""
         plan = self.plan
         branch = self.points.branch[cells.corners]
         is_one = (branch == branch[:, :1]).all(axis=1)
@@ -240,7 +243,7 @@ class Cutting:
         return _CutSamples(is_one, off, gaps, lacks, cut.pieces, mixed[cut.owner])
 
     def _settled(self, cells: _Parts, found: _CutSamples, is_last: bool) -> Steps[_Parts]:
-        """Take up the pieces, and hand on the cells that are to be quartered: none in the end."""
+        """Store the pieces; returns the cells to be quartered, none in the last round."""
         again = found.off > self.plan.settings.tolerance
 
         # sampled
@@ -248,13 +251,13 @@ class Cutting:
         is_sampled = found.lacks | (is_tangled & ~cells.is_calm)
         self.chaotic.append(cells.corners[is_sampled])
 
-        # as they are
+        # used as they are
         is_lit = self.points.branch[cells.corners[:, 0]] != 0
         self.quads.append(cells.corners[found.is_one & is_lit & ~again])
         self.triangles.append(found.pieces[~(again | is_sampled)[found.owner]])
         yield 0
 
-        # their quarters want rays, too
+        # quarters need rays, too
         again &= ~is_sampled
         simple = again & (not is_last)
         parts = np.flatnonzero(simple)
@@ -275,7 +278,7 @@ class Cutting:
         return cells.at(np.flatnonzero(simple))
 
     def _cut_last(self, last: Ints) -> Generator[int, None, Ints]:
-        """Pieces (t, 3) of cells (n, 5), around their middles, or where rays lack by corners."""
+        """Pieces (t, 3) of cells (n, 5): around their middles, or by corners if rays run out."""
         triangles = around_middles(last)
         branch = self.points.branch[triangles]
         is_one = (branch == branch[:, :1]).all(axis=1)
@@ -300,8 +303,9 @@ class Cutting:
 
 
 def has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
-    """Do the pieces (t, 3) of cells (m, 4) that own them (t,)
-    leave out a part of one with all corners lit?
+    """Mask of cells (m, 4) with all corners lit whose pieces (t, 3) leave out a part.
+
+    owner : (t,) cell of each piece
     """
     covered = np.bincount(owner, areas(points.view, pieces), len(cells))
     side = points.view[cells[:, 1], 0] - points.view[cells[:, 0], 0]
@@ -309,8 +313,8 @@ def has_gaps(points: Points, cells: Ints, pieces: Ints, owner: Ints) -> Bools:
 
 
 def missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) -> Floats:
-    """By how much (m,), display px, the corners of cells (m, 4) on
-    one branch each miss their middles, as `_missed`.
+    """Distance (m,), display px, of the middles from the means of the corners of cells (m, 4), each
+    on one branch, as `_missed`.
     """
     return _missed(plan, points.branch[cells[:, 0]], mean_at(points.xy, cells), middle)
 
@@ -318,10 +322,10 @@ def missed_by_corners(plan: Plan, points: Points, cells: Ints, middle: Points) -
 def missed_by_pieces(
     plan: Plan, points: Points, pieces: Ints, owner: Ints, middle: Points
 ) -> Floats:
-    """By how much (m,), display px, pieces (t, 3) of cells that
-    own them (t,) miss their middles, as `_missed`.
+    """Distance (m,), display px, of cells' middles from their places in pieces (t, 3), as
+    `_missed`.
 
-    A middle that no piece holds is expected to be dark.
+    owner : (t,) cell of each piece. A middle outside all pieces is expected to be dark.
     """
     branch = np.zeros(len(middle), np.uint64)
     xy = np.full((len(middle), 2), np.nan)
@@ -333,10 +337,9 @@ def missed_by_pieces(
 
 
 def _missed(plan: Plan, branch: Words, xy: Floats, middle: Points) -> Floats:
-    """By how much (m,), display px, middles miss the places xy
-    (m, 2) where they are expected, on branches (m,).
+    """Distance (m,), display px, of middles from their expected places xy (m, 2) on branches (m,).
 
-    inf on another branch, 0 beside the display.
+    inf on another branch, 0 outside the display.
     """
     seen = is_seen(xy, middle.xy, (plan.rig.display.width, plan.rig.display.height))
     off = np.where(seen, np.nan_to_num(np.linalg.norm(xy - middle.xy, axis=1)), 0.0)

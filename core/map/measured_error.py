@@ -1,4 +1,4 @@
-"""Errors of a view map at random places, traced for this alone."""
+"""Error of a view map, measured with additional rays at random places."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from .points import is_in_image, is_seen, trace_points
 from .smooth_cells import Squares
 from .view_map import MapError, ViewMap
 
-N_PLACES = 1024  # of smooth squares and of pixels, each, at which a map is checked
-N_PLACES_EACH = 16  # of a square or a pixel, where they are few
-QUANTILE = 0.999  # of the error, that keeps to the tolerance
-TINY = 1e-300  # of an area that is divided by
+N_PLACES = 1024  # smooth squares, and pixels, at which a map is checked
+N_PLACES_EACH = 16  # in each square or pixel, if there are few
+QUANTILE = 0.999  # of the error, to be within the tolerance
+TINY = 1e-300  # px^2: avoids divisions by 0
 
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Random places: viewer px (n, 2), the area (n,), px^2, that each stands for.
+    """Random places: viewer px (n, 2), and the area (n,), px^2, each represents.
 
-    is_one (n,) : in a pixel whose corners lie on one branch
-    is_in_glass (n,) : in no pixel whose corners are all beside the glass
+    is_one : (n,) in a pixel with corners on one branch
+    is_in_glass : (n,) not in a pixel with all corners outside the glass
     """
 
     at: Floats
@@ -41,14 +41,14 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     found = yield from trace_points(plan, places.at)
     display_size = view_map.display_size
 
-    # where the map has them
+    # landings by the map
     yield 0
     expected = yield from view_map.lookup.by_cells(places.at)
     yield 0
     is_sampled = np.zeros(len(places.at), bool)
     is_sampled[view_map.lookup.nearest_samples(places.at, np.isnan(expected[:, 0]))[0]] = True
 
-    # places that show the display; light beside the glass carries no picture
+    # places that show the display; light past the glass carries no picture
     seen = is_seen(expected, found.xy, display_size) & is_in_image(places.at, view_map.view_size)
     seen &= places.is_in_glass | (found.reason != Reason.MISSED_GLASS)
 
@@ -56,7 +56,7 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
     sampled = float(places.area[seen & is_sampled].sum() / whole)
     seen &= ~is_sampled
 
-    # display px; seen by one account only, however far away by the other
+    # display px; inf if only the map or only the ray lands on the display
     off = np.nan_to_num(np.linalg.norm(expected - found.xy, axis=1)[seen], nan=np.inf)
     both = is_in_image(expected, display_size) & is_in_image(found.xy, display_size)
     off[~both[seen] & (off > view_map.tolerance)] = np.inf
@@ -84,7 +84,7 @@ def measure(plan: Plan, view_map: ViewMap, pixels: Ints) -> Generator[int, None,
 
 
 def checked(plan: Plan, view_map: ViewMap) -> Steps[ViewMap]:
-    """A map with its errors, which are measured unless they are known."""
+    """The map with its errors, measured now unless done before."""
     if view_map.unchecked is None:
         return view_map
     return view_map.with_error((yield from measure(plan, view_map, view_map.unchecked)))
@@ -95,13 +95,13 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
     random = np.random.default_rng(0)
     points = view_map.points
 
-    # light beside the glass carries no picture
+    # light past the glass carries no picture
     has_picture = ~view_map.is_beside_glass(view_map.nodes[:, 0])
     smooth = Squares(view_map.corner, view_map.size).at(has_picture)
 
     n_smooth, n_pixels = (min(N_PLACES, N_PLACES_EACH * len(kind)) for kind in (smooth, pixels))
 
-    # squares by their area, pixels all alike
+    # squares in proportion to area, pixels equally
     squares = smooth.at(
         random.choice(len(smooth), n_smooth, p=smooth.size**2 / (smooth.size**2).sum())
         if n_smooth
@@ -127,15 +127,13 @@ def _places(view_map: ViewMap, pixels: Ints) -> _Places:
 
 
 def _rms(off: Floats, area: Floats) -> float:
-    """Root mean square of errors (n,) over areas (n,), as far as they are known."""
+    """Root mean square of the finite errors (n,) over areas (n,)."""
     known = np.isfinite(off)
     return float(np.sqrt((area[known] * off[known] ** 2).sum() / max(area[known].sum(), TINY)))
 
 
 def _quantile(off: Floats, area: Floats, share: float) -> float:
-    """The error that this share of the area stays below, as far as errors are known; 0
-    without any.
-    """
+    """Quantile of the finite errors (n,) over areas (n,); 0 without any."""
     known = np.isfinite(off)
     off = off[known]
     area = area[known]

@@ -1,6 +1,4 @@
-"""Divides cells among display pixels, and adds shares up,
-as `rasterise.py` and `shares.py` do, one by one.
-"""
+"""Kernel calls to divide cells among display pixels, and to add up shares."""
 
 import ctypes
 from collections.abc import Iterator, Sequence
@@ -15,14 +13,12 @@ from ..native.loading import library, loaded, n_threads
 from ..native.structures import DivisionStructure, Made, SumStructure
 
 LEAST_ROOM = 256  # shares
-GUESSED = 256  # cells at the least by which the shares of a lot are guessed
-ROOMIER = 1.05  # times as much room as the guess: where it runs short, one thread goes on
+GUESSED = 256  # cells used to estimate the shares of a lot, at least
+ROOMIER = 1.05  # room over the estimate: if it is too small, one thread continues alone
 
 
 class Divided(NamedTuple):
-    """Shares, as `shares.Shares` has them, and the number (n,) of the cell of each, where it is
-    asked for.
-    """
+    """Shares, as in `shares.Shares`, and the cell number (n,) of each, if requested."""
 
     display_index: NDArray[np.integer]
     view_xy: Floats
@@ -33,12 +29,12 @@ class Divided(NamedTuple):
 
 
 def index_type(size: tuple[int, int]) -> type[np.signedinteger]:
-    """The integers that number the pixels of an image of a size (width, height)."""
+    """Integer type for the pixel numbers of an image of a size (width, height)."""
     return np.int32 if size[0] * size[1] <= np.iinfo(np.int32).max else np.int64
 
 
 def can_divide(view_polygons: Floats, display_polygons: Floats) -> bool:
-    """Can the kernel divide such cells?"""
+    """Whether the kernel can divide such cells."""
     shape = np.shape(display_polygons)
     return (
         library() is not None and shape[1:] in {(3, 2), (4, 2)} and np.shape(view_polygons) == shape
@@ -51,17 +47,17 @@ def divided(
     at_once: int,
     is_numbered: bool = True,
 ) -> Iterator[tuple[int, Divided]]:
-    """Shares of cells, no more than so many at once, and the number of the lot that they are of.
+    """Shares of cells, at most `at_once` together, and the number of their lot.
 
-    Lots are divided side by side, from this call on, by all threads but the caller's, which is free
-    until it asks for the first of them. They come in their order.
+    All threads but the caller's start to divide the lots with this call. The caller is free until
+    it requests the first shares. Lots come in order.
 
     Parameters
     ----------
     lots : polygons on the viewer's image and on the display, as for `rasterise.parts_by_rows`
-    is_numbered : is the number of each share's cell asked for?
+    is_numbered : whether to return the cell number of each share
     """
-    # side by side, as far as there is room
+    # all lots at once, within the estimated room
     pixels = index_type(display_size)
     made = [_lot_of(display_size, *lot) for lot in lots]
     divisions = (DivisionStructure * len(made))(*(lot.structure for lot in made))
@@ -75,7 +71,7 @@ def divided(
 
 
 class _Begun:
-    """Lots that other threads divide until `end`, or until nobody wants them any more."""
+    """Lots in work by other threads, until `end` or until this object is deleted."""
 
     def __init__(
         self, divisions: ctypes.Array, made: Sequence[Made], shares: list[Divided]
@@ -83,29 +79,29 @@ class _Begun:
         self.divisions, self.made, self.shares = divisions, made, shares
         at = ctypes.addressof(divisions), len(divisions)
         self._work = loaded().kiriko_begin_division(*at, n_threads())
-        # what they read and write is held as long as they do
+        # holds the arrays of the threads as long as they run
         self._left = finalize(self, _leave, self._work, divisions, made, tuple(shares))
 
     def end(self) -> None:
-        """Divide what is left, and wait for the other threads."""
+        """Divide the remaining lots, and wait for the other threads."""
         self._left.detach()
         loaded().kiriko_end(self._work, 1)
-        if not self._work:  # for want of memory
+        if not self._work:  # out of memory
             loaded().kiriko_divide(ctypes.addressof(self.divisions), len(self.divisions))
 
 
 def _leave(work: int | None, *_: object) -> None:
-    """Have the other threads stop, each after its lot."""
+    """Stop the other threads, each after its lot."""
     loaded().kiriko_end(work, 0)
 
 
 def _parts_of(
     begun: _Begun, pixels: type[np.signedinteger], at_once: int, is_numbered: bool
 ) -> Iterator[tuple[int, Divided]]:
-    """What `divided` gives of lots that are begun."""
+    """Results of `divided` from lots in work."""
     begun.end()
     kernel, shares = loaded(), begun.shares
-    # one by one, where more has to be made room for
+    # one by one, if a lot needs more room
     for number, division in enumerate(begun.divisions):
         room = division.room
         if division.n:
@@ -121,7 +117,7 @@ def _parts_of(
 def can_add(
     image: NDArray[np.floating], index: NDArray[np.integer], weights: NDArray[np.floating]
 ) -> bool:
-    """Can the kernel add such weights to such an image?"""
+    """Whether the kernel can add such weights to such an image."""
     is_known = (
         image.dtype == np.float64
         and index.dtype in (np.int32, np.int64)
@@ -131,10 +127,10 @@ def can_add(
 
 
 def add(*sums: tuple[Floats, NDArray[np.integer] | Floats, Floats]) -> None:
-    """Add weights to several images, no two of them the same, side by side.
+    """Add weights to several different images at once.
 
-    sums : for each an image (h, w), in one piece; pixels (n,), int32 or int64, or places (n, 2) on
-        it, px, that count for the pixel that holds them, or is nearest to them; weights (n,)
+    sums : for each an image (h, w), contiguous; pixels (n,), int32 or int64, or places (n, 2), px,
+        each counted for the pixel around it, or nearest to it; weights (n,)
     """
     structures = (SumStructure * len(sums))()
     held = []  # until they are added
@@ -153,9 +149,9 @@ def add(*sums: tuple[Floats, NDArray[np.integer] | Floats, Floats]) -> None:
 
 
 def find_across(lines: Floats, polygons: Floats, on_line: float) -> NDArray[np.int64]:
-    """Which polygons (n, k, 2) lie on both sides of an outline, as `outline.py` tells it.
+    """Indices of polygons (n, k, 2) on both sides of an outline, as in `outline.py`.
 
-    lines : (l, 3) of the outline; on_line : a corner nearer than that to a line is on it
+    lines : (l, 3) of the outline; on_line : a corner nearer than this to a line is on it
     """
     lines, polygons = (np.ascontiguousarray(values, float) for values in (lines, polygons))
     n, k, _ = polygons.shape
@@ -181,7 +177,8 @@ def _lot_of(display_size: tuple[int, int], view_polygons: Floats, display_polygo
 
 
 def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
-    """About how many shares polygons (n, k, 2) on the display make at the most, by some of them.
+    """Upper estimate of the number of shares of polygons (n, k, 2) on the display, from some of
+    them.
 
     The box around one, w wide and h high, touches (w + 1) (h + 1) pixels on average.
     """
@@ -200,7 +197,7 @@ def _guess(display_size: tuple[int, int], polygons: Floats) -> int:
 def _room_for(
     n: int, pixels: type[np.signedinteger], division: ctypes.Structure, is_numbered: bool
 ) -> Divided:
-    """Arrays for n shares, which a division puts down there, as long as these are kept."""
+    """Arrays for n shares, as output of a division; they must live as long as it runs."""
     shares = Divided(
         np.empty(n, pixels),
         np.empty((n, 2)),
@@ -221,11 +218,11 @@ def _room_for(
 
 
 def _first_of(shares: Divided, n: int) -> Divided:
-    """The first n shares; copies, where most of the room is empty, so that it can be let go."""
+    """The first n shares; copies if most of the room is empty, to free it."""
     is_empty = 2 * n < len(shares.area)
 
     def first(values: NDArray | None) -> NDArray | None:
-        """Those along the last axis, but for places, which are rows."""
+        """The first n along the last axis; places are rows."""
         if values is None:
             return None
         some = values[:n] if values is shares.view_xy else values[..., :n]

@@ -1,16 +1,15 @@
-"""Quads and triangles, of which a view map is made where shares are asked for.
+"""Quads and triangles of a view map, made when shares are needed, with squares around samples.
 
-A sample stands for all light of its stratum, of which it knows one landing. Where samples land far
-apart, and from all over the view, a display pixel would show the colours of the few that happen to
-land in it, or nothing. So each lights a square around its landing, as wide as it takes for some of
-them to light each place: an estimate of density by nearest neighbours (Loftsgaarden and Quesenberry
-1965; Silverman 1986, chapter 5). Light is moved by half a width at the most, and none is lost.
+A sample represents all light of its stratum, but has one landing only. If samples land far apart,
+and from all over the view, a display pixel would show the colours of the few that happen to land in
+it, or nothing. So each lights a square around its landing, wide enough for several of them to light
+each place: a density estimate by nearest neighbours (Loftsgaarden and Quesenberry 1965; Silverman
+1986, chapter 5). Light moves by half a width at most, and none is lost.
 
-Where samples that land close together come from close together, as through facets that show parts
-of the picture side by side, their colours are to be told apart, not mixed. That is known by the
-variance of their places on the view: within small blocks of the display it is less than in large
-ones there, and the same where light is mixed. There, and where next to none land, each sample
-lights the pixel that it lands in.
+If samples land close together and come from close together, as through facets with parts of the
+picture side by side, their colours must not be mixed. The variance of their places on the view
+shows this: it is less within small blocks of the display than in large ones there, but equal if
+light is mixed. In such blocks, and where hardly any land, each sample lights the pixel it lands in.
 """
 
 from functools import lru_cache
@@ -25,14 +24,14 @@ from . import smooth_cells
 from .points import Points, is_in_image
 
 UNIT_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # its corners
-# Light between the nodes of a cell is taken to be so many times as faint as at the faintest, or as
-# bright as at the brightest, and no more: smooth light is far from it.
+# Light between the nodes of a cell is limited to this factor below its faintest and above its
+# brightest node: smooth light is far from it.
 SWING = 2.0
-TOGETHER = 16  # about so many samples light a place
+TOGETHER = 16  # samples that light a place, about
 MOST_PX = 16  # display px, side of the widest squares around samples, a power of two
 LEAST_PX = 0.25  # display px, of samples that light their pixel alone
-# light is mixed where the variance in smaller blocks is at least so many times that in a large one,
-# which is known with so many degrees of freedom
+# light is mixed if the variance in smaller blocks is at least this fraction of a large block's,
+# estimated with at least this many degrees of freedom
 MIXED = 0.7
 LEAST_FREE = 8
 
@@ -40,8 +39,9 @@ LEAST_FREE = 8
 class Piece(NamedTuple):
     """Some pieces of a view map: quads or triangles.
 
-    view, display : (n, 4 or 3, 2) corners, viewer px and display px; throughput : (n,)
-    branch : (n,) uint64, the same for all that show the display by way of the same surfaces
+    view, display : (n, 4 or 3, 2) corners, viewer px and display px
+    throughput : (n,)
+    branch : (n,) uint64, equal for pieces seen through the same surfaces
     """
 
     view: Floats
@@ -50,12 +50,12 @@ class Piece(NamedTuple):
     branch: NDArray[np.uint64]
 
     def at(self, which: Bools | Ints) -> "Piece":
-        """Some of these pieces."""
+        """A subset of the pieces."""
         return Piece(*(take(values, which) for values in self))
 
 
 def polygons(points: Points, corners: Ints) -> Piece:
-    """Pieces with these points (n, 4 or 3) as corners."""
+    """Pieces with points (n, 4 or 3) as corners."""
     return Piece(
         view=take(points.view, corners),
         display=take(points.xy, corners),
@@ -67,9 +67,10 @@ def polygons(points: Points, corners: Ints) -> Piece:
 def squares_around(
     samples: Points, area: Floats, width: Floats, display_size: tuple[int, int]
 ) -> Piece:
-    """Squares around samples (n,) as large as their strata (n,), viewer px^2, and around their
-    landings, so wide (n,), display px: as far as these lie in the display, or, where they are
-    narrower than a pixel, in that pixel.
+    """Squares with the area (n,), viewer px^2, of samples' strata around their places, and of some
+    width (n,), display px, around their landings.
+
+    They are clipped to the display, or to the landing's pixel if narrower than a pixel.
     """
     reach = width[:, None] / 2
     pixel = np.minimum(np.floor(samples.xy), np.array(display_size) - 1)
@@ -88,9 +89,8 @@ def squares_around(
 
 
 def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Floats]:
-    """Sides (s,), display px, of the squares over which samples at viewer px (s, 2) that land at
-    display px (s, 2) are spread; 0 for those that land beside the display or nowhere. Pauses on the
-    way.
+    """Sides (s,), display px, of the squares lit by samples at viewer px (s, 2) with landings at
+    display px (s, 2); 0 for landings outside the display, or none. With pauses.
     """
     found = np.zeros(len(xy))
     lit = np.flatnonzero(is_in_image(xy, display_size))
@@ -101,7 +101,7 @@ def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Flo
     most = np.full(len(lit), float(MOST_PX))
     yield 0
 
-    # of ever smaller blocks around the landing the smallest that has so many
+    # the smallest block around the landing with enough samples
     side = MOST_PX
     while side:
         x, y = column // side, row // side
@@ -110,7 +110,7 @@ def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Flo
             large, least_variance = block, MIXED * _variance(view, block, block)
         n = np.bincount(block)[block]
         has_many = n >= TOGETHER
-        # the last blocks may reach beyond the display
+        # the last blocks may extend beyond the display
         area = np.minimum(side, columns - side * x) * np.minimum(side, rows - side * y)
         width[has_many] = np.sqrt(area * TOGETHER / n)[has_many]
         yield 0
@@ -123,8 +123,10 @@ def widths(view: Floats, xy: Floats, display_size: tuple[int, int]) -> Steps[Flo
 
 
 def _variance(view: Floats, block: Ints, large: Ints) -> Floats:
-    """Of viewer px (s, 2) within blocks (s,), of all blocks in each large one (l,), by the numbers
-    (s,) of these; NaN where it is not known.
+    """Variance (l,) of viewer px (s, 2) within blocks (s,), over the blocks of each large one; NaN
+    if unknown.
+
+    large : (s,) number of the large block
     """
     n = np.maximum(np.bincount(block), 1)
     squared = sum((along - (np.bincount(block, along) / n)[block]) ** 2 for along in view.T)
@@ -139,11 +141,11 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
 
     corner, size, nodes : (n, 2), (n,) viewer px, (n, 25) indices of points
     """
-    # landings and throughput on a grid of each cell
+    # landings and throughput on a grid in each cell
     values = np.concatenate([take(points.xy, nodes), points.throughput[nodes][..., None]], axis=2)
     landed = smooth_cells.on_grid(values, m)
 
-    # where light falls steeply, quartics swing beyond their nodes, and might swing below nothing
+    # quartics overshoot their nodes where light falls steeply, possibly below 0
     faintest, brightest = (of(values[..., 2], axis=1)[:, None, None] for of in (np.min, np.max))
     throughput = np.clip(landed[..., 2], faintest / SWING, brightest * SWING)
 
@@ -163,7 +165,7 @@ def quads_of(points: Points, corner: Ints, size: Ints, nodes: Ints, m: int) -> P
 def _quads_between(points: NDArray[np.complex128]) -> Floats:
     """Quads (n m^2, 4, 2) between the points x + i y of grids (n, m + 1, m + 1), corners in order.
 
-    numpy copies points as complex numbers several times as fast as pairs of numbers.
+    numpy copies complex numbers several times as fast as pairs of numbers.
     """
     n, m = len(points), points.shape[1] - 1
     quads = points.reshape(n, (m + 1) ** 2).take(_corners_between(m), axis=1, mode="wrap")
@@ -172,13 +174,11 @@ def _quads_between(points: NDArray[np.complex128]) -> Floats:
 
 @lru_cache(8)
 def _corners_between(m: int) -> Ints:
-    """Numbers (4 m^2,) of the corners, in order, of the quads between the points of a grid."""
+    """Numbers (4 m^2,) of the corners, in order, of the quads in a grid of points."""
     number = np.arange((m + 1) ** 2).reshape(1, m + 1, m + 1)
     return np.stack(_corners_of(number), axis=3).ravel()
 
 
 def _corners_of(grid: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Values (n, m, m) at each corner, in order, of quads between those of grids
-    (n, m + 1, m + 1).
-    """
+    """Values (n, m, m) at each corner, in order, of the quads in grids (n, m + 1, m + 1)."""
     return grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]

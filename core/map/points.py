@@ -1,4 +1,4 @@
-"""Places of the viewer's image that have been traced, and the paths of their rays."""
+"""Traced points of the viewer's image, and the paths of their rays."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, fields
@@ -13,17 +13,17 @@ from ..light.rays import Step, Words, main_landings, main_of
 from ..light.trace import TRACED_AT_ONCE, recording, tracing
 from ..rig.viewer import Viewer
 
-RAYS_AT_ONCE = 1 << 14  # traced together where their paths or courses are asked for
-TRIANGLE_SLACK = 1e-9  # of a triangle: slack, so that its corners are in it
-BYTES_OF_POINT = 100  # bytes for each point of a map, and for its copy while more are added
-EVENTS_KEPT = 12  # of a path that are kept
-PATHS_GROWTH = 1.5  # times as many paths as before, when there is no more room for others
+RAYS_AT_ONCE = 1 << 14  # traced together if their paths or courses are recorded
+TRIANGLE_SLACK = 1e-9  # fraction of a triangle: its corners count as inside
+BYTES_OF_POINT = 100  # for each point of a map, and for its copy while more are added
+EVENTS_KEPT = 12  # stored events of a path
+PATHS_GROWTH = 1.5  # growth of the room for paths when it is full
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Traced points: viewer px (n, 2), landings on the
-    display (n, 2), branch, reason, throughput (n,).
+    """Traced points: viewer px (n, 2), landings on the display, px (n, 2), branch, reason,
+    throughput (n,).
     """
 
     view: Floats
@@ -42,7 +42,7 @@ class Points:
         return cls(two, two, np.empty(0, np.uint64), np.empty(0, np.uint8), np.empty(0))
 
     def at(self, which: Ints) -> "Points":
-        """Some of these points."""
+        """A subset of the points."""
         return Points(*(take(getattr(self, f.name), which) for f in fields(Points)))
 
     def and_more(self, others: "Points") -> "Points":
@@ -51,12 +51,12 @@ class Points:
 
     @classmethod
     def joined(cls, parts: "Sequence[Points]") -> "Points":
-        """Points of several sets, one after the other."""
+        """Points of several sets, in order."""
         return run_steps(cls.joining(parts))
 
     @classmethod
     def joining(cls, parts: "Sequence[Points]") -> "Steps[Points]":
-        """The same, with pauses: of millions of points it takes a third of a second."""
+        """`joined`, with pauses: millions of points take a third of a second."""
         arrays = []
         for name in (f.name for f in fields(cls)):
             arrays.append(np.concatenate([getattr(p, name) for p in parts]))
@@ -65,10 +65,11 @@ class Points:
 
 
 class Paths:
-    """Where traced rays went, up to the twelfth event, in the order of the points.
+    """Paths of traced rays, up to the twelfth event, in the order of the points.
 
-    places (n, m + 1, 3), the viewer first, NaN after the last; met (n, m) patches, -1 after the
-    last, as many as the longest path needs. A ray that leaves the rig goes on for `reach`, m.
+    places : (n, m + 1, 3) m, the viewer first, NaN after the last; m as the longest path needs
+    met : (n, m) patches, -1 after the last
+    reach : m, length of a path's last part if the ray leaves the rig
     """
 
     def __init__(self, reach: float) -> None:
@@ -85,7 +86,7 @@ class Paths:
         return self._met[: self._n]
 
     def add(self, origins: Floats, steps: list[Step]) -> None:
-        """Take up the paths of rays from origins (n, 3)."""
+        """Add the paths of rays from origins (n, 3)."""
         steps = steps[:EVENTS_KEPT]
         first = self._n
         self._n += len(origins)
@@ -104,7 +105,7 @@ class Paths:
             places[step.rays, k + 1], met[step.rays, k] = step.place, step.patch
 
     def _make_room(self, n: int, m: int) -> None:
-        """Make room for n rays and m events."""
+        """Extend the arrays to n rays and m events."""
         places = np.empty((n, m + 1, 3))
         met = np.empty((n, m), np.int32)
         for new, old, nothing in ((places, self._places, np.nan), (met, self._met, -1)):
@@ -120,12 +121,12 @@ def trace_points(
     paths: Paths | None = None,
     courses: list[Words] | None = None,
 ) -> Generator[int, None, Points]:
-    """Trace viewer points (n, 2), on their courses; yields how many were traced since.
+    """Trace viewer points (n, 2), on their courses; yields the number of rays traced since.
 
-    A map has one landing at a point: the main one where light goes several ways.
+    A map has one landing at a point: the main one if light splits.
 
-    paths : take up where the rays went
-    courses : is filled with the courses that they took, a chunk at a time
+    paths : records the paths
+    courses : receives the rays' courses, a chunk at a time
     """
     n = len(view)
     points = Points(
@@ -161,18 +162,19 @@ def trace_points(
     return points
 
 
-# traces places (n, 2) of the viewer's image, given the rows (n,) of a table that they stand in
+# traces places (n, 2) of the viewer's image, for rows (n,) of a table
 Tracer = Callable[[Ints, Floats], Steps[Points]]
 
 
 def tracer(plan: Plan) -> Tracer:
-    """Traces places of the image of a plan's viewer."""
+    """Tracer of places on the image of a plan's viewer."""
     return lambda _, view: trace_points(plan, view)
 
 
 def tracer_of(plan: Plan, viewers: Sequence[Viewer], n: int) -> Tracer:
-    """Traces places of the images of several viewers together, through what is in a plan: a batch
-    of few rays takes nearly as long as one of many. Each viewer has n rows, one after the other.
+    """Tracer of places on the images of several viewers together, through the surfaces of a plan.
+
+    Each viewer has n rows, in order. A batch of few rays takes nearly as long as one of many.
     """
 
     def trace(rows: Ints, view: Floats) -> Steps[Points]:
@@ -195,8 +197,8 @@ def areas(points: Floats, triangles: Ints) -> Floats:
 
 
 def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
-    """Are points (n, 2) in triangles (n, 3, 2) of the viewer's
-    image, and where (n, 2) does the display show them?
+    """Whether points (n, 2) are in triangles (n, 3, 2) of the viewer's image, and their display px
+    (n, 2).
     """
     a = view[:, 1] - view[:, 0]
     b = view[:, 2] - view[:, 0]
@@ -213,16 +215,14 @@ def in_triangles(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
 
 
 def is_in_image(xy: Floats, display_size: tuple[int, int]) -> Bools:
-    """Are display pixels (n, 2) in the image? Not so where there is no landing."""
+    """Whether display pixels (n, 2) are in the image; false without a landing."""
     x, y = xy.T  # numpy is slow where rows are two numbers long
     width, height = display_size
     return (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
 
 
 def is_seen(a: Floats, b: Floats, display_size: tuple[int, int]) -> Bools:
-    """Is either of display pixels a and b (n, 2) in the image?
-    Light beside it by both accounts matters to nobody.
-    """
+    """Whether display px a or b (n, 2) is in the image: light outside by both does not matter."""
     return is_in_image(a, display_size) | is_in_image(b, display_size)
 
 

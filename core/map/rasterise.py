@@ -1,24 +1,24 @@
-"""The display pixels that a cell covers, the area in each, and its place on the viewer's image.
+"""Division of cells among display pixels: area in each pixel, and place on the viewer's image.
 
-A walk around the outline of a cell's image gives the area of the part of the cell that lies in a
-pixel, and its first and second moments, hence its centroid and extent. The inverse of the cell's
-map takes these back to the viewer's image.
+A walk around the outline of a cell's image gives the area of the cell in each pixel, with its first
+and second moments, hence its centroid and extent. The inverse of the cell's map takes these back to
+the viewer's image.
 
-In each row of pixels every edge adds to the pixels it passes the area on its left, and to the
-pixels further left its height in full. Edges going up take away as much as edges going down have
-added, so the sum over the closed outline is the area inside, pixel by pixel, and no polygon is ever
-clipped: moment = sum over edges of x^(k+1) / (k+1) y^m dy, Green's theorem. Font rasterisers sum
-areas so, accumulated along rows. Clipping, in fractions, is the way that tests compare with.
+In each row of pixels every edge adds the area on its left to the pixels it passes, and its height
+in full to the pixels further left. Edges going up subtract as much as edges going down add: the sum
+over the closed outline is the area inside, pixel by pixel, and no polygon is clipped. moment = sum
+over edges of x^(k+1) / (k+1) y^m dy, Green's theorem. Font rasterisers accumulate areas along rows
+in the same way. The tests compare with clipping, in fractions.
 
 Areas on the display are exact up to rounding, 1e-12 px^2 or better for cells of moderate size. A
-cell's area on the viewer's image is divided in proportion to the area on the display, which is
-exact for triangles and parallelograms and right to first order in the cell's size otherwise. The
-part of a cell beyond the display's border is left out. A cell squeezed to a line or point gives its
-whole area to the pixels it lies in.
+cell's area on the viewer's image is divided in proportion to the area on the display: exact for
+triangles and parallelograms, right to first order in the cell's size otherwise. The part of a cell
+beyond the display's border is left out. A cell squeezed to a line or point gives its whole area to
+the pixels it lies in.
 
-A quad's image is bilinear in (s, t), both in -1/2..1/2: p = centre + s a + t b + s t c. With
-(s0, t0) the solution for c = 0, the product k = s t solves the quadratic equation
-k = (s0 - k cx) (t0 - k cy). Its root that is s0 t0 for c = 0 is the one within the quad.
+A quad's image is bilinear in (s, t), both in -1/2..1/2: p = centre + s a + t b + s t c. With (s0,
+t0) the solution for c = 0, the product k = s t solves the quadratic equation k = (s0 - k cx) (t0 -
+k cy). The root with k = s0 t0 for c = 0 is the one within the quad.
 """
 
 from collections.abc import Iterator, Sequence
@@ -49,18 +49,18 @@ from .cells import (
 )
 from .native_divide import Divided, index_type
 
-SHARES_AT_ONCE = 1 << 18  # of a batch; fewer are put together with others
-POLYGONS_AT_ONCE = 1 << 15  # so that a step's arrays stay in the processor's cache
-PARTS_AT_ONCE = 1 << 16  # pixels of cells, likewise
+SHARES_AT_ONCE = 1 << 18  # in a batch; smaller ones are joined
+POLYGONS_AT_ONCE = 1 << 15  # arrays of a step stay in the processor's cache
+PARTS_AT_ONCE = 1 << 16  # pixels of cells, for the same reason
 
 
 def divided(
     display_size: tuple[int, int], lots: Sequence[tuple[Floats, Floats]], is_numbered: bool
 ) -> Iterator[tuple[int, Divided]]:
-    """The number of a lot and shares of its cells, a few at a time; with the number of each share's
-    cell, if asked for. Lots are polygons (n, k, 2) on the viewer's image and on the display.
+    """Shares of lots of cells, a few at a time, with the number of the lot, and the cell of each
+    share if requested. Lots are polygons (n, k, 2) on the viewer's image and on the display.
 
-    The kernel's other threads begin with this call, before the first is asked for.
+    The kernel's other threads start with this call, before the first shares are requested.
     """
     if all(native_divide.can_divide(*lot) for lot in lots):
         return native_divide.divided(display_size, lots, SHARES_AT_ONCE, is_numbered)
@@ -77,10 +77,10 @@ class Bilinear(NamedTuple):
 
 
 def cell_from_display(x: Floats, y: Floats, total: Floats) -> Floats:
-    """Coefficients (8, c) that take a point on the display to (s, t) in the cell.
+    """Coefficients (8, c) from a point on the display to (s, t) in the cell.
 
-    A quad is p = centre + s a + t b + s t c with s, t in -1/2..1/2, a triangle p = corner + s a
-    + t b. Six coefficients invert the part without c, two are c in that frame.
+    A quad is p = centre + s a + t b + s t c with s, t in -1/2..1/2, a triangle p = corner + s a + t
+    b. Six coefficients invert the part without c, two are c in that frame.
     """
     # both coordinates, as polynomials of s and t
     if len(x) == 3:
@@ -122,7 +122,7 @@ def view_from_cell(u: Floats, v: Floats) -> Floats:
 
 
 def _bilinear(x: Floats) -> Bilinear:
-    """The map to quads (4, c)."""
+    """Bilinear map to quads (4, c)."""
     return Bilinear(
         0.25 * (x[0] + x[1] + x[2] + x[3]),
         0.5 * (x[1] + x[2] - x[0] - x[3]),
@@ -134,11 +134,11 @@ def _bilinear(x: Floats) -> Bilinear:
 def on_view(
     inverse: Floats, forward: Floats, x: Floats, y: Floats, is_triangle: bool
 ) -> tuple[Floats, Floats]:
-    """The viewer's u, v of points x, y on the display, kept
-    within the cell so that no sliver is rounded out of it.
+    """Viewer's u, v of points x, y on the display, clamped to the cell: rounding must not move
+    slivers out of it.
 
-    With (s0, t0) the solution for c = 0, the product k = s t
-    solves k = (s0 - k cx)(t0 - k cy), a quadratic equation.
+    With (s0, t0) the solution for c = 0, the product k = s t solves k = (s0 - k cx)(t0 - k cy), a
+    quadratic equation.
     """
     s_x, s_y, s_1, t_x, t_y, t_1, cx, cy = inverse
     s = s_x * x + s_y * y + s_1
@@ -161,11 +161,10 @@ def on_view(
 def spread_on_view(
     inverse: Floats, forward: Floats, xx: Floats, xy: Floats, yy: Floats
 ) -> NDArray[np.float32]:
-    """The covariance (3, n) on the viewer's image of that on
-    the display, as if cells were parallelograms.
+    """Covariance (3, n) on the viewer's image from the one on the display, as if cells were
+    parallelograms.
 
-    Within the cell it is limited to the values that points of it
-    can have, however rounding spoilt that of a sliver.
+    It is limited to values possible within the cell, because rounding spoils slivers.
     """
     s_x, s_y, _, t_x, t_y, *_ = inverse
     _, us, ut, _, _, vs, vt, _ = forward
@@ -180,7 +179,7 @@ def spread_on_view(
 
 
 class _Part(NamedTuple):
-    """Shares in the making, all (n,) but for the covariance (3, n)."""
+    """Shares in the making, all (n,) except the covariance (3, n)."""
 
     number: Ints
     pixel: Ints
@@ -194,7 +193,7 @@ class _Part(NamedTuple):
 def parts_by_rows(
     display_size: tuple[int, int], view_polygons: Floats, display_polygons: Floats
 ) -> Iterator[Divided]:
-    """Shares of cells (n, 4 or 3, 2), a few at a time: the rows of many cells at once."""
+    """Shares of cells (n, 4 or 3, 2), a few at a time: rows of many cells at once."""
     for start in range(0, len(display_polygons), POLYGONS_AT_ONCE):
         some = slice(start, start + POLYGONS_AT_ONCE)
         number = np.arange(start, start + len(display_polygons[some]))
@@ -259,11 +258,9 @@ def _divide_crossing(cells: Cells, width: int, height: int) -> Iterator[_Part]:
 
 
 def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iterator[_Part]:
-    """Divide cells that cross grid lines; `display_area` is theirs from before they were
-    thickened.
-    """
-    # a window of whole pixels around each cell, and the cell in it:
-    # coordinates from its corner are exact where the cell lies in the window, and small
+    """Divide cells that cross grid lines; display_area (c,): before they were widened."""
+    # a window of whole pixels around each cell: coordinates from its corner are small, and exact if
+    # the cell lies in the window
     left, right, top, bottom = corner_bounds(cells.x, cells.y)
     x0 = np.clip(np.floor(left), 0, width - 1)
     y0 = np.clip(np.floor(top), 0, height - 1)
@@ -272,7 +269,7 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
     x = cells.x - x0
     y = cells.y - y0
 
-    # all that the walk and the way back need of a cell
+    # data of a cell for the walk and the inverse map
     total = signed_area(x, y)
     outline = np.stack([*x, *y, *slopes_of(x, y), columns - 1])
     origin = (y0 * width + x0).astype(np.int64)
@@ -285,7 +282,7 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
         first, widths, pieces = walk(np.take(outline, cell, axis=1), row)
         moments = sums(widths, pieces)
 
-        # only pixels that a cell covers a part of
+        # only pixels with a part of a cell
         of_row, step = ragged(widths)
         share = moments.area / total[cell][of_row]
         kept = np.flatnonzero(share > SMALLEST)
@@ -297,7 +294,7 @@ def _spread(cells: Cells, display_area: Floats, width: int, height: int) -> Iter
         column = first[of_row] + step[kept]
         row = row[of_row]
 
-        # the middle of each part, and how far it reaches
+        # centroid and covariance of each part
         mean_x = np.clip(moments.x / moments.area, 0, 1)
         mean_y = np.clip(moments.y / moments.area, 0, 1)
         to_cell = np.take(inverse, of_cell, axis=1)
@@ -332,20 +329,20 @@ def _batches(rows: Ints, n_pixels: Floats) -> Iterator[tuple[Ints, Ints]]:
 
 
 def _runs(cost: Floats) -> Iterator[tuple[int, int]]:
-    """Cut a sequence into runs of about PARTS_AT_ONCE each,
-    or of one member where that costs more.
+    """Cut a sequence into runs of about PARTS_AT_ONCE each; a member that costs more is a run of
+    its own.
     """
     number = np.floor(np.cumsum(cost) / PARTS_AT_ONCE)
     ends = [*(np.flatnonzero(np.diff(number)) + 1), len(cost)]
     yield from pairwise([0, *ends])
 
 
-NOWHERE = 1e300  # px, for edges that do not reach a row
+NOWHERE = 1e300  # px, for edges outside a row
 
 
 def ragged(counts: Ints) -> tuple[Ints, Ints]:
-    """Owner and place within the owner of each member of
-    ragged groups: [2, 3] gives [0 0 1 1 1], [0 1 0 1 2].
+    """Owner and place within the owner of each member of ragged groups: [2, 3] gives [0 0 1 1 1],
+    [0 1 0 1 2].
     """
     owner = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
@@ -353,7 +350,7 @@ def ragged(counts: Ints) -> tuple[Ints, Ints]:
 
 
 def slopes_of(x: Floats, y: Floats) -> Floats:
-    """dx/dy of each edge; a level edge has no area beside it, so any number will do."""
+    """dx/dy of each edge; any number for a level edge, which bounds no area."""
     dx = np.roll(x, -1, axis=0) - x
     dy = np.roll(y, -1, axis=0) - y
     return dx / np.where(np.abs(dy) < LEVEL, 1.0, dy)
@@ -371,8 +368,8 @@ class Moments(NamedTuple):
 
 
 class EdgeParts(NamedTuple):
-    """Parts of edges that lie in one pixel, all (p,): the pixel,
-    and both ends in 0..1 from its upper left corner.
+    """Parts of edges in one pixel, all (p,): the pixel, and both ends in 0..1 from its upper left
+    corner.
     """
 
     pixel: Ints
@@ -385,13 +382,13 @@ class EdgeParts(NamedTuple):
 def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
     """Cut outlines at the grid lines of their rows.
 
-    Returns the first column and the number of columns that each row of a cell enters, and
-    the pieces of the edges, their pixels counted through all these rows.
+    Returns the first column and the number of columns each row of a cell enters, and the pieces of
+    the edges, their pixels counted through all these rows.
     """
     last_column = outline[-1]
     ends = _ends(outline, row)
 
-    # the columns that the row enters
+    # columns of the row
     low = np.minimum(ends.xa, ends.xb)
     high = np.maximum(ends.xa, ends.xb)
     is_there = ends.ya != ends.yb
@@ -401,9 +398,8 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
     widths = (last - first).astype(np.int64) + 1
     starts = np.cumsum(widths) - widths
 
-    # and those that each edge passes, one piece in each:
-    # left of the window (column -1) counts as on its border; an
-    # edge further right than the row adds nothing to it
+    # columns of each edge, one piece in each: left of the window (column -1) counts as on its
+    # border; an edge right of the row's columns adds nothing
     begin = np.clip(np.floor(low), -1, last_column + 1)
     end = np.clip(np.floor(high), -1, last)
     of_edge, step = ragged((is_there * np.maximum(end - begin + 1, 0)).astype(np.int64).ravel())
@@ -411,7 +407,7 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
     def of_piece(values: NDArray) -> NDArray:
         return np.take(values.ravel(), of_edge)
 
-    # each edge from the left border of a piece's pixel
+    # each edge relative to the left border of a piece's pixel
     slope_y = (ends.yb - ends.ya) / (ends.xb - ends.xa + (ends.xa == ends.xb))
     edges = EdgeParts(
         pixel=of_piece((starts - first + begin).astype(np.int64)) + step,
@@ -427,8 +423,8 @@ def walk(outline: Floats, row: Ints) -> tuple[Ints, Ints, EdgeParts]:
 
 
 class _Ends(NamedTuple):
-    """Ends of edges (k, r) within rows of pixels, from the window's left border and the row's
-    upper one.
+    """Ends of edges (k, r) within rows of pixels, from the window's left border and the row's upper
+    one.
     """
 
     xa: Floats
@@ -438,8 +434,8 @@ class _Ends(NamedTuple):
 
 
 def _ends(outline: Floats, row: Ints) -> _Ends:
-    """The ends of edges within their rows."""
-    # corners from the upper border of the row
+    """Ends of edges within their rows."""
+    # corners relative to the row's upper border
     k = len(outline) // 3
     x = outline[:k]
     y = outline[k : 2 * k] - row
@@ -449,17 +445,17 @@ def _ends(outline: Floats, row: Ints) -> _Ends:
     off = inside - y
     following = [*range(1, k), 0]
 
-    # x is rounded to steps of 2^-51 at the least, so that distances to
-    # a grid line are exact, also just left of 0
+    # x is rounded to steps of at least 2^-51: distances to a grid line are exact, also just left of
+    # 0
     xa = (x + off * slope + 4) - 4
     xb = (x[following] + off[following] * slope + 4) - 4
     return _Ends(xa, inside, xb, inside[following])
 
 
 def _cut(edges: EdgeParts, slope_y: Floats, is_left: Ints | tuple[()]) -> EdgeParts:
-    """Edges (p,), of slopes dy/dx, cut at the left and right borders of their pixels.
+    """Edges (p,), with slopes dy/dx, cut at the left and right borders of their pixels.
 
-    Those that are left of the window count as on its border.
+    Edges left of the window count as on its border.
     """
     pixel, xa, ya, xb, yb = edges
     ua = np.clip(xa, 0, 1)
@@ -478,13 +474,13 @@ def _cut(edges: EdgeParts, slope_y: Floats, is_left: Ints | tuple[()]) -> EdgePa
 
 
 def sums(widths: Ints, pieces: EdgeParts) -> Moments:
-    """Signed area (n,) of the cell in each pixel of its rows,
-    and its moments of x, y, x^2, x y and y^2.
+    """Signed area (n,) of the cell in each pixel of its rows, and its moments of x, y, x^2, x y and
+    y^2.
 
     These count from the pixel's upper left corner. Green's theorem: each is a sum of x^(k+1) /
-    (k+1) y^m dy over the outline. Edges in the pixel count with their own x, those further left
-    with 0, those further right with 1. As dy sums to 0 along a row, and y^m dy too, the last make
-    up minus the cover: the sum up to and with the pixel.
+    (k+1) y^m dy over the outline. Edges in the pixel count with their own x, edges further left
+    with 0, edges further right with 1. As dy sums to 0 along a row, and y^m dy too, the last group
+    is minus the cover: the sum up to and including the pixel.
     """
     n = int(widths.sum())
     pixel, xa, ya, xb, yb = pieces
@@ -501,7 +497,7 @@ def sums(widths: Ints, pieces: EdgeParts) -> Moments:
     def of_pixel(values: Floats) -> Floats:
         return np.bincount(pixel, values, n)
 
-    # of edges further left
+    # edges further left
     cover = _along_rows(of_pixel(dy), widths)
     cover_y = _along_rows(of_pixel(dy * ys * 0.5), widths)
     cover_yy = _along_rows(of_pixel(dy * (ys * ys + yy) * (1 / 6)), widths)

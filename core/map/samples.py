@@ -1,22 +1,22 @@
-"""Where light is chaotic: stratified samples stand for a pixel, each for the area around it.
+"""Stratified samples of chaotic light, each for the area around it in a viewer pixel.
 
 A pixel has along^2 strata, and a ray through a random place in each: with n of them the error of a
-mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as that of random rays. Neither cells nor
-bisection have an end there. Cells whose light falls where the display is faint take further ones,
+mean falls as 1 / n at best, and as 1 / sqrt(n) at worst, as with random rays. Cells and bisection
+would have no end there. Cells whose light falls on faint parts of the display take further samples,
 and all samples of a cell count alike. On the display each lights a square (pieces.py).
 
-A display pixel shows the mean of its light, and is known by the samples that land in it. Where
-light is spread thin few do, whatever the picture shows there: that is most of the error of a glass
-that spreads light over the whole display. With b the light on a part of the display, relative to
-the viewer's image spread evenly over all of it, the variance that a cell adds to all display pixels
-alike is the mean of 1 / b^2 over its light, divided by its samples. So the variance of a number of
-samples is least where each cell has as many as the root of that mean (Neyman 1934).
+A display pixel shows the mean of its light, estimated from the samples that land in it. Few land
+where light is spread thin, whatever the picture shows there: this is most of the error of a glass
+that spreads light over the whole display. Let b be the light on a part of the display, relative to
+the viewer's image spread evenly over all of it. The variance a cell adds to all display pixels is
+the mean of 1 / b^2 over its light, divided by its samples. For a total number of samples it is
+least if the number in each cell is proportional to the root of this mean (Neyman 1934).
 
 A cell's number of samples must not depend on its own samples, or the estimate is biased: a cell
-that by chance has met a faint place would have that averaged away, and light would be lost. So
-viewer pixels are coloured as a chessboard is, and cells of one colour are told by samples of the
-other, both where light goes around them and how much there is on the display. Each cell's light is
-right on average then, whatever the rule is.
+that has met a faint place by chance would average it away, and light would be lost. So viewer
+pixels are coloured as a chessboard is, and cells of one colour are rated by samples of the other,
+both where light goes around them and how much there is on the display. Each cell's light is then
+right on average, for any rule.
 """
 
 from collections.abc import Generator, Iterator
@@ -36,43 +36,44 @@ from .points import BYTES_OF_POINT, Points, is_in_image, trace_points
 from .ray_budget import RayBudget
 from .view_map import QUADS_AT_ONCE, ViewMap
 
-BLOCK_PX = 8  # display px, side of the parts on which light is summed up
-TIMES = (1.0, 1.5)  # so many times as many further samples along a pixel's side, one of these
+BLOCK_PX = 8  # display px, side of the blocks on which light is summed up
+TIMES = (1.0, 1.5)  # further samples along a pixel's side, over the first ones: one of these
 MOST_ALONG = 12  # further samples along a pixel's side
-# of the view, that is chaotic: where less is none takes more, for it is not worth the time that
-# summing up light takes
+# smallest chaotic share of the view for further samples: below it they are not worth the time to
+# sum up light
 LEAST_SHARE = 0.001
 
-# the pixels of the other colour that are at most two columns and rows away
+# pixels of the other colour, at most two columns and rows away
 AROUND = [(x, y) for x, y in product(range(-2, 3), repeat=2) if (x + y) % 2]
-TINY = 1e-300  # of an area that is divided by
+TINY = 1e-300  # viewer px^2: avoids divisions by 0
 
 
 def numbers_along(along: int) -> list[int]:
-    """How many further samples along a pixel's side faint light may take, one of these, beside the
-    `along` that all chaotic light has.
+    """Possible numbers of further samples along a pixel's side for faint light, added to the
+    `along` of all chaotic light.
     """
     numbers = {int(times * along) for times in TIMES}
     return sorted(n for n in numbers if n <= MOST_ALONG)
 
 
 def may_take_more(plan: Plan, area: float) -> bool:
-    """Is some chaotic light, of an area in viewer px^2, to be looked at?"""
+    """Whether chaotic light with an area in viewer px^2 may take further samples."""
     whole = plan.viewer.width * plan.viewer.height
     return area >= LEAST_SHARE * whole and bool(numbers_along(plan.settings.samples_along))
 
 
 def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
-    """Light (b,), viewer px^2, of the pieces of a map on blocks of the display, row by row.
+    """Light (b,), viewer px^2, of the pieces of a map on blocks of the display, row by row. With
+    pauses.
 
-    That of quads of smooth cells, which are small, lies in their middle; that of others halfway
-    between their middle and their corners. Pauses on the way.
+    Light of quads of smooth cells, which are small, counts at their middle; of other pieces halfway
+    between their middle and their corners.
     """
     light = np.zeros(np.prod(_blocks(view_map.display_size)))
 
     def add(display: Floats, area: Floats) -> None:
         is_in = is_in_image(display, view_map.display_size)
-        # those beside the image in a block of their own: to pick the others takes longer
+        # pieces outside the image go to a block of their own: to pick the others takes longer
         block = np.where(is_in, _block_of(display, view_map.display_size), len(light))
         light[:] += np.bincount(block, area, len(light) + 1)[:-1]
 
@@ -102,11 +103,11 @@ def light_on_blocks(view_map: ViewMap) -> Generator[int, None, Floats]:
 def samples_worth(
     plan: Plan, light: Floats, points: Points, area: Floats, owner: Ints, middle: Floats
 ) -> Generator[int, None, Floats]:
-    """How many samples (m,) for a viewer pixel chaotic cells with middles (m, 2), viewer px, are
-    worth. Pauses on the way.
+    """Number of samples (m,) for a viewer pixel worth taking in chaotic cells with middles (m, 2),
+    viewer px. With pauses.
 
     light : (b,) of all but the samples, on blocks, viewer px^2
-    points, area, owner : the samples (s,) of the cells, the area, viewer px^2, that each stands for
+    points, area, owner : the samples (s,) of the cells, the area, viewer px^2, each represents
         evenly, and its cell's number
     """
     viewer, display = plan.viewer, plan.rig.display
@@ -115,8 +116,8 @@ def samples_worth(
     is_lit = is_in_image(points.xy, size) & (points.branch != 0)
     is_lit &= points.reason != Reason.MISSED_GLASS
 
-    # the pixels that have samples
-    row_length = viewer.width + 2  # no pixel on the left is taken for one on the right
+    # pixels with samples
+    row_length = viewer.width + 2  # a pixel on the left is not mistaken for one on the right
     number = np.floor(middle).astype(np.int64) @ [1, row_length]
     pixels, of_cell = np.unique(number, return_inverse=True)
     of_sample = of_cell[owner]
@@ -129,11 +130,11 @@ def samples_worth(
         lit = np.flatnonzero(tells & is_lit)
         block = _block_of(points.xy[lit], size)
 
-        # the light there is if the others' samples are as these
+        # all light, if the others' samples are like these
         times = area.sum() / max(area[tells].sum(), TINY)
         on_block = light + np.bincount(block, times * area[lit], len(light))
 
-        # sums over pixels, and over those around each
+        # sums over pixels, and over the pixels around each
         of_light = area[lit] * (even / on_block[block]) ** 2
         sums = np.bincount(of_sample[lit], of_light, len(pixels))
         areas = np.bincount(of_sample[tells], area[tells], len(pixels))
@@ -150,11 +151,12 @@ def samples_worth(
 def further_along(
     worth: Floats, middle: Floats, side: Floats, along: int, allowance: RayBudget
 ) -> Ints:
-    """How many further samples (m,) along a pixel's side cells take beside `along`, 0 for none:
-    the largest number with which they have no more than they are worth.
+    """Further samples (m,) along a pixel's side of cells, besides `along`, 0 for none: the largest
+    number within their worth.
 
-    Cells are worth so many samples (m,) for a pixel, and have middles (m, 2) and sides (m,), viewer
-    px. The rays are taken from the allowance of their pixels.
+    worth : (m,) samples for a pixel
+    middle, side : (m, 2), (m,) viewer px
+    allowance : the rays are taken from the budget of their pixels
     """
     found = np.zeros(len(worth), np.int64)
     for n in reversed(numbers_along(along)):
@@ -174,21 +176,21 @@ def _blocks(display_size: tuple[int, int]) -> tuple[int, int]:
 
 
 def _block_of(display: Floats, display_size: tuple[int, int]) -> Ints:
-    """Numbers (n,) of the blocks of display px (n, 2) in the image, its far borders included."""
+    """Numbers (n,) of the blocks at display px (n, 2) in the image, its far borders included."""
     columns, rows = _blocks(display_size)
     column, row = whole_within(display / BLOCK_PX, (columns - 1, rows - 1))
     return row * columns + column
 
 
-TILE_CELLS = 64  # cells each way, after which the random places begin anew
-MOST_JITTER = 1024  # random places each way, of all cells of a tile
+TILE_CELLS = 64  # cells each way, after which the random places repeat
+MOST_JITTER = 1024  # random places each way, in all cells of a tile
 
 
 class Samples(NamedTuple):
-    """Samples (s,) of chaotic cells, those without a landing as well.
+    """Samples (s,) of chaotic cells, including samples without a landing.
 
-    area : viewer px^2, that each stands for
-    reach : viewer px, the side of its stratum
+    area : viewer px^2 each represents
+    reach : viewer px, side of its stratum
     """
 
     points: Points
@@ -199,15 +201,15 @@ class Samples(NamedTuple):
 def sample_cells(
     plan: Plan, view_map: ViewMap, corners: Floats, allowance: RayBudget | None
 ) -> Generator[int, None, Samples]:
-    """Trace samples of square cells with corners (m, 4, 2),
-    viewer px; yields how many were traced since.
+    """Trace samples of square cells with corners (m, 4, 2), viewer px; yields the number of rays
+    traced since.
 
     view_map : all but the samples
-    allowance : of rays, for further samples of faint light; None for none
+    allowance : ray budget for further samples of faint light; None for none
 
     Raises
     ------
-    RigError : they would take more memory than is free
+    RigError : not enough free memory
     """
     along = plan.settings.samples_along
     _check_memory(plan, n_strata(corners, along))
@@ -219,7 +221,7 @@ def sample_cells(
     if allowance is None or not may_take_more(plan, float(whole.sum())):
         return samples
 
-    # which cells are worth more
+    # cells worth more
     owner = _cells_of(corners, along)
     middle = corners.mean(axis=1)
     light = yield from light_on_blocks(view_map)
@@ -229,14 +231,14 @@ def sample_cells(
     if not asked:
         return samples
 
-    # by other random numbers than those that have told so
+    # new random numbers: those before have decided on the cells
     n_rays = sum(n_strata(corners[cells], n) for n, cells in asked)
     _check_memory(plan, len(points) + n_rays)
     parts = [strata(corners[cells], n, seed=1) for n, cells in asked]
     places, area = map(np.concatenate, zip(*parts, strict=True))
     found = yield from trace_points(plan, places)
 
-    # all of a cell count alike
+    # all samples of a cell count alike
     of_found = [cells[_cells_of(corners[cells], n)] for n, cells in asked]
     owner = np.concatenate([owner, *of_found])
     yield 0
@@ -266,11 +268,11 @@ def _check_memory(plan: Plan, n_rays: int) -> None:
 
 
 def strata(corners: Floats, along: int, seed: int = 0) -> tuple[Floats, Floats]:
-    """Random places (s, 2), one in each stratum of square cells
-    (m, 4, 2), and the strata's areas (s,), viewer px.
+    """Random places (s, 2), one in each stratum of square cells (m, 4, 2), and the strata's areas
+    (s,), viewer px.
 
-    A pixel has so many strata along its side, a smaller cell its part of them, or one. Places
-    within a stratum are the same in each solve of a view of any size: noise that changed with the
+    A pixel has `along` strata along its side, a smaller cell its part of them, or one. Places
+    within a stratum are the same in each solve, for a view of any size: noise that changed with the
     smallest step would flicker. Another seed has others.
     """
     places = [np.empty((0, 2))]
@@ -291,18 +293,18 @@ def strata(corners: Floats, along: int, seed: int = 0) -> tuple[Floats, Floats]:
 
 
 def n_strata(corners: Floats, along: int) -> int:
-    """How many strata square cells (m, 4, 2) have."""
+    """Number of strata of square cells (m, 4, 2)."""
     return sum(k * k * len(cells) for _, k, cells in _by_side(corners, along))
 
 
 def _cells_of(corners: Floats, along: int) -> Ints:
-    """The cells (s,), by number, of the strata of cells (m, 4, 2)."""
+    """Cell (s,), by number, of each stratum of cells (m, 4, 2)."""
     numbers = [np.repeat(cells, k * k) for _, k, cells in _by_side(corners, along)]
     return np.concatenate([np.empty(0, np.int64), *numbers])
 
 
 def _by_side(corners: Floats, along: int) -> Iterator[tuple[float, int, Ints]]:
-    """Sides of cells (m, 4, 2), viewer px, how many strata lie along each, and the cells (c,)."""
+    """Sides of cells (m, 4, 2), viewer px, the number of strata along each, and the cells (c,)."""
     sides = _sides(corners)
     for side in np.unique(sides):
         yield float(side), max(1, int(along * side)), np.flatnonzero(sides == side)

@@ -1,9 +1,9 @@
-"""Which rays are traced for a view map: as few as keep the tolerance.
+"""Choice of the rays traced for a view map: as few as the tolerance allows.
 
-Squares of the viewer's image are traced at 5 x 5 nodes. Where these lie on one branch and a
-biquartic through them keeps the tolerance, at six more rays too, the square is one cell; elsewhere
-it is quartered, down to 4 pixels. There the nodes are the pixels' corners: pixels whose corners lie
-on one branch are cells, the others are cut in pieces.
+Squares of the viewer's image are traced at 5 x 5 nodes. If the nodes lie on one branch, and a
+biquartic through them keeps the tolerance at six more rays, the square is one cell. Otherwise it is
+quartered, down to 4 pixels. At this size the nodes are the pixels' corners: pixels with all corners
+on one branch are cells, the others are cut into pieces.
 """
 
 from collections.abc import Generator
@@ -29,8 +29,10 @@ from .view_map import ViewMap
 Result = TypeVar("Result")
 
 
-N_ACROSS = 16  # squares along the longer side of the viewer's image to begin with
-DARK_SIDE_PX = 8  # up to here squares may be dark whose rays are lost in different ways
+N_ACROSS = 16  # squares along the longer side of the viewer's image at the start
+DARK_SIDE_PX = (
+    8  # up to this side squares may be dark although their rays are lost in different ways
+)
 
 
 def sample(plan: Plan) -> Generator[float, None, ViewMap]:
@@ -39,13 +41,13 @@ def sample(plan: Plan) -> Generator[float, None, ViewMap]:
 
 
 class Sampling:
-    """The work of making a view map: the points traced so far
-    and the number of that at each node, -1 for none.
+    """A view map in the making: the points traced so far, and their numbers at the nodes, -1 for
+    none.
 
     n_rays : traced so far
     progress : 0..1
     is_coarse : for a first picture no pixel is quartered, and no error of the map is measured
-    is_checked : is its error measured at once?
+    is_checked : whether its error is measured at once
     """
 
     def __init__(self, plan: Plan, is_coarse: bool = False, is_checked: bool = True) -> None:
@@ -56,7 +58,7 @@ class Sampling:
         self.tolerance = plan.settings.tolerance
         self.allowed = (1 - smooth_cells.OF_TOLERANCE) * self.tolerance
 
-        # the first squares, and room for the nodes of all
+        # first squares, and room for the nodes of all
         self.first_size = max(PARTS, 2 ** int(np.log2(max(self.view_size) / N_ACROSS)))
         n_columns, n_rows = (-(-n // self.first_size) for n in self.view_size)
         self.number = np.full(
@@ -66,7 +68,6 @@ class Sampling:
         corner = self.first_size * np.stack([x.ravel(), y.ravel()], axis=1)
         self.first = Squares(corner, np.full(len(corner), self.first_size))
 
-        # the rays so far
         self.points = Points.none()
         low, high = plan.thin_parts().box
         far = np.linalg.norm(
@@ -87,11 +88,11 @@ class Sampling:
             yield self.progress
 
     def _during(self, span: Span, work: Steps[Result], n_rays: float = inf) -> Steps[Result]:
-        """Move the progress through a span by the rays of some work, if their number is known."""
+        """Advance the progress through a span by the rays of some work, if their number is set."""
         before = self.n_rays
         while True:
             part = min((self.n_rays - before) / max(n_rays, 1), 1.0)
-            # squares that fail their checks are larger than those that were traced meanwhile
+            # squares that fail their checks are larger than the ones traced meanwhile
             self.progress = max(self.progress, between(*span, part))
             try:
                 yield next(work)
@@ -107,7 +108,7 @@ class Sampling:
         n_sizes = int(np.log2(self.first_size / PARTS)) + 1
 
         while len(todo) or len(checking):
-            # nodes that were not traced, and checks of squares that were found smooth before
+            # nodes not traced yet, and checks of squares found smooth before
             column, row = todo.nodes()
             at = row * self.number.shape[1] + column
             is_missing = np.zeros(self.number.size, bool)  # np.unique would sort them
@@ -118,7 +119,7 @@ class Sampling:
             ).astype(float)
             checks = checking.checks()
             view = np.concatenate([nodes, checks.reshape(-1, 2)])
-            # a section for each size, and one in which the smallest squares are checked
+            # a section for each size, and one for the checks of the smallest squares
             k = int(np.log2(self.first_size / todo.size.min())) if len(todo) else n_sizes
             span = section(self.squares, k, n_sizes + 1)
             work = trace_points(self.plan, view, paths=self.paths)
@@ -129,10 +130,9 @@ class Sampling:
             self.number.ravel()[missing] = first + np.arange(len(missing))
             yield 0
 
-            # what passes the checks is a cell
+            # squares that pass the checks are cells
             missed = self._missed(checking, first + len(missing))
-            # of the smallest, the rest of their error is compared with
-            # that of the quads between their nodes
+            # the smallest may be as far off as the quads between their nodes
             good = missed <= np.where(
                 checking.size == PARTS, np.maximum(self._bent(checking), self.allowed), self.allowed
             )
@@ -154,8 +154,8 @@ class Sampling:
         return self.number[row, column]
 
     def _sorted(self, squares: Squares) -> Steps[tuple[Bools, Bools]]:
-        """Which squares (n,) are smooth cells if checks confirm
-        it, and which show nothing of the display?
+        """Masks of squares (n,): smooth cells if checks confirm it, and squares that show nothing
+        of the display.
         """
         nodes = self._at_nodes(squares)
         branch = self.points.branch[nodes]
@@ -169,25 +169,25 @@ class Sampling:
         expected = smooth_cells.expected_error(xy[is_smooth])
         is_smooth[is_smooth] = (expected <= self.allowed) | (squares.size[is_smooth] == PARTS)
 
-        # lost in different ways: something between may be seen
+        # lost in different ways: something between may be visible
         large = np.flatnonzero(is_dark & (squares.size > DARK_SIDE_PX))
         met = self.paths.met[nodes[large]]
         is_dark[large] = (met == met[:, :1]).all(axis=(1, 2))
 
-        # nothing is settled where something passes by
+        # undecided if something passes close by
         settled = np.flatnonzero(is_smooth | is_dark | is_aside)
         touched = settled[(yield from self._is_touched(squares.at(settled)))]
         is_smooth[touched] = is_dark[touched] = is_aside[touched] = False
         return is_smooth, is_dark | is_aside
 
     def _is_touched(self, squares: Squares) -> Steps[Bools]:
-        """Did the rays of squares (n,) pass by something that none of them met?"""
+        """Whether something is close to the rays of squares (n,), but was hit by none of them."""
         paths, nodes = self.paths, self._at_nodes(squares)
         return (yield from self.plan.thin_parts().touch(paths.places, paths.met, nodes))
 
     def _bent(self, squares: Squares) -> Floats:
-        """About how far off (n,), display px, the pixels of the
-        smallest squares are, quartered as in `Cutting`.
+        """Approximate error (n,), display px, of the pixels of the smallest squares, quartered as
+        in `Cutting`.
         """
         by_quads = smooth_cells.sag(take(self.points.xy, self._at_nodes(squares)))
         if self.is_coarse:
@@ -195,7 +195,7 @@ class Sampling:
         return np.where(by_quads > self.tolerance, by_quads / 4, by_quads)
 
     def _missed(self, squares: Squares, first: int) -> Floats:
-        """By how much (n,), display px, smooth squares miss the points traced to check them.
+        """Error (n,), display px, of smooth squares at the points traced to check them.
 
         Inf on another branch.
         """
@@ -211,22 +211,24 @@ class Sampling:
         return off.reshape(n, n_checks).max(axis=1, initial=0.0)
 
     def _finished(self, smooth: Squares, finest: Squares) -> Generator[int, None, ViewMap]:
-        """Cells of the pixels of the squares that were refused to the last, and the whole map."""
-        # the pixels' corners, going round
+        """Cells in the pixels of the finest squares, which no check has accepted, and the whole
+        map.
+        """
+        # corners of the pixels, in order around them
         column, row = finest.nodes()
         at = np.flatnonzero((COLUMN < PARTS) & (ROW < PARTS))
         corners = np.stack([at, at + 1, at + PARTS + 2, at + PARTS + 1], axis=1)
         is_there = (column[:, at] < self.view_size[0]) & (row[:, at] < self.view_size[1])
         cells = self._at_nodes(finest)[:, corners][is_there]
 
-        # those that may show something
+        # pixels that may show something
         by_row = cells[:, [0, 1, 3, 2]]
         is_aside = is_beside_display(
             take(self.points.xy, by_row), self.points.branch[by_row], np.array(self.display_size)
         )
 
-        # beside the glass there is nothing to find, but where
-        # something thin is near, or light is followed there, too
+        # outside the glass there is nothing to find, unless something thin is near, or light is
+        # followed there, too
         is_lost = (self.points.reason == Reason.MISSED_GLASS) & (self.points.branch == 0)
         is_beside_glass = is_lost[cells].all(axis=1)
         is_touched = yield from self._is_touched(finest)
@@ -268,8 +270,8 @@ class Sampling:
         return (yield from self._during(last, cutting.finished()))
 
     def _reasons(self) -> np.ndarray:
-        """Reason at the corners (h + 1, w + 1) of the viewer's
-        pixels: those not traced have that of a node nearby.
+        """Reason at the corners (h + 1, w + 1) of the viewer's pixels, of a node nearby if not
+        traced.
         """
         step = self.first_size // PARTS
         at = self.number[::step, ::step]

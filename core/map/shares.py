@@ -1,8 +1,8 @@
-"""Shares: from which parts of the viewer's image each display pixel is seen.
+"""Shares: the parts of the viewer's image from which each display pixel is seen.
 
-A cell is a small polygon on the viewer's image together with its image on the display. It
-makes a share for each display pixel that its image covers a part of (rasterise.py). Those of all
-cells of a map are made a batch at a time.
+A cell is a small polygon on the viewer's image together with its image on the display. It makes a
+share for each display pixel with a part of its image (rasterise.py). The shares of all cells of a
+map are made in batches.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -19,31 +19,30 @@ from . import native_divide, rasterise
 from .native_divide import Divided, index_type
 
 FEW_SHARES = 1 << 14
-LOTS_AT_ONCE = 8  # of cells, divided side by side: a step of the work
-LOTS_AT_FIRST = 2  # then twice as many each time, so that other threads are soon at work
-# shares, up to 64 bytes each: more of them are made again each time they are asked for. A ball
-# fills a display of 3840 x 2160 with 11 million.
+LOTS_AT_ONCE = 8  # of cells, divided side by side in one step
+LOTS_AT_FIRST = 2  # then twice as many each time: other threads start soon
+# shares, up to 64 bytes each: more are not cached, but made again for each use. A ball fills a
+# display of 3840 x 2160 with 11 million.
 MOST_KEPT = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """The sparse matrix between viewer and display: one entry for
-    each part of a cell that lies in one display pixel.
+    """Sparse matrix between viewer and display: one entry for each part of a cell in one display
+    pixel.
 
     Parameters
     ----------
     display_size, view_size : (width, height), px
     display_index : (n,) int32 or int64, row * width + column on the display, row 0 at the top
-    view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. Double precision, because a
-        share may be a thousandth of a pixel wide, and single precision resolves only 2e-4 px at
-        4096.
+    view_xy : (n, 2) float64, viewer px, centroid on the viewer's image. Double precision: a share
+        may be a thousandth of a pixel wide, and single precision resolves only 2e-4 px at 4096.
     covariance : (3, n) float32, viewer px^2: xx, xy and yy of the share's points on the viewer's
-        image, evenly spread. It tells how far a share reaches in which direction.
+        image, evenly spread: its extent in each direction
     area : (n,) float64, viewer px^2, area on the viewer's image
     display_area : (n,) float64, display px^2, area on the display
-    throughput : (n,) float64, or None where it is 1 everywhere
-    path : (n,) uint64, the way that light takes, or None where nobody asked
+    throughput : (n,) float64, or None if it is 1 everywhere
+    path : (n,) uint64, path of the light, or None if not requested
     """
 
     display_size: tuple[int, int]
@@ -57,7 +56,7 @@ class Shares:
     path: NDArray[np.uint64] | None = None
 
     def at(self, which: NDArray) -> "Shares":
-        """Some of these shares."""
+        """A subset of the shares."""
 
         def some(values: NDArray | None) -> NDArray | None:
             return None if values is None else values[..., which]
@@ -78,24 +77,21 @@ class Shares:
 
     @property
     def weight(self) -> Floats:
-        """How much (n,) each counts in its display pixel: area * throughput^2, viewer px^2."""
+        """Weight (n,) of each share in its display pixel: area * throughput^2, viewer px^2."""
         return self.area if self.throughput is None else self.area * self.throughput**2
 
     @property
     def view_index(self) -> NDArray[np.integer]:
-        """Viewer pixel (n,) int32 or int64 that holds each share's centroid: row * width
-        + column.
-        """
+        """Viewer pixel (n,), int32 or int64, around each share's centroid: row * width + column."""
         width, height = self.view_size
         column, row = self.view_xy.T.astype(index_type(self.view_size))
         return np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
 
 
 class Coverage:
-    """How much display and viewer see of each other: sums over
-    shares, all of which are added before it is asked.
+    """How much display and viewer see of each other: sums over shares. Add all shares before use.
 
-    weight : (H, W) sum of the weights of the shares that each display pixel shows, viewer px^2
+    weight : (H, W) sum of the weights of the shares each display pixel shows, viewer px^2
     """
 
     def __init__(self, display_size: tuple[int, int], view_size: tuple[int, int]) -> None:
@@ -106,7 +102,7 @@ class Coverage:
     def add(self, shares: Shares, shown: Shares | None = None) -> None:
         """Add some of the shares.
 
-        Shown : those of them that the display shows, where it does not show all.
+        shown : the subset shown by the display, if it does not show all
         """
         shown = shares if shown is None else shown
         if loading.library() is not None:
@@ -122,7 +118,7 @@ class Coverage:
 
     @cached_property
     def of_display(self) -> Floats:
-        """Part (H, W) of each display pixel that the viewer sees, 0..1.
+        """Part (H, W) of each display pixel seen by the viewer, 0..1.
 
         Areas seen several times count once.
         """
@@ -130,7 +126,7 @@ class Coverage:
 
     @cached_property
     def of_view(self) -> Floats:
-        """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
+        """Part (h, w) of each viewer pixel connected to the display, 0..1."""
         return np.minimum(self._view, 1.0, out=self._view)
 
 
@@ -145,14 +141,16 @@ def add_at(image: Floats, index: NDArray[np.integer], weights: NDArray[np.floati
         image.reshape(-1)[first : last + 1] += np.bincount(index - first, weights)
 
 
-Begun = tuple[list[int], Iterator[tuple[int, Shares]]]  # numbers of lots' cells, and the shares
+Begun = tuple[
+    list[int], Iterator[tuple[int, Shares]]
+]  # number of cells in each lot, and the shares
 
 
 class Lot(NamedTuple):
     """Some cells.
 
     view, display : polygons (n, k, 2), px
-    throughput, path : (n,), None where they are not kept
+    throughput, path : (n,), None if not needed
     """
 
     view: Floats
@@ -161,20 +159,19 @@ class Lot(NamedTuple):
     path: NDArray[np.uint64] | None = None
 
     def at(self, which: Ints) -> "Lot":
-        """Some of them."""
+        """A subset of the cells."""
         return Lot(*(None if values is None else take(values, which) for values in self))
 
 
 class ShareBatches:
-    """The shares of many cells, some at a time: kept where they are
-    no more than MOST_KEPT, else made again each time.
+    """Shares of many cells, in batches: cached up to MOST_KEPT, else made again for each use.
 
     Parameters
     ----------
     display_size, view_size : (width, height), px
-    has_throughput, has_path : whether these are to be kept with the shares
-    pieces : gives the cells, each time anew, some at a time: polygons and
-        throughput, as for `divided`, and path, None where it is not kept
+    has_throughput, has_path : whether shares have these
+    pieces : returns the cells, in batches: polygons and throughput, as for `divided`, and path,
+        None if not needed
     """
 
     def __init__(
@@ -191,33 +188,33 @@ class ShareBatches:
         self._pieces = pieces
         self._kept: list[Shares] | None = None
         self._n = 0
-        self.n_sharing = 1  # that share the memory of MOST_KEPT
-        self.n_divided = 0  # cells, in the pass over all that is under way
+        self.n_sharing = 1  # batches in the memory of MOST_KEPT
+        self.n_divided = 0  # cells, in the current pass
 
     def __len__(self) -> int:
-        """Number of shares, after they were all made once."""
+        """Number of shares, once all of them were made."""
         return self._n
 
     @property
     def are_kept(self) -> bool:
-        """Were they all made, and no more than are kept?"""
+        """Whether all shares are made and cached."""
         return self._kept is not None
 
     def share_memory(self, n: int) -> None:
-        """Keep no more than what n batches like these may keep each."""
+        """Limit the cache to an n-th of MOST_KEPT."""
         self.n_sharing = n
         if self.are_kept and len(self) > MOST_KEPT // n:
             self.let_go()
 
     def let_go(self) -> None:
-        """Keep none: they are made again when they are asked for."""
+        """Clear the cache: shares are made again for their next use."""
         self._kept = None
 
     def __iter__(self) -> Iterator[Shares]:
         return (shares for shares in self.pausing() if shares is not None)
 
     def pausing(self) -> Iterator[Shares | None]:
-        """All batches; None is a pause in the making of the next."""
+        """All batches; None is a pause before the next one."""
         if self.are_kept:
             yield from self._kept
             return
@@ -237,12 +234,10 @@ class ShareBatches:
             self._kept = kept
 
     def _made(self) -> Iterator[Shares | None]:
-        """Divide all cells; few shares at a time are put together with the next; None is a
-        pause.
-        """
+        """Divide all cells; small batches are joined with the next; None is a pause."""
         sizes = self.display_size, self.view_size
-        # on a large display cells go from top to bottom: most batches
-        # lie in a few rows, and `add_at` has less to add
+        # on a large display cells are sorted from top to bottom: a batch then lies in a few rows,
+        # and `add_at` has less to add
         is_large = self.display_size[0] * self.display_size[1] > 4 * rasterise.SHARES_AT_ONCE
 
         def lots() -> Iterator[Lot]:
@@ -287,9 +282,7 @@ class ShareBatches:
 
 
 def _by_number(things: Iterator[Lot]) -> Iterator[list[Lot] | None]:
-    """Ever more of them at a time, as far as LOTS_AT_ONCE; None is a pause while they are
-    gathered.
-    """
+    """Lots in groups of growing size, up to LOTS_AT_ONCE; None is a pause while one is gathered."""
     n = min(LOTS_AT_FIRST, LOTS_AT_ONCE)
     some: list[Lot] = []
     for thing in things:
@@ -305,8 +298,8 @@ def _by_number(things: Iterator[Lot]) -> Iterator[list[Lot] | None]:
 
 
 def _one_ahead(things: Iterator[Begun | None]) -> Iterator[Begun | None]:
-    """Each of them after the next has begun, which other threads work on while this one is used.
-    None is a pause.
+    """Each item after the next has begun, so other threads work on it while this one is used. None
+    is a pause.
     """
     waiting = None
     for thing in things:
@@ -317,7 +310,7 @@ def _one_ahead(things: Iterator[Begun | None]) -> Iterator[Begun | None]:
 
 
 def joined(parts: Sequence[Shares]) -> Shares:
-    """Shares of the same sizes, one part or more, in one."""
+    """Join one or more sets of shares of the same sizes."""
     if len(parts) == 1:
         return parts[0]
 
@@ -338,9 +331,9 @@ def joined(parts: Sequence[Shares]) -> Shares:
 def divided(
     display_size: tuple[int, int], view_size: tuple[int, int], lots: Sequence[Lot]
 ) -> Iterator[tuple[int, Shares]]:
-    """The number of a lot and shares of its cells, a few at a time.
+    """Shares of lots of cells, a few at a time, with the number of the lot.
 
-    Other threads begin with this call, before any are asked for.
+    Other threads start with this call, before the first shares are requested.
     """
     is_numbered = any(lot.throughput is not None or lot.path is not None for lot in lots)
     parts = rasterise.divided(display_size, [lot[:2] for lot in lots], is_numbered)

@@ -1,12 +1,11 @@
-"""Squares of the viewer's image, traced at 5 x 5 nodes: cells on which the view map is smooth are
-biquartic through these, and are cut into quads.
+"""Smooth cells: squares of the viewer's image, biquartic through 5 x 5 nodes, cut into quads.
 
 Nodes are numbered row by row from the upper left corner, a quarter of the square's side apart.
 
 A quad is bilinear, the cell biquartic: n parts a side leave an error that falls as 1 / n^2. A
 display pixel takes one colour from each quad in it, so quads are also smaller than display pixels,
-by the number of places. By the tolerance alone they were too large: a colour from one or two places
-costs more in the source image than the whole map is off.
+by the number of places. With the tolerance alone they were too large: a colour from one or two
+places costs more in the source image than the whole map's error.
 """
 
 from dataclasses import dataclass
@@ -21,27 +20,27 @@ from .points import bounds_of
 NODES_ALONG = 5  # nodes along a side: quartics
 PARTS = NODES_ALONG - 1  # a cell's side in steps between nodes
 COLUMN, ROW = (axis.ravel() for axis in np.meshgrid(np.arange(NODES_ALONG), np.arange(NODES_ALONG)))
-# Where x (x - 1) ... (x - 4) is largest, as a part of the side, the interpolation errs most. The
-# first two places differ in x only, in which the error is odd: errors along x and y do not cancel
-# at both. The others are for what is not smooth within a cell, most often the edges of the mesh's
-# faces: anywhere between the nodes that the first leave.
+# The interpolation has its largest error where x (x - 1) ... (x - 4) is largest, as a fraction of
+# the side. The first two places differ in x only, in which the error is odd: errors along x and y
+# do not cancel at both. The others find features within a cell, most often the edges of the mesh's
+# faces, anywhere between the nodes not covered by the first.
 _WORST = 0.3555671 / PARTS
 CHECKS = np.array(
     [[_WORST, _WORST], [1 - _WORST, _WORST], [0.4, 0.9], [0.62, 0.6], [0.11, 0.63], [0.9, 0.87]]
 )
-# The error of a quartic is that largest value, 3.63, times the fifth derivative / 5!. Of the fifth
-# differences nothing is known: where the map is steep, beside grazing rays, they were found to be
+# The error of a quartic is the largest value of the product, 3.63, times the fifth derivative / 5!.
+# Fifth differences are unknown: where the map is steep, next to grazing rays, they were found to be
 # up to three times the fourth.
 QUARTIC = 3 * 3.6314 / 120
 DIFFERENCE_2 = np.array([1.0, -2.0, 1.0])
 DIFFERENCE_4 = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 CORNERS = [0, 4, 24, 20]  # of the nodes, around the square
 
-# Quads, tuned on the ball and on flat glass, by the error of the source image against the number of
-# shares (docs/decisions/05-cells-not-samples.md)
-OF_TOLERANCE = 0.5  # quads may be off their smooth cell by so much, and this off the map
-CHEAP_ERROR_PX = 0.01  # display px, so near they come, unless that takes less than viewer pixels
-N_PLACES = 4  # along a display pixel that is larger than a viewer pixel: its colour is taken there
+# Quads, tuned on the ball and on flat glass: error of the source image against number of shares
+# (docs/decisions/05-cells-not-samples.md)
+OF_TOLERANCE = 0.5  # for quads against their smooth cell; the rest is for the cell
+CHEAP_ERROR_PX = 0.01  # display px, error of quads, unless they would be smaller than viewer pixels
+N_PLACES = 4  # places of colour along a display pixel larger than a viewer pixel
 N_PLACES_FEW = 2.0  # along a smaller one
 MOST_PARTS = 128  # along the side of a smooth cell
 
@@ -66,7 +65,7 @@ class Squares:
 
     @property
     def area(self) -> int:
-        """Of all of them, px."""
+        """Total area, px^2."""
         return int((self.size**2).sum())
 
     def quarters(self) -> "Squares":
@@ -80,21 +79,21 @@ class Squares:
         return self.corner[:, :1] + step * COLUMN, self.corner[:, 1:] + step * ROW
 
     def checks(self) -> Floats:
-        """Viewer px (n, 6, 2) of the places at which the interpolation is checked."""
+        """Viewer px (n, 6, 2) at which the interpolation is checked."""
         return self.corner[:, None] + self.size[:, None, None] * CHECKS
 
     def are_within(
         self, xy: Floats, view_size: tuple[int, int], display_size: tuple[int, int]
     ) -> Bools:
-        """Are the squares (n,), with nodes at (n, 25, 2) display px, inside both images, wholly?"""
+        """Mask of squares (n,), with nodes at (n, 25, 2) display px, entirely in both images."""
         low, high = bounds_of(xy)
         is_shown = ((low >= 0) & (high <= display_size)).all(axis=1)
         return is_shown & (self.corner + self.size[:, None] <= view_size).all(axis=1)
 
 
 def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Bools:
-    """Do squares (n,) with nodes that land at (n, k, 2), on branches (n, k), show nothing of the
-    display? Those do on one branch whose nodes that land all do so beside it, on one side.
+    """Mask of squares (n,), with nodes landing at (n, k, 2) on branches (n, k), that show nothing
+    of the display: all landings are on one branch, and outside the display on one side.
     """
     is_lost = branch == 0
     is_single = (is_lost | (branch == branch.max(axis=1, keepdims=True))).all(axis=1)
@@ -106,7 +105,7 @@ def is_beside_display(xy: Floats, branch: np.ndarray, display_size: Ints) -> Boo
 
 
 def weights(t: Floats) -> Floats:
-    """Lagrange's weights (..., 5) of five nodes along a side at places t (...) in 0..1."""
+    """Lagrange weights (..., 5) of five nodes along a side at places t (...) in 0..1."""
     x = PARTS * np.asarray(t, float)
     off = [x - j for j in range(NODES_ALONG)]
     found = np.empty((*x.shape, NODES_ALONG))
@@ -118,11 +117,11 @@ def weights(t: Floats) -> Floats:
 
 @cache
 def _to_grid(m: int) -> Floats:
-    """Lagrange's weights (m + 1, 5) of a grid of m parts whose chords are right on average.
+    """Lagrange weights (m + 1, 5) of a grid of m parts whose chords are right on average.
 
-    A chord between points of a curve is off it to one side, by h^2 f'' / 12 on average. Points that
-    are moved by that, a twelfth of the second difference, have chords that are off as far to either
-    side. The ends stay: neighbours with other grids have them, too.
+    A chord between points of a curve is off to one side, by h^2 f'' / 12 on average. Points moved
+    by this, a twelfth of the second difference, have chords off equally far to both sides. The ends
+    stay: neighbours with other grids have them, too.
     """
     matrix = weights(np.arange(m + 1) / m)
     matrix[1:-1] -= np.diff(matrix, n=2, axis=0) / 12
@@ -130,14 +129,14 @@ def _to_grid(m: int) -> Floats:
 
 
 def at_places(nodes: Floats, places: Floats) -> Floats:
-    """Values (n, c) at places (n, 2), x and y in 0..1, of
-    cells with values (n, 25, c) at their nodes.
+    """Values (n, c) at places (n, 2), x and y in 0..1, of cells with values (n, 25, c) at their
+    nodes.
     """
     return _weighed(nodes, *(weights(along) for along in places.T))
 
 
 def at_checks(nodes: Floats) -> Floats:
-    """Values (n, 6, c) at the places of CHECKS, as by `at_places`."""
+    """Values (n, 6, c) at the places of CHECKS, as `at_places`."""
     n, _, c = nodes.shape
     found = np.empty((n, len(CHECKS), c))
     for k, (by_x, by_y) in enumerate(weights(CHECKS)):
@@ -154,9 +153,10 @@ def _weighed(nodes: Floats, by_x: Floats, by_y: Floats) -> Floats:
 
 
 def on_grid(nodes: Floats, m: int) -> Floats:
-    """Values (n, m + 1, m + 1, c) on a grid of m parts a side, rows first, of cells with values
-    (n, 25, c): the corners of bilinear parts that are right on average, as far as they are not on
-    the cell's border.
+    """Values (n, m + 1, m + 1, c) on a grid of m parts a side, rows first, of cells with values (n,
+    25, c).
+
+    The bilinear parts between them are right on average, except along the cell's border.
     """
     n, _, c = nodes.shape
     matrix = _to_grid(m)
@@ -167,7 +167,7 @@ def on_grid(nodes: Floats, m: int) -> Floats:
 def _differences(nodes: Floats, stencil: Floats) -> Floats:
     """Largest length (n,) of differences along rows and columns of values (n, 25, 2)."""
     n = len(nodes)
-    # cells last: numpy is slow where rows are a few numbers long
+    # cells last: numpy is slow on rows of a few numbers
     grid = np.ascontiguousarray(nodes.reshape(n, 2 * NODES_ALONG**2).T)
     grid = grid.reshape(NODES_ALONG, NODES_ALONG, 2, n)
     last = NODES_ALONG - len(stencil) + 1
@@ -178,23 +178,23 @@ def _differences(nodes: Floats, stencil: Floats) -> Floats:
 
 
 def expected_error(nodes: Floats) -> Floats:
-    """About how far (n,) the biquartic through nodes (n, 25, 2) is off, in their unit."""
+    """Approximate error (n,) of the biquartic through nodes (n, 25, 2), in their unit."""
     return QUARTIC * _differences(nodes, DIFFERENCE_4)
 
 
 def sag(nodes: Floats) -> Floats:
-    """About how far (n,) bilinear cells between the nodes (n, 25, 2) are off, in their unit."""
+    """Approximate error (n,) of bilinear cells between the nodes (n, 25, 2), in their unit."""
     return _differences(nodes, DIFFERENCE_2) / 8
 
 
 def n_parts(xy: Floats, size: Ints, is_inside: Bools, tolerance: float) -> Ints:
-    """Into how many quads (c,) the sides of smooth cells are cut.
+    """Number of quads (c,) along the sides of smooth cells.
 
     Parameters
     ----------
     xy : (c, 25, 2) display px, of the nodes
     size : (c,) viewer px, side of the cells
-    is_inside : (c,) whether a cell lies in both images, wholly
+    is_inside : (c,) a cell lies entirely in both images
     tolerance : display px
     """
     # for the tolerance: powers of two
@@ -205,20 +205,20 @@ def n_parts(xy: Floats, size: Ints, is_inside: Bools, tolerance: float) -> Ints:
     )
     parts = np.maximum(parts, np.minimum(cheap, size))
 
-    # for the places; on flat glass, where one quad would keep
-    # the tolerance, they alone keep the picture sharp
+    # for the places: on flat glass, where one quad would keep the tolerance, only they keep the
+    # picture sharp
     low, high = bounds_of(xy)
     span = (high - low).max(axis=1)
     per_pixel = np.maximum(span / (N_PLACES_FEW * size), 1.0)
     pixels = np.clip(N_PLACES * span, 1.0, size) / per_pixel
     parts = np.maximum(parts, 2 ** np.log2(np.maximum(pixels, 1.0)).astype(np.int64))
 
-    # a pixel each where the image folds or lies across the display's edge
+    # one for each pixel if the image folds or crosses the display's edge
     return np.where(is_inside & ~is_folded(xy), parts, np.maximum(parts, size))
 
 
 def is_folded(nodes: Floats) -> np.ndarray:
-    """Does det J of cells (n,) with nodes (n, 25, 2) change its sign, or come near to it?"""
+    """Whether det J of cells (n,) with nodes (n, 25, 2) changes its sign, or comes near to it."""
     grid = nodes.reshape(len(nodes), NODES_ALONG, NODES_ALONG, 2)
     by_x = np.diff(grid, axis=2)
     by_y = np.diff(grid, axis=1)

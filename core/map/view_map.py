@@ -1,4 +1,4 @@
-"""The view map, viewer pixels to display pixels, as cells, by which the source image is painted.
+"""The view map: cells from viewer to display pixels, by which the source image is painted.
 
 `Lookup` finds the cell at a place of the viewer's image.
 """
@@ -23,7 +23,7 @@ from .smooth_cells import CORNERS, PARTS, Squares, bilinear, n_parts
 
 @dataclass(eq=False)
 class Lookup:
-    """Cells and samples of a map by the viewer's pixels; the fields are those of `ViewMap`."""
+    """Cells and samples of a map by the viewer's pixels; fields as in `ViewMap`."""
 
     view_size: tuple[int, int]
     points: Points
@@ -36,8 +36,8 @@ class Lookup:
     sample_reach: Floats
 
     def by_cells(self, xy: Floats) -> Steps[Floats]:
-        """Display pixels (n, 2) that viewer pixels (n, 2) show by way of cells; NaN where there is
-        none. Pauses on the way.
+        """Display pixels (n, 2) shown by viewer pixels (n, 2) through cells; NaN without a cell.
+        With pauses.
         """
         found = np.full(xy.shape, np.nan)
         in_image = np.flatnonzero(is_in_image(xy, self.view_size))
@@ -74,10 +74,10 @@ class Lookup:
         return found
 
     def nearest_samples(self, xy: Floats, is_asked: Bools) -> tuple[Ints, Ints]:
-        """Which of those viewer pixels (n, 2) that are asked for
-        (n,) are within a stratum's side of a sample.
+        """Requested viewer pixels (n,) within a stratum's side of a sample, and the point of the
+        nearest one.
 
-        And the point of the nearest one.
+        xy : (n, 2) viewer px
         """
         order, of_pixel = self._samples_by_pixel
         asked = np.flatnonzero(is_asked & is_in_image(xy, self.view_size))
@@ -98,15 +98,15 @@ class Lookup:
         return found, nearest[found]
 
     def _pixel(self, xy: Floats) -> Ints:
-        """Number (n,) of the viewer's pixel that holds viewer px (n, 2): row * width + column."""
+        """Number (n,) of the viewer's pixel at viewer px (n, 2): row * width + column."""
         w, h = self.view_size
         column, row = whole_within(xy, (w - 1, h - 1))
         return row * w + column
 
     @cached_property
     def owner(self) -> Ints:
-        """Cell of each viewer pixel (h, w): a smooth one's
-        number, -2 - that of a quad, -1 for neither.
+        """Cell of each viewer pixel (h, w): number of a smooth one, -2 - number of a quad, -1 for
+        neither.
         """
         numbers = np.arange(len(self.size), dtype=np.int32)
         owner = filled(self.view_size, self.corner, self.size, numbers, -1)
@@ -120,7 +120,7 @@ class Lookup:
         w, h = self.view_size
         is_asked = np.zeros((h, w), bool)
         is_asked.ravel()[pixels] = True
-        # most are told by one corner: it lies in the pixel, or on its right or lower border
+        # preselect by one corner: it lies in the pixel, or on its right or lower border
         is_near = is_asked.copy()
         is_near[:, 1:] |= is_asked[:, :-1]
         is_near[1:] |= is_near[:-1].copy()
@@ -133,21 +133,21 @@ class Lookup:
 
     @cached_property
     def _samples_by_pixel(self) -> tuple[Ints, Ints]:
-        """Numbers (s,) of samples in the order of their pixels, and these (s,), sorted."""
+        """Numbers (s,) of samples in the order of their pixels, and these pixels (s,), sorted."""
         pixel = self._pixel(self.points.view[self.samples])
         order = np.argsort(pixel, kind="stable")
         return order, pixel[order]
 
     @cached_property
     def _are_pixels(self) -> Bools:
-        """Which quads (q,) are whole pixels, and no quarters?"""
+        """Mask of quads (q,) that are whole pixels, not quarters."""
         left, right = (self.points.view[self.quads[:, k], 0] for k in (0, 1))
         return right - left == 1
 
 
 def _each_in(owners: Ints, wanted: Ints) -> Iterator[tuple[Ints, Ints]]:
-    """Places of wanted numbers (n,) in sorted owners (m,):
-    which of those wanted have one more, and where.
+    """Matches of wanted numbers (n,) in sorted owners (m,), one for each at a time: indices of the
+    wanted, and of the owners.
     """
     first, last = (np.searchsorted(owners, wanted, side) for side in ("left", "right"))
     for k in range(int((last - first).max(initial=0))):
@@ -158,8 +158,8 @@ def _each_in(owners: Ints, wanted: Ints) -> Iterator[tuple[Ints, Ints]]:
 def filled(
     view_size: tuple[int, int], corner: Ints, size: Ints, values: np.ndarray, blank: int
 ) -> np.ndarray:
-    """An image (h, w) with squares of values (n,) on blank: their
-    corners and sizes are multiples of 4 pixels.
+    """Image (h, w) with squares of values (n,) on blank; corners and sizes are multiples of 4
+    pixels.
     """
     w, h = view_size
     image = np.full((-(-h // PARTS), -(-w // PARTS)), blank, values.dtype)
@@ -179,9 +179,7 @@ def filled(
 
 
 def in_quarters(view: Floats, xy: Floats, at: Floats) -> tuple[Bools, Floats]:
-    """Are points (n, 2) in quarters of pixels (n, 4, 2),
-    and where (n, 2) does the display show them?
-    """
+    """Whether points (n, 2) are in quarters of pixels (n, 4, 2), and their display px (n, 2)."""
     place = (at - view[:, 0]) / (view[:, 1, :1] - view[:, 0, :1])
     return ((place >= 0) & (place <= 1)).all(axis=1), bilinear(xy, place)
 
@@ -191,22 +189,21 @@ QUADS_AT_ONCE = 1 << 14
 
 @dataclass(frozen=True)
 class MapError:
-    """Errors of the view map at random places, traced for this
-    alone, of the part of its image that shows the display.
+    """Errors of the view map on the part of its image with the display, by rays at random places.
 
-    rms, percentile : display px, the latter of 99.9 % of the area;
-        over the area that map and trace both take there
-    facet_limited, unresolved : shares of the area, 0..1, that are off by more than the tolerance or
-        that only one of both takes to the display: on pixels whose corners lie on one branch, where
-        the map bends within a pixel, most often because of the mesh's facets; and on all others
-    facet_error, unresolved_error : rms of those shares, as far as it is known, display px
-    cut_off : of `unresolved`, the share that is off because the
-        ray there meets more surfaces than are allowed
-    sampled : share where light is chaotic, by samples
-    noise : of `unresolved`, the standard error of the samples: with
-        n samples a pixel 1 / sqrt n of that share
+    rms, percentile : display px, the latter of 99.9 % of the area; over the area on the display by
+        both map and rays
+    facet_limited, unresolved : fractions of the area, 0..1, with an error above the tolerance, or
+        on the display by only one of both. The first is on pixels with corners on one branch, where
+        the map bends within a pixel, most often because of the mesh's facets; the second on all
+        others
+    facet_error, unresolved_error : rms of the finite errors there, display px
+    cut_off : part of `unresolved` whose rays meet more surfaces than are allowed
+    sampled : fraction with chaotic light, shown by samples
+    noise : part of `unresolved`, the standard error of the samples: 1 / sqrt n of `sampled`, with n
+        samples a pixel
     n_samples, n_checked : rays
-    most_samples : of n_samples, those of a viewer pixel, at the most
+    most_samples : largest number of n_samples in a viewer pixel
     """
 
     rms: float
@@ -228,16 +225,16 @@ NO_ERROR = MapError(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0)
 
 @dataclass(frozen=True, eq=False)
 class ViewMap:
-    """Cells of the viewer's image and where the display shows them.
+    """Cells of the viewer's image, and their landings on the display.
 
     view_size, display_size : width, height in pixels
     points : traced, with viewer px and display px
-    corner, size, nodes : (c, 2), (c,), (c, 25) smooth cells: upper
-        left corner and side, viewer px, indices of points
-    quads, triangles : (q, 4), (t, 3) indices of points, in order, the upper left one of
-        quads first: whole pixels and quarters of them, and other pieces of pixels
-    samples, sample_area, sample_reach : (s,) indices of points where light is chaotic; the area,
-        viewer px^2, that each stands for; and the side of its stratum, viewer px
+    corner, size, nodes : (c, 2), (c,), (c, 25) smooth cells: upper left corner and side, viewer px,
+        indices of points
+    quads, triangles : (q, 4), (t, 3) indices of points, in order, the upper left one of quads
+        first: whole pixels and quarters of them, and other pieces of pixels
+    samples, sample_area, sample_reach : (s,) in chaotic light: indices of points; the area, viewer
+        px^2, each represents; side of its stratum, viewer px
     reason : (h + 1, w + 1) of Reason, at the corners of the viewer's pixels, or of the nearest node
     tolerance : display px
     unchecked : (p, 4) corners of the finest pixels, in order, until `error` is measured; None then
@@ -262,45 +259,45 @@ class ViewMap:
     n_rays: int = 0
 
     def with_samples(self, samples: Points, area: Floats, reach: Floats) -> "ViewMap":
-        """The same map, which had no samples yet, with some."""
+        """The same map with samples; it must have none yet."""
         number = len(self.points) + np.arange(len(samples))
         points = self.points.and_more(samples)
         return replace(self, points=points, samples=number, sample_area=area, sample_reach=reach)
 
     def with_error(self, error: MapError) -> "ViewMap":
-        """The same map, with all that is known of it, and its errors."""
-        found = copy(self)  # `replace` would find its quads anew
+        """The same map with its errors; cached values stay."""
+        found = copy(self)  # `replace` would drop the cached values
         n_rays = self.n_rays + error.n_checked
         vars(found).update(error=error, unchecked=None, n_rays=n_rays)
         return found
 
     @cached_property
     def _n_parts(self) -> Ints:
-        """Into how many quads (c,) the sides of smooth cells are cut."""
+        """Number of quads (c,) along the sides of smooth cells."""
         xy = take(self.points.xy, self.nodes)
         return n_parts(xy, self.size, self._is_inside, self.tolerance)
 
     @cached_property
     def _is_inside(self) -> Bools:
-        """Are smooth cells (c,) inside of both images, wholly?"""
+        """Mask of smooth cells (c,) entirely inside both images."""
         xy = take(self.points.xy, self.nodes)
         squares = Squares(self.corner, self.size)
         return squares.are_within(xy, self.view_size, self.display_size)
 
     def is_beside_glass(self, points: Ints) -> Bools:
-        """Is light of these landed points beside the glass?"""
+        """Whether light of these landed points passes the glass outside."""
         return self.points.reason[points] == Reason.MISSED_GLASS
 
     @cached_property
     def sample_width(self) -> Floats:
-        """Sides (s,), display px, of the squares that samples light; 0 of those that light none."""
+        """Sides (s,), display px, of the squares lit by samples; 0 for samples that light none."""
         return run_steps(self._spreading())
 
     def _spreading(self) -> Steps[Floats]:
         is_landed = self.points.branch[self.samples] != 0
         is_beside = self.is_beside_glass(self.samples)
         found = np.zeros(len(self.samples))
-        # light through the glass and light beside it are never mixed
+        # light through the glass and light past it are never mixed
         for some in (np.flatnonzero(is_landed & ~is_beside), np.flatnonzero(is_landed & is_beside)):
             number = self.samples[some]
             view, xy = (take(of, number) for of in (self.points.view, self.points.xy))
@@ -316,8 +313,8 @@ class ViewMap:
 
     @cached_property
     def shares_by_kind(self) -> NDArray[np.float64]:
-        """(4,) approximate numbers of shares that smooth cells, quads, triangles and samples make,
-        one for each display pixel that a piece touches.
+        """Approximate numbers (4,) of shares from smooth cells, quads, triangles and samples: one
+        for each display pixel a piece touches.
         """
         of_cells = [
             self._count_shares(self.nodes[:, CORNERS], self._n_parts),
@@ -334,13 +331,13 @@ class ViewMap:
         return step * shares.sum()
 
     def spread_samples(self) -> Steps[None]:
-        """Make `sample_width`, which may take a second and more."""
+        """Compute `sample_width`, with pauses: it may take a second and more."""
         if "sample_width" not in vars(self):
             vars(self)["sample_width"] = yield from self._spreading()
 
     @property
     def is_whole(self) -> Bools:
-        """Viewer pixels (h, w) that are connected to the display all over, by way of the glass."""
+        """Viewer pixels (h, w) fully connected to the display through the glass."""
         some = self._is_inside & ~self.is_beside_glass(self.nodes[:, 0])
         return filled(
             self.view_size,
@@ -353,11 +350,14 @@ class ViewMap:
     def pieces(
         self, at_pixels: bool = False, beside: bool = False, sampled: bool = True
     ) -> Iterator[Piece]:
-        """Quads and triangles that make up the map, by way of the glass, or beside it.
+        """Quads and triangles of the map, through the glass or past it.
 
-        Each lies within one viewer pixel when asked to, but for the squares around samples, whose
-        middles do. Those come last, unless only the rest is asked for. Arrays are new each time:
-        whoever asks for them may change them.
+        at_pixels : each lies within one viewer pixel; squares around samples have their middle in
+            it
+        beside : light past the glass instead
+        sampled : include samples, which come last
+
+        Arrays are new each time and may be changed.
         """
         # smooth cells, by the number of their quads
         parts = np.maximum(self._n_parts, self.size) if at_pixels else self._n_parts
@@ -386,7 +386,7 @@ class ViewMap:
             yield squares_around(samples, area, width, self.display_size)
 
     def _quads_of(self, cells: Ints, m: int) -> Piece:
-        """Quads of smooth cells (n,), m a side, that begin in the viewer's image."""
+        """Quads of smooth cells (n,), m a side, that start in the viewer's image."""
         corner = self.corner[cells]
         size = self.size[cells]
         piece = quads_of(self.points, corner, size, self.nodes[cells], m)
@@ -410,11 +410,11 @@ class ViewMap:
         )
 
     def display_from_view(self, xy: Floats) -> Floats:
-        """Display pixels (n, 2) that viewer pixels (n, 2) show, also
-        beyond a flat display; NaN where nothing lands.
+        """Display pixels (n, 2) shown by viewer pixels (n, 2), also beyond a flat display; NaN
+        without a landing.
 
-        So does light beside the glass where the settings look for it.
-        Where light is chaotic this is the landing of the sample that is nearest.
+        Light past the glass lands, too, if the settings follow it. In chaotic light the result is
+        the landing of the nearest sample.
         """
         xy = np.asarray(xy, float)
         found = run_steps(self.lookup.by_cells(xy))
@@ -424,5 +424,5 @@ class ViewMap:
 
     @property
     def is_one_cell(self) -> Bools:
-        """Viewer pixels (h, w) that lie in one cell, wholly."""
+        """Viewer pixels (h, w) entirely in one cell."""
         return self.lookup.owner != -1
