@@ -50,15 +50,13 @@ _taken: automatic.Taken = {}  # of the last rig
 KINDS = (
     (
         "IN_GLASS",
-        "In the Glass",
+        "Picture Inside Glass",
         "A plate images the display into the glass, where the picture seems to float",
     ),
     (
         "BEHIND_GLASS",
-        "Behind the Glass",
-        "No plate: the display, as a telephone or a tablet, is seen straight through the glass. It"
-        " stands behind it, or lies under it where the viewer looks down. Of several glasses the"
-        " viewer looks through the active one",
+        "Screen Behind Glass",
+        "No plate: the viewer sees a phone or another display straight through the active glass",
     ),
 )
 # properties that only one kind of rig has
@@ -396,12 +394,22 @@ def _tell(
 def _show(
     context: bpy.types.Context, rig: bpy.types.Collection, glasses: tuple[bpy.types.Object, ...]
 ) -> None:
-    """Select the glass, and have the rig in sight."""
-    framing.select(context, glasses)
+    """Select the part whose settings come next, and frame the rig."""
+    framing.select(context, _next_to_set(rig, glasses))
     for screen, changes in framing.frame_rig(context):
         for path, before, after in changes:
             view = rig.kiriko.views.add()
             view.screen, view.path, view.before, view.after = screen, path, before, after
+
+
+def _next_to_set(
+    rig: bpy.types.Collection, glasses: tuple[bpy.types.Object, ...]
+) -> tuple[bpy.types.Object, ...]:
+    """The glass of a rig with a plate. Without one the display, whose product people choose first,
+    as most use a phone of theirs.
+    """
+    parts = {thing.kiriko.role: thing for thing in rig.all_objects}
+    return glasses if "PLATE" in parts else (parts["DISPLAY"],)
 
 
 def _on_materials(bench: RigSite) -> list[str]:

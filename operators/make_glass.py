@@ -3,13 +3,14 @@
 import bpy
 
 from ..core.base.errors import RigError
-from ..core.base.messages import Message, joined, quoted
+from ..core.base.messages import Message, as_message, joined, quoted
 from ..core.blender.checks.inspect_scene import has_own_faces, refracts_as_shown
 from ..core.blender.lifecycle.given_glass import give, has_place, set_by_modifier
-from ..core.blender.read.elements import DEFAULT_IOR
 from ..core.blender.view.viewport_look import be_seen_as_glass
+from ..core.rig.catalogue import GLASSES
 from . import needed, telling
 from .part_verbs import NamesPart
+from .preset import GLASS_TIPS
 
 NAME = "Kiriko Glass"
 NOTHING = Message("Select glass whose material does not refract")
@@ -46,11 +47,19 @@ def _setting_their_own(
 
 
 class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
-    """Give glass a material that refracts, where its own does not; its own is kept"""
+    """Give glass a clear material. Its own returns with Remove Rig"""
 
     bl_idname = "kiriko.make_glass"
     bl_label = "Make It Glass"
     bl_options = {"REGISTER", "UNDO"}
+
+    product: bpy.props.EnumProperty(
+        name="Product",
+        description="The glass that is made",
+        items=[(name, name, tip) for name, tip in GLASS_TIPS.items()],
+        default="Acrylic",  # by whose index glass without a material is solved before
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -65,7 +74,7 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
 
             glass = bpy.data.materials.new(NAME)
             try:
-                be_seen_as_glass(glass, DEFAULT_IOR)
+                be_seen_as_glass(glass, GLASSES[self.product].ior)
             except BaseException:
                 bpy.data.materials.remove(glass)
                 raise
@@ -93,10 +102,11 @@ class KIRIKO_OT_make_glass(NamesPart, bpy.types.Operator):
                 else ""
             )
             text = Message(
-                "The material of {names} is '{glass}' now, with an index of {ior}{stays}.",
+                "{names}: {product} now, index {ior:g} (material '{glass}'){stays}.",
                 names=names,
+                product=as_message(self.product),
+                ior=GLASSES[self.product].ior,
                 glass=glass.name,
-                ior=DEFAULT_IOR,
                 stays=stays,
             )
             if own:

@@ -54,7 +54,7 @@ class VIEW3D_MT_kiriko_parts(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("kiriko.open_picture", icon="FILE_FOLDER")
-        layout.operator("kiriko.make_glass", icon="MATSPHERE")
+        layout.operator_menu_enum("kiriko.make_glass", "product", icon="MATSPHERE")
         layout.operator_menu_enum("kiriko.make_part", "role", icon="ADD")
         layout.operator("kiriko.go_without_plate")
         for preset in ("glass_preset", "plate_preset", "display_preset"):

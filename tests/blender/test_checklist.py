@@ -87,6 +87,22 @@ def test_opaque_glass_is_made_glass(look: Callable[[], list]) -> None:
     assert told(look()) == []
 
 
+def test_glass_around_the_viewer_is_reported_before_solve_refuses_it(
+    look: Callable[[], list], drawn: Callable[..., Layout]
+) -> None:
+    """Glass that is scaled by 1000 encloses the viewer; the panel is not ready then."""
+    glass = small_rig()["GLASS"]
+    glass.scale = (1000, 1000, 1000)
+    bpy.context.view_layer.update()
+    words = f"The viewer 'Kiriko Viewer' is inside the glass '{glass.name}': move it out."
+    assert words in told(look())
+    texts = drawn("checklist_panel", "VIEW3D_PT_kiriko_checklist").texts
+    assert not [text for text in texts if text.startswith("Ready")]
+    glass.scale = (1, 1, 1)
+    bpy.context.view_layer.update()
+    assert words not in told(look())
+
+
 def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> None:
     """Nothing moves: the scene's unit is another one."""
     glass = cube(2.0)
@@ -94,10 +110,14 @@ def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> 
     bpy.context.view_layer.update()
     before = glass.matrix_world.copy()
     entries = look()
-    assert "'Cube' measures 2 m: meant as 20 mm / 200 mm?" in told(entries)
-    (entry,) = (entry for entry in entries if "measures" in entry.text)
-    assert [dict(button.properties)["factor"] for button in entry.buttons] == [0.01, 0.1]
-    press(entries, "measures 2 m")
+    assert "'Cube' is 2 m wide. Did you mean 2 mm or 20 mm?" in told(entries)
+    (entry,) = (entry for entry in entries if "Did you mean" in entry.text)
+    assert [dict(button.properties)["factor"] for button in entry.buttons] == [0.001, 0.01]
+    assert [str(button.label) for button in entry.buttons] == [
+        "Scale Scene to 1/1000",
+        "Scale Scene to 1/100",
+    ]
+    press(entries, "Did you mean", 1)
     units = bpy.context.scene.unit_settings
     assert units.scale_length == pytest.approx(0.01)
     assert units.length_unit == "MILLIMETERS"
@@ -107,11 +127,20 @@ def test_glass_of_two_metres_is_twenty_millimetres(look: Callable[[], list]) -> 
 
 @pytest.mark.parametrize(
     ("width", "meant"),
-    [(0.51, [0.051]), (1, [0.1]), (1.8, [0.018, 0.18]), (5, [0.05, 0.5]), (99, [0.099])],
+    [
+        (0.51, [0.051]),
+        (1, [0.1]),
+        (1.8, [0.018, 0.18]),
+        (2, [0.002, 0.02]),
+        (5, [0.005, 0.05]),
+        (99, [0.099]),
+        (200, [0.2, 0.02]),
+        (800, [0.08]),
+    ],
 )
 def test_the_width_that_was_meant(core: ModuleType, width: float, meant: list[float]) -> None:
-    """The largest power of ten that makes it no wider than 100 mm; ten times as large, too, where
-    that is at most 500 mm, so that no size is told that asks again.
+    """Millimetres taken for metres come first if they give 2 to 500 mm; then the largest power of
+    ten that gives at most 100 mm. No proposal is over 500 mm, so that none asks again.
     """
     checklist = importlib.import_module(f"{core.__name__}.blender.checks.checklist")
     factors = checklist.meant_factors(width)

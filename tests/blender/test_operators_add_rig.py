@@ -744,7 +744,7 @@ def test_a_display_for_the_outermost_light_can_be_smaller_by_a_button(
     (entry,) = offered()
     assert entry.can_wait
     (button,) = entry.buttons
-    width = button.label.removeprefix("Take ")
+    width = button.label.removeprefix("Resize to ")
     assert f"set Display to {width}, which would show" in scene.kiriko.result.summary
     bpy.ops.kiriko.fit_display(**dict(button.properties))
     assert max(display.dimensions) == pytest.approx(float(width.split()[0]), rel=0.05)

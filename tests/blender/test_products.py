@@ -122,6 +122,29 @@ def test_glass_of_its_own_gets_the_index_in_its_material(scene, read, capfd):
     )
 
 
+def test_make_it_glass_makes_the_product_that_is_chosen(scene, read, capfd):
+    """Its index is in the material; the button and the report name it. Without a choice it is the
+    product whose index the glass was solved with before, so that no result changes.
+    """
+    operator = bpy.ops.kiriko.make_glass.get_rna_type()
+    products = loaded("core.rig.catalogue").GLASSES
+    assert [item.identifier for item in operator.properties["product"].enum_items] == list(products)
+    default = products[operator.properties["product"].default]
+
+    glass = small_rig()["GLASS"]
+    glass.kiriko.use_ior = False
+    assert read().rig.glasses[0].ior(589e-9) == default.ior
+    activate(glass)
+    bpy.ops.kiriko.make_glass(product="Soda-Lime Glass")
+    assert read().rig.glasses[0].ior(589e-9) == pytest.approx(1.5233, abs=1e-6)
+    assert "Soda-Lime Glass" in capfd.readouterr().out
+
+    findings = loaded("core.blender.checks.findings")
+    named = loaded("core.blender.checks.to_do").Named("Cube")
+    label = findings.make_glass(loaded("core.blender.checks.to_do").Thing(named, "GLASS")).label
+    assert str(label) == f"Make It Glass ({default.name})"
+
+
 def instances_by_nodes(glass: bpy.types.Object) -> bpy.types.Object:
     """An object that shows a glass at its one vertex."""
     mesh = bpy.data.meshes.new("point")

@@ -29,6 +29,17 @@ def test_parts_that_are_made_let_see_the_picture(scene):
     assert [rig[role].show_name for role in ("PLATE", "PICTURE", "DISPLAY")] == [True] * 3
 
 
+@pytest.mark.parametrize(("kind", "role"), [("IN_GLASS", "GLASS"), ("BEHIND_GLASS", "DISPLAY")])
+def test_the_part_whose_product_is_chosen_next_is_selected(scene, kind, role):
+    """Alone and active: without a plate the display, which most people replace by their phone."""
+    glass = cube()
+    bpy.ops.kiriko.add_rig(kind=kind, viewer_resolution=32, display_resolution=(32, 32))
+    rig = loaded("core.blender.data.rigs").active_rig(scene)
+    loaded("operators.add_rig")._show(bpy.context, rig, (glass,))
+    assert bpy.context.view_layer.objects.active.kiriko.role == role
+    assert [thing.kiriko.role for thing in bpy.context.selected_objects] == [role]
+
+
 def test_names_do_not_cover_each_other(scene):
     """Without a plate the picture stands on the display: two names at one place cannot be read."""
     bpy.ops.kiriko.add_rig(kind="BEHIND_GLASS", viewer_resolution=32, display_resolution=(32, 32))

@@ -27,8 +27,10 @@ MADE = {
     "PLATE": Message("Make a Plate"),
 }
 MOST_OFFERED = 2  # objects that may be the glass
-LARGEST = 0.5  # m: glass that is wider was hardly meant to be
-MEANT = 0.1  # m: the width it was meant to have is a power of ten smaller, and at most this
+LARGEST = 0.5  # m: wider glass was probably drawn without a size in mind
+SMALLEST = 0.002  # m
+IN_HAND = 0.1  # m: the largest width of glass that is held in one hand
+MILLIMETRES = 1e-3  # the factor for millimetres that were taken for metres
 WORTH = 0.005  # share of the picture: less that is lost needs nobody's hand
 
 # Remedies for a share of the picture that is lost, by its reason: the words after the share,
@@ -76,6 +78,7 @@ def entries(seen: Inspection, length_text: Callable[[float], str]) -> list[Entry
         *_on_lost(seen),
         *_on_missing(seen),
         *_on_too_many(seen),
+        *_on_enclosed(seen),
         *_on_hidden(seen),
         *_on_in_glass(seen),
         *(entry for thing in _shown(seen) for entry in findings_of(thing, APPEARANCE + SHAPE)),
@@ -185,6 +188,17 @@ def _leave_out(named: Named) -> Button:
     return Button("kiriko.leave_out", label, naming(named), "X")
 
 
+def _on_enclosed(seen: Inspection) -> Iterator[Entry]:
+    """Viewers inside a glass, by the words of the solver's refusal."""
+    for viewer, glass in seen.enclosed:
+        text = Message(
+            "The viewer '{viewer}' is inside the glass '{glass}': move it out.",
+            viewer=viewer,
+            glass=glass,
+        )
+        yield Entry(text, PROBLEM)
+
+
 def _on_hidden(seen: Inspection) -> Iterator[Entry]:
     """Hidden parts that the rig can do without; those it needs are missing."""
     missing = {role for role, _ in seen.missing}
@@ -235,12 +249,12 @@ def _on_display(seen: Inspection, length_text: Callable[[float], str]) -> Iterat
     for thing in _shown(seen):
         if thing.role == "DISPLAY" and thing.width > seen.for_most > 0:
             text = Message(
-                "'{name}' measures {length}: {share} of its light needs less.",
+                "'{name}' is {length} wide. {share} of its light fits on less.",
                 name=thing.named.name,
                 length=length_text(thing.width),
                 share=percent(MOST),
             )
-            label = Message("Take {width}", width=length_text(seen.for_most))
+            label = Message("Resize to {width}", width=length_text(seen.for_most))
             button = replace(FIT_DISPLAY, label=label, properties=(("share", MOST),))
             yield Entry(text, ADVICE, (button,), can_wait=True)
 
@@ -329,11 +343,14 @@ def _remedy(
 
 
 def meant_factors(width: float) -> list[float]:
-    """Powers of ten that make a width, m, one of things that are held in a hand: at most MEANT
-    and, where the scene gets smaller by that, too, at most LARGEST.
+    """Factors that may give a width, m, the intended size: MILLIMETRES first if the result is
+    plausible, then the largest power of ten that fits IN_HAND.
     """
-    factor = 10.0 ** -(floor(log10(width / MEANT) - 1e-9) + 1)
-    return [factor, 10 * factor] if factor < 0.05 and 10 * factor * width <= LARGEST else [factor]
+    in_hand = 10.0 ** -(floor(log10(width / IN_HAND) - 1e-9) + 1)
+    if SMALLEST <= MILLIMETRES * width <= LARGEST:
+        return list(dict.fromkeys([MILLIMETRES, in_hand]))
+    larger = 10 * in_hand
+    return [in_hand, larger] if in_hand < 0.05 and larger * width <= LARGEST else [in_hand]
 
 
 def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[Entry]:
@@ -345,15 +362,15 @@ def _on_size(seen: Inspection, length_text: Callable[[float], str]) -> Iterator[
 
     factors = meant_factors(widest.width)
     text = Message(
-        "'{name}' measures {length}: meant as {meant}?",
+        "'{name}' is {length} wide. Did you mean {meant}?",
         name=widest.named.name,
         length=length_text(widest.width),
-        meant=joined([millimetres(factor * widest.width) for factor in factors], " / "),
+        meant=joined([millimetres(factor * widest.width) for factor in factors], " or "),
     )
     buttons = [
         Button(
             "kiriko.rescale_scene",
-            Message("Scene in {times} of Its Size", times=f"1/{round(1 / factor)}"),
+            Message("Scale Scene to {times}", times=f"1/{round(1 / factor)}"),
             (("factor", factor),),
             "EMPTY_ARROWS",
         )

@@ -28,8 +28,9 @@ def choose_image(thing: Thing) -> Button:
 
 
 def make_glass(thing: Thing) -> Button:
-    """The button that gives an object a material that refracts."""
-    return Button("kiriko.make_glass", Message("Make It Glass"), naming(thing.named), "MATSPHERE")
+    """The button that gives an object a material that refracts, with the product it makes."""
+    label = Message("Make It Glass ({product})", product=Message("Acrylic"))
+    return Button("kiriko.make_glass", label, naming(thing.named), "MATSPHERE")
 
 
 def thicken(thing: Thing) -> Button:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
 from ...base.arrays import Floats
 from ...base.errors import ImageError
@@ -43,6 +44,9 @@ from .faults import counts_of
 from .to_do import FaultCounts, Inspection, Named, Thing
 
 BOXLESS = {"CURVE", "FONT", "SURFACE"}  # Blender's box of them is not that of their surface
+PROBE = Vector((0.36, 0.48, 0.8))  # along no usual edge
+ENCLOSED_STEP = 1e-6  # of the glass's size, from a hit on
+MOST_HITS = 1000
 CHECKED = ("GLASS", "MIRROR")  # roles whose mesh is light's way
 Found = Mapping[str, Mapping[bpy.types.Object, str]]
 
@@ -92,6 +96,7 @@ def inspect(
         no_parts=tuple((no_part(thing), named(thing)) for thing in found.get(NO_PART, ())),
         lost=tuple(lost_parts(scene, found)),
         in_glass=tuple(_in_glass(scene, found.get("GLASS", {}), bends)),
+        enclosed=tuple(_enclosed_viewers(scene, found.get("GLASS", {}), meshes)),
         misses=details.get("misses", {}),
         misses_of_others=details.get("misses_of_others", {}),
         helps=None if helps is None else tuple(Help(**help) for help in helps),
@@ -208,6 +213,42 @@ def _in_glass(
             found.append(thing)
     tools = tools_of([*glasses, *found]) if found else ()
     yield from (named(thing) for thing in found if thing not in tools)
+
+
+def _enclosed_viewers(
+    scene: bpy.types.Scene,
+    glasses: Mapping[bpy.types.Object, str],
+    meshes: Mapping[int, InspectedMesh],
+) -> Iterator[tuple[str, str]]:
+    """Names of viewers inside a closed glass, which no solve accepts, and of the glass."""
+    for seat in seats_of(scene):
+        if seat.camera is None or getattr(seat.camera.data, "type", "ORTHO") == "ORTHO":
+            continue
+        place = np.array(seat.camera.matrix_world.translation)
+        for glass, by in glasses.items():
+            looked = meshes.get(glass.session_uid)
+            if by or looked is None or looked.as_read.n_open:
+                continue
+            low, high = box_of(scene, glass)
+            if ((place > low) & (place < high)).all() and _contains(evaluated(scene, glass), place):
+                yield seat.camera.name, glass.name
+
+
+def _contains(glass: bpy.types.Object, place: Floats) -> bool:
+    """Whether a ray from a place (3,) in the world crosses an evaluated mesh an odd number of
+    times.
+    """
+    if glass.type != "MESH":
+        return False
+    start = glass.matrix_world.inverted_safe() @ Vector(place)
+    step = ENCLOSED_STEP * max(glass.dimensions) * PROBE
+    n_hits = 0
+    while n_hits < MOST_HITS:
+        is_hit, hit, _, _ = glass.ray_cast(start, PROBE)
+        if not is_hit:
+            break
+        start, n_hits = hit + step, n_hits + 1
+    return n_hits % 2 == 1
 
 
 def is_checked(thing: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:

@@ -117,6 +117,7 @@ class Inspection:
     no_parts : sentences on objects that have a role and can be no part, and their names
     solids : objects without a role that may be glass, the active one first
     in_glass : objects without a role that refract, and stand within the glass
+    enclosed : names of a viewer and of the glass around it
     lost : sentences on data that is missing from a library, and that library's name
     misses : shares of the picture by the reason why they are lost, of the last result
     misses_of_others : the same for each viewer but the one that is shown, by name
@@ -137,6 +138,7 @@ class Inspection:
     no_parts: tuple[tuple[str, Named], ...] = ()
     solids: tuple[Named, ...] = ()
     in_glass: tuple[Named, ...] = ()
+    enclosed: tuple[tuple[str, str], ...] = ()
     lost: tuple[tuple[str, str], ...] = ()
     misses: dict[str, float] = field(default_factory=dict)
     misses_of_others: dict[str, dict[str, float]] = field(default_factory=dict)
