@@ -10,20 +10,26 @@ from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import monotonic, perf_counter, thread_time
+from typing import NamedTuple
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
+from ..core.base.arrays import Floats
 from ..core.base.errors import KirikoError
 from ..core.base.fingerprint import fingerprint
 from ..core.base.messages import Message
 from ..core.base.steps import Steps
 from ..core.bench.sketch import Sketch, sketching
+from ..core.blender.data.camera_viewer import viewer_of
 from ..core.blender.data.units import length_of_unit
 from ..core.blender.read.places import PlaceCache, read_places
+from ..core.blender.view.contours import MeshEdges, contours, edges_of
 from ..core.light.compile_plan import compile_plan_steps
 from ..core.light.mesh_cache import MeshCache
 from ..core.light.plan import Plan
+from ..core.rig.mesh import Mesh
 from ..core.rig.rig import Rig
 from ..core.rig.settings import Settings
 from . import chosen, needed, telling, windows, work
@@ -45,10 +51,12 @@ class SketchDrawing:
     """A sketch, as a scene shows it.
 
     metres : length of a Blender unit, m, in which the scene was read
+    contours : (n, 2, 3) m, of the glass, for views that look through the viewer
     """
 
     sketch: Sketch
     metres: float
+    contours: Floats = field(default_factory=lambda: np.empty((0, 2, 3)))
 
 
 @dataclass(eq=False)
@@ -80,6 +88,7 @@ class Sketched:
     rig: Rig | None = None
     plan_key: str = ""
     plan: Plan | None = None
+    edges: dict[Mesh, MeshEdges] = field(default_factory=dict)
     steps: Generator[object, None, None] | None = None
 
     def touch(self) -> None:
@@ -171,13 +180,25 @@ def is_looked_at(area: bpy.types.Area) -> bool:
     return any(r.type == "UI" and r.active_panel_category == TAB for r in area.regions)
 
 
+def looks_through(scene: bpy.types.Scene, area: bpy.types.Area) -> bool:
+    """Whether a 3D viewport shows a scene by Look Through Viewer."""
+    space = area.spaces.active
+    return (
+        area.type == "VIEW_3D"
+        and bool(scene.kiriko_scene.looking)
+        and space.region_3d.view_perspective == "CAMERA"
+        and space.camera is not None
+        and space.camera == viewer_of(scene)
+    )
+
+
 def views() -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
-    """The viewports that the sketch is drawn in."""
+    """The viewports with a sketch, or with contours of the glass."""
     for window in windows.all_windows():
         manager = window.id_data
         if manager.kiriko.show_overlay:
             for area in window.screen.areas:
-                if is_looked_at(area):
+                if is_looked_at(area) or looks_through(window.scene, area):
                     yield window, area
 
 
@@ -242,16 +263,18 @@ def begin(sketched: Sketched, window: bpy.types.Window) -> None:
             rig = Rig(viewers=(), glasses=(), plates=(), displays=())
 
         settings = work.settings_of(scene)
-        can_be_solved = not needed.missing_parts(scene)
+        has_light = any(map(is_looked_at, window.screen.areas)) and not needed.missing_parts(scene)
+        has_contours = any(looks_through(scene, area) for area in window.screen.areas)
         metres = length_of_unit(scene)
 
-    key = _key(rig, settings, can_be_solved, metres)
+    key = _key(rig, settings, has_light, has_contours, metres)
     sketched.spent = 0.0
     sketched.lasted.pop(sketched.is_short, None)
     sketched.took(thread_time() - started)
     if key != sketched.key:
         sketched.key, sketched.rig = key, rig  # held, so that no other mesh gets their ids
-        sketched.steps = _sketching(sketched, rig, settings if can_be_solved else None, metres)
+        wish = _SketchWish(settings if has_light else None, has_contours, metres)
+        sketched.steps = _sketching(sketched, rig, wish)
 
 
 def advance(sketched: Sketched, scene_uid: int) -> None:
@@ -265,23 +288,43 @@ def advance(sketched: Sketched, scene_uid: int) -> None:
         sketched.took(thread_time() - started)
 
 
-def _sketching(
-    sketched: Sketched, rig: Rig, settings: Settings | None, metres: float
-) -> Generator[object, None, None]:
-    """Make the rig ready, as far as it can be, and sketch it;
-    without settings no light, for it cannot be solved.
-    """
+class _SketchWish(NamedTuple):
+    """Settings for the light, None: without light; and whether contours are drawn."""
+
+    settings: Settings | None
+    has_contours: bool
+    metres: float
+
+
+def _sketching(sketched: Sketched, rig: Rig, wish: _SketchWish) -> Generator[object, None, None]:
+    """Sketch the rig, with its light if it can be solved."""
     sketch = None
-    if settings is not None:
+    if wish.settings is not None:
         with suppress(KirikoError):
             rig.check()
-            settings.check()
-            plan = yield from sketched.planning(rig, settings)
+            wish.settings.check()
+            plan = yield from sketched.planning(rig, wish.settings)
             sketch = yield from sketching(rig, plan)
 
     if sketch is None:
         sketch = yield from sketching(rig, None)
-    sketched.drawing = SketchDrawing(sketch, metres)
+    found = [np.empty((0, 2, 3))]
+    if wish.has_contours and rig.viewers:
+        yield from _contours(sketched, rig, found)
+    sketched.drawing = SketchDrawing(sketch, wish.metres, np.concatenate(found))
+
+
+def _contours(sketched: Sketched, rig: Rig, found: list[Floats]) -> Generator[object, None, None]:
+    """Append the contours of each glass to `found`; edges are cached as long as its mesh is."""
+    before, sketched.edges = sketched.edges, {}
+    for glass in rig.glasses:
+        edges = before.get(glass.mesh)
+        if edges is None:
+            edges = edges_of(glass.mesh)
+            yield
+        sketched.edges[glass.mesh] = edges
+        found.append(contours(glass.mesh, edges, rig.viewers[0]))
+        yield
 
 
 def _key(rig: Rig, *others: object) -> str:

@@ -21,6 +21,7 @@ _failed: list[str] = []  # reasons why it is not drawn any more, until Kiriko is
 def draw_in_space() -> None:
     """Called by Blender for each viewport, within the scene."""
     _draw(lines.draw)
+    _draw(lines.draw_contours, sketcher.looks_through)
 
 
 def draw_in_pixels() -> None:
@@ -28,14 +29,17 @@ def draw_in_pixels() -> None:
     _draw(overlay_text.draw)
 
 
-def _draw(function: Callable[[bpy.types.Context, SketchDrawing, float], None]) -> None:
-    """Draw, if a viewport is looked at that has anything to draw. An error ends the overlay, not
-    the drawing of Blender.
-    """
+def _draw(
+    function: Callable[[bpy.types.Context, SketchDrawing, float], None],
+    is_wanted: Callable[[bpy.types.Scene, bpy.types.Area], bool] = (
+        lambda scene, area: sketcher.is_looked_at(area)
+    ),
+) -> None:
+    """Draw in a viewport that wants it. An error ends the overlay, not the drawing of Blender."""
     context = bpy.context
     if _failed or not context.window_manager.kiriko.show_overlay:
         return
-    if not sketcher.is_looked_at(context.area):
+    if not is_wanted(context.scene, context.area):
         return
 
     drawing = sketcher.drawing_of(context.scene)

@@ -3,6 +3,7 @@
 ARRIVES = (0.25, 0.85, 0.35)
 LOST = (0.95, 0.25, 0.2)
 AERIAL = (0.3, 0.65, 1.0)  # the aerial plane, and the picture's own outline
+CONTOUR = (0.95, 0.97, 1.0)  # of the glass, seen through the viewer
 DIMENSION = (0.8, 0.8, 0.8)
 SHADOW = (0.0, 0.0, 0.0)  # behind words and lines, so that they are read on any ground
 
@@ -17,6 +18,7 @@ SHADOW_PX = 2.0  # a line's shadow is wider by this much
 TEXT_PX = 12
 
 HATCH_ALPHA = 0.75
+CONTOUR_ALPHA = 0.6
 SHADOW_ALPHA = 0.35
 FAINT = 0.3  # of all alphas: of the scene as it was
 

@@ -56,6 +56,14 @@ def strokes_of(drawing: SketchDrawing) -> list[Strokes]:
     return [s._replace(ends=s.ends / drawing.metres) for s in found if len(s.ends)]
 
 
+def contour_strokes(drawing: SketchDrawing) -> list[Strokes]:
+    """The contours of the glass."""
+    if not len(drawing.contours):
+        return []
+    ends = drawing.contours / drawing.metres
+    return [Strokes(ends, colours.CONTOUR, colours.CONTOUR_ALPHA, colours.OUTLINE_PX)]
+
+
 def labels_of(drawing: SketchDrawing) -> list[Label]:
     """All words, the most important first."""
     sketch = drawing.sketch

@@ -90,7 +90,8 @@ def test_there_and_back(scene, rig):
     assert view()["view_perspective"] == "CAMERA"
     assert scene.camera.data.name == "Mine"
     assert scene.render.engine == "CYCLES"
-    assert not scene.cycles.use_preview_denoising
+    assert scene.cycles.use_preview_denoising
+    assert scene.cycles.preview_denoising_start_sample == 1
     assert scene.cycles.preview_samples < 32
     assert live().is_on()
 

@@ -332,6 +332,51 @@ def test_nothing_is_drawn_where_it_is_not_asked_for(sketcher, overlay, monkeypat
     assert not drawn(overlay)
 
 
+def test_glass_is_outlined_in_a_view_through_the_viewer(sketcher, overlay, monkeypatch):
+    """A cube seen straight from the front has its four front edges as contours, whatever the light.
+    They are drawn although Blender's overlays are off, and nothing else is.
+    """
+    glass = small_rig()["GLASS"]
+    monkeypatch.setattr(sketcher, "is_looked_at", lambda area: False)
+    assert not drawn(overlay)
+    bpy.ops.kiriko.look_through()
+    drawing = looked(sketcher)
+    corners = np.array([glass.matrix_world @ v.co for v in glass.data.vertices])
+    front = corners[np.argsort(corners[:, 1])[:4]]
+    assert len(drawing.contours) == 4
+    assert np.unique(np.round(drawing.contours.reshape(-1, 3), 6), axis=0) == pytest.approx(
+        np.unique(np.round(front, 6), axis=0), abs=1e-6
+    )
+    assert {kind for kind, *_ in drawn(overlay)} == {"LINES"}
+    assert len(PAPER.lines_of(overlay.colours.CONTOUR)) == 1
+    bpy.ops.kiriko.look_through()
+    assert not drawn(overlay)
+
+
+@pytest.mark.parametrize("is_perspective", [True, False])
+def test_contours_are_where_the_sight_touches_the_body(kiriko, is_perspective):
+    """On a finely divided sphere each lies within an edge's length of the circle of tangents; an
+    open edge is one, too.
+    """
+    mesh_of, module = loaded("core.rig.mesh").Mesh, loaded("core.blender.view.contours")
+    sphere = primitive("icosphere", subdivisions=5, radius=1.0)
+    vertices = np.array([v.co for v in sphere.vertices], float)
+    triangles = np.array([p.vertices for p in sphere.polygons])
+    projection = "perspective" if is_perspective else "orthographic"
+    viewer = SimpleNamespace(
+        position=np.array([0.0, -3.0, 0.0]),
+        axes=np.array([[1.0, 0, 0], [0, 0, 1], [0, 1, 0]]),
+        projection=projection,
+    )
+    mesh = mesh_of(vertices, triangles)
+    found = module.contours(mesh, module.edges_of(mesh), viewer)
+    assert len(found) > 80
+    expected = -1 / 3 if is_perspective else 0.0
+    assert np.abs(found[..., 1] - expected).max() < 0.07
+    cut = mesh_of(vertices, triangles[1:])
+    assert len(module.contours(cut, module.edges_of(cut), viewer)) >= len(found) + 1
+
+
 def test_an_error_ends_the_overlay_and_is_told_once(sketcher, overlay, monkeypatch, capsys):
     """Blender goes on drawing, the console has the traceback, and it is not tried again."""
     small_rig()

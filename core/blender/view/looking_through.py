@@ -98,11 +98,12 @@ def _is_black(world: bpy.types.World) -> bool:
     return is_off or (not color.is_linked and not any(color.default_value[:3]))
 
 
-SAMPLES = 16  # a pixel: the light of the display comes without noise, reflections with a little
+SAMPLES = 16  # a pixel: the light of the display has no noise, and reflections are denoised
 SCENE = {
     "render.engine": "CYCLES",
     "cycles.preview_samples": SAMPLES,
-    "cycles.use_preview_denoising": False,
+    "cycles.use_preview_denoising": True,
+    "cycles.preview_denoising_start_sample": 1,
     "cycles.use_preview_adaptive_sampling": False,
     "cycles.max_bounces": BOUNCES,
     "cycles.glossy_bounces": BOUNCES,
