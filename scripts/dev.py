@@ -76,7 +76,7 @@ SCRIPTS = {
     "shown": Script("manual.shown", "Show Window beside the exported file", MANUAL),
     "messages": Script("messages", "every sentence that people read", PLAIN),
     "languages": Script("languages", "texts that a language of the interface lacks"),
-    "house": Script("house", "figures of the house", PLAIN),
+    "house": Script("house", "figures of code and words; --files: what is where", PLAIN),
 }
 
 
@@ -115,8 +115,9 @@ def test(arguments: argparse.Namespace) -> None:
 
 
 def lint(arguments: argparse.Namespace) -> None:
-    """Check the code's style."""
-    sys.exit(not run_suite(tools=newest_blender()[0], prefixes=["lint", "format"], need_all=True))
+    """Check the style of the code and of its words."""
+    steps = ["lint", "format", "words"]
+    sys.exit(not run_suite(tools=newest_blender()[0], prefixes=steps, need_all=True))
 
 
 def build(arguments: argparse.Namespace) -> None:

@@ -1,5 +1,8 @@
 """Figures of the house: `dev.py house [--checkout FOLDER]`; needs only Python.
 
+`--files` prints the first sentence of each file instead, room by room, and `--files fold caustic`
+the files with one of these words in their name or first sentence.
+
 Rooms are the folders of core, with operators and panels above them. An arrow goes from a room to
 another that one of its files imports from; an arrow up goes to a room that stands higher in the
 order of `ROOMS`. The closure of one solve is `core/solve/session.py` and all that it imports, at
@@ -7,8 +10,8 @@ any depth. A circle is a set of files that import each other. A lone file of cor
 Options are fields with a default in records of options; constants are numbers.
 
 For each folder: files, their median and largest number of lines; functions, without signature and
-docstring; tokens a line of code; blank lines in bodies; and how often "what" stands in 1000 words
-of comments and docstrings.
+docstring; tokens a line of code; blank lines in bodies. `scripts/prose.py` adds figures of the
+words.
 """
 
 from __future__ import annotations
@@ -20,10 +23,12 @@ import re
 import statistics
 import tokenize
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+
+import prose
 
 ROOT = Path(__file__).resolve().parent.parent
 PRODUCT = "core", "operators", "panels", "languages"
@@ -52,11 +57,44 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--checkout", type=Path, default=ROOT, metavar="FOLDER", help="another one")
-    root = parser.parse_args().checkout.resolve()
+    parser.add_argument(
+        "--files", nargs="*", metavar="WORD", help="the first sentence of each file"
+    )
+    arguments = parser.parse_args()
+    root = arguments.checkout.resolve()
+    if arguments.files is not None:
+        print(*first_lines(root, arguments.files), sep="\n")
+        return
+    print(*prose.figures(root), sep="\n")
     print_imports(root)
     print_names(root)
     for folder in FOLDERS:
         print_folder(folder, measured(root, folder))
+
+
+# Files
+
+
+def first_lines(root: Path, words: Iterable[str] = ()) -> Iterator[str]:
+    """Files by room, each with its first sentence."""
+    room = ""
+    for path in sorted(path for folder in FOLDERS for path in (root / folder).rglob("*.[pc]*")):
+        name = path.relative_to(root)
+        line = first_sentence(path)
+        found = set(re.findall(r"[a-z]+", f"{name} {line}".lower().replace("_", " ")))
+        if not line or not (not words or found & {word.lower() for word in words}):
+            continue
+        if name.parent.as_posix() != room:
+            room = name.parent.as_posix()
+            yield f"\n{room}"
+        yield f"    {name.name:<28} {line}"
+
+
+def first_sentence(path: Path) -> str:
+    """The first sentence of a file of Python or C, from its docstring or comment."""
+    text = path.read_text(encoding="utf-8") if path.suffix in (".py", ".c") else ""
+    found = re.match(r'\s*(?:/\*|""")\s*(.*?)\s*(?:\n\s*\n|\.\s|"""|\*/)', text, re.DOTALL)
+    return " ".join(found[1].split()) if found else ""
 
 
 # Imports
@@ -233,7 +271,6 @@ def print_folder(folder: str, found: Measured) -> None:
     """Print the numbers of a folder, if it has files."""
     if not found.file_lines:
         return
-    words = re.findall(r"[a-z']+", " ".join(found.prose).lower())
     body_lines = list(found.body_lines.values())
     long_files = sum(lines > MOST_FILE_LINES for lines in found.file_lines.values())
     long_bodies = sum(lines > MOST_BODY_LINES for lines in body_lines)
@@ -245,8 +282,7 @@ def print_folder(folder: str, found: Measured) -> None:
         f" functions over {MOST_BODY_LINES} {long_bodies}, largest {max(body_lines)}\n"
         f"{'':<10} tokens a line {found.n_tokens / found.n_code_lines:.1f},"
         f" over {MOST_COLUMNS} columns {found.n_long_lines / found.n_code_lines:.1%},"
-        f" blank lines in bodies {found.n_blank_lines / sum(body_lines):.1%},"
-        f" 'what' {1000 * words.count('what') / len(words):.1f} in 1000 words"
+        f" blank lines in bodies {found.n_blank_lines / sum(body_lines):.1%}"
     )
 
 

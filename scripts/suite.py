@@ -101,6 +101,7 @@ def steps(tools: str, newest: str, everywhere: bool = False) -> list[Step]:
     found = [
         Step("lint", tools, ("-m", "ruff", "check", "--output-format=concise", ".")),
         Step("format", tools, ("-m", "ruff", "format", "--check", ".")),
+        Step("words", tools, ("scripts/prose.py",)),
         Step("package", tools, package),
         *in_parts("core-newest-numpy", newest, once, "core", CORE_PARTS),
         *in_parts(f"blender-{short(newest)}", newest, once, "blender", BLENDER_PARTS),
