@@ -1,5 +1,5 @@
-"""Estimates of a result's own error, and of light that meets normals which contradict their face,
-so that renderers bend it another way.
+"""Errors of a result, estimated from a sample of its rays: tessellation, rounding, leaks, bad
+normals.
 """
 
 from collections.abc import Generator
@@ -20,25 +20,25 @@ from ..light.rays import Reason, Step, main_landings
 from ..light.trace import tracing
 from .tessellation import TILTED, Tessellation, tessellation, way_from
 
-# Cycles turns a normal until light mirrored at it leaves the face at this cosine, or at so much of
-# that at which it came (`ensure_valid_specular_reflection` in its bsdf_util.h)
+# Cycles bends a shading normal until the mirrored ray leaves the face at this cosine, or at this
+# fraction of the incident cosine (`ensure_valid_specular_reflection` in its bsdf_util.h).
 FLATTEST = 0.01
 FLATTEST_OF_COMING = 0.9
-BENT = 1e-6  # light that turns by less has met a face between two equal media
+BENT = 1e-6  # below this change of direction the ray has crossed a face between two equal media
 
 
 def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
-    """For each ray (n,) the first object, among the rig's glasses, then mirrors,
-    that bends it by a normal which contradicts its flat face; -1 for none.
+    """Object that bends each ray (n,) by a normal that contradicts its flat face; -1 for none.
 
-    A normal contradicts its face, for this light, where it looks away from the light, or light
-    mirrored at it would go into the face, or nearly so: there Cycles and others take another one.
-    Curved faces are left out.
+    Objects are numbered glasses first, then mirrors; the first one on the path is reported. A
+    normal contradicts its face if it points away from the incident ray, or if the mirrored ray
+    would enter the face or graze it. Cycles and other renderers replace such a normal. Curved faces
+    are skipped.
 
     Parameters
     ----------
     origins : (n, 3) m, world
-    steps : as `tracing` gives them
+    steps : from `tracing`
     """
     found = np.full(len(origins), -1)
     if not plan.triangles.is_bent.any():
@@ -50,7 +50,7 @@ def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
     asked = found.copy()
 
     def go_on(rays: Ints, directions: Floats) -> None:
-        """Was light bent where it was asked?"""
+        """Record the suspected object of each ray that was really bent there."""
         has_turned = length_of(directions - came[rays]) > BENT
         some = rays[has_turned & (asked[rays] >= 0) & (found[rays] < 0)]
         found[some] = asked[some]
@@ -81,9 +81,9 @@ def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
 def _contradicts(
     plan: Plan, layer: Layer, triangle: Ints, number: Ints, place: Floats, directions: Floats
 ) -> Bools:
-    """Are normals at places (n, 3) of bent triangles (n,) such for light with directions (n, 3)?
+    """Whether the normals of flat-shaded triangles contradict their faces, (n,), for incident rays.
 
-    number : (n,) the layer's own, of the triangles
+    place, directions : (n, 3); number : (n,) the layer's own triangle numbers
     """
     at = place if layer.motion is None else layer.motion.back(place, directions)[0]
     u, v = layer.frames.barycentric(number, at)
@@ -91,37 +91,36 @@ def _contradicts(
     geometric = plan.triangles.normals[triangle]
 
     came = dot(directions, geometric)
-    back = np.where(came < 0, 1.0, -1.0)  # times a normal: the side the light came from
+    back = np.where(came < 0, 1.0, -1.0)  # factor of a normal that turns it to the incident side
     leaves = back * dot(reflect(directions, shading), geometric)
     looks_away = back * dot(directions, shading) >= 0
     is_flat = leaves < np.minimum(FLATTEST_OF_COMING * np.abs(came), FLATTEST)
     return looks_away | is_flat
 
 
-# rays along each side of the viewer's image: the light through gaps is known to a thousandth or two
+# Rays along each side of the viewer's image: leaks are accurate to 0.1 or 0.2 %.
 LEAK_SAMPLES = 96
-LEAST_LOST = 1e-3  # of the picture's light: less that goes through gaps is not worth a word
-ODD_SAMPLES = 48  # the same for light at normals that contradict faces: known to half a hundredth
-CAUGHT_SAMPLES = 256  # rays that are followed further than Max Events
-FURTHER = 4  # times as far
-# surfaces: a ray that meets more, and twice as many as others do, is compared with none
+LEAST_LOST = 1e-3  # fraction of the picture's light below which leaks are not reported
+ODD_SAMPLES = 48  # along each side, for light at contradicting normals: accurate to 0.5 %
+CAUGHT_SAMPLES = 256  # rays followed beyond Max Events
+FURTHER = 4  # times Max Events
+# A ray with more events than this, and twice as many as most rays, is left out of comparisons.
 MANY_EVENTS = 64
-OTHERS = 95  # per cent of the light that arrives
+OTHERS = 95  # percentile of the events of arriving rays
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Errors of a plan that a sample of its rays tells, beside the error of the map.
+    """Errors that a sample of a plan's rays shows, in addition to the map's own error.
 
-    tessellation : the error that the mesh leaves open
-    rounding : display px by which landings may be off because Blender rounds
-    leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
-    caught : share, 0..1, of the light cut off by Max Events that
-        FURTHER times as many surfaces do not set free
-    contradicted : for each glass, then each mirror, the share, 0..1, of the picture's light that
-        it bends by normals which contradict its faces
-    leaked : shares of the picture's light that goes through gaps, where nobody knows its way, by
-        where it seems to end
+    tessellation : error due to the coarseness of the mesh
+    rounding : landing error due to Blender's float32 coordinates, display px
+    leaks : for each glass, fraction of the picture's light through its gaps
+    caught : fraction of the light cut off by Max Events that is still inside after FURTHER times
+        as many events
+    contradicted : for each glass, then each mirror, fraction of the picture's light bent there by
+        normals that contradict their faces
+    leaked : fraction of the picture's light through gaps, by its apparent end
     """
 
     tessellation: Tessellation
@@ -137,8 +136,8 @@ def measure(
 ) -> Generator[float, None, Accuracy]:
     """Accuracy of a plan; yields progress 0..1.
 
-    is_cut_off : may some of its light be cut off by Max Events?
-    elsewhere : of the same plan with its picture elsewhere, if that is known
+    is_cut_off : whether Max Events may cut off some of its light
+    elsewhere : accuracy of the same plan with its picture elsewhere, if measured
     """
     bounded = yield from hold_progress(0.0, _bounded(plan))
     if elsewhere is None:
@@ -155,10 +154,10 @@ def measure(
 
 
 def _bounded(plan: Plan) -> Steps[Plan]:
-    """A plan in which rays are given up that meet far more surfaces than others.
+    """The plan with Max Events lowered for rays that meet far more surfaces than most.
 
-    Light held within a thin shell meets as many as Max Events allows, and by numpy each takes its
-    time. Its landings would be compared with none: on another surface it goes another way.
+    Light held in a thin shell uses all of Max Events, and numpy follows each such ray to the end.
+    On a refined surface it takes another path, so its landings could not be compared anyway.
     """
     settings = plan.settings
     if settings.max_events <= MANY_EVENTS:
@@ -172,12 +171,11 @@ def _bounded(plan: Plan) -> Steps[Plan]:
 
 
 def rounding_error(plan: Plan) -> float:
-    """About how far landings may be off because Blender keeps
-    places and vertices as float32, display px.
+    """Landing error due to Blender's float32 places and vertices, display px, approximate.
 
-    Each part is shifted by half a step of its place. Vertices that are off tilt the faces between
-    them, by the more the smaller those are: light is turned by TILTED of it, and lands beside by
-    that times its way from the glass.
+    Each part is displaced by half a step of its coordinates. Displaced vertices tilt a face in
+    inverse proportion to its size; TILTED of this tilt turns the light, and its landing moves by
+    this angle times the distance from the glass.
     """
     rig = plan.rig
     off = (
@@ -207,14 +205,12 @@ def rounding_error(plan: Plan) -> float:
 
 
 def leaks(plan: Plan) -> Steps[tuple[float, ...]]:
-    """For each glass of a plan the share, 0..1, of the light that
-    carries the picture and goes through its gaps.
-    """
+    """Fraction of the picture's light, 0..1, that leaks through the gaps of each glass."""
     return (yield from _leaking(plan))[0]
 
 
 def _leaking(plan: Plan) -> Steps[tuple[tuple[float, ...], dict[Reason, float]]]:
-    """The same, and the shares by where such light seems to end."""
+    """`leaks`, and the same light by its apparent end."""
     n_glasses = len(plan.rig.glasses)
     if not plan.open_parts:
         return (0.0,) * n_glasses, {}
@@ -229,8 +225,9 @@ def _leaking(plan: Plan) -> Steps[tuple[tuple[float, ...], dict[Reason, float]]]
 
 
 def contradicted(plan: Plan) -> Steps[tuple[float, ...]]:
-    """For each glass, then each mirror, of a plan the share, 0..1, of the light that
-    carries the picture and is bent there by normals which contradict the faces.
+    """Fraction of the picture's light, 0..1, that contradicting normals bend.
+
+    One value for each glass, then for each mirror.
     """
     n_parts = len(plan.rig.curved_parts())
     if not plan.triangles.is_bent.any():
@@ -245,11 +242,10 @@ def contradicted(plan: Plan) -> Steps[tuple[float, ...]]:
 
 
 def caught(plan: Plan) -> Steps[float]:
-    """Share, 0..1, of the light cut off by Max Events that does
-    not come free within FURTHER times as many surfaces.
+    """Fraction, 0..1, of the light cut off by Max Events that stays inside FURTHER times as long.
 
-    Light comes into a whole solid as it goes out: light that never
-    does so is held by faces that contradict each other.
+    Light leaves a sound solid as it entered. Light that never leaves is held by contradicting
+    faces.
     """
     (origins, directions), _ = _picture_rays(plan)
     landings = yield from tracing(plan, origins, directions)
@@ -266,14 +262,15 @@ def caught(plan: Plan) -> Steps[float]:
 
 
 def _shares(part: Ints, cover: Floats, n_parts: int, whole: float) -> tuple[float, ...]:
-    """The share of the whole light that each part has of rays (n,) with a cover (n,)."""
+    """Fraction of the whole light on the rays (n,) of each part, by their cover (n,)."""
     weights = np.bincount(part, cover, n_parts)
     return tuple(float(weight) for weight in weights / max(whole, 1e-300))
 
 
 def _picture_rays(plan: Plan, side: int = LEAK_SAMPLES) -> tuple[tuple[Floats, Floats], Floats]:
-    """Origins and directions (n, 3) of rays on which a viewer sees the picture,
-    at most `side` each way, and how much each sees of it, 0..1.
+    """Origins and directions (n, 3) of rays to the picture, and their cover (n,), 0..1.
+
+    side : rays each way over the viewer's image, at most
     """
     viewer = plan.viewer
     along = np.arange(side) + 0.5

@@ -1,7 +1,6 @@
-"""A channel of a solve: one viewer at one wavelength, and all that was found of it.
+"""A channel of a solve: one viewer at one wavelength, with its view map, shares and accuracy.
 
-Every number about a viewer's light (its view map, its shares, what of the picture it
-sees, how far off that is) lives in its channel. The display is one for all of them.
+Several channels share one display.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -38,11 +37,11 @@ from .memory import check_memory
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Numbers about the light of one viewer.
+    """Measurements of one viewer's light.
 
-    picture : key of the place of the picture, whose light the accuracy is in part about
-    plate : brightness and blur by a plate's mirrors, None where it is ideal
-    beside : a sample of light beside the glass; None where that carries the picture, too
+    picture : key of the picture's place; accuracy depends on it in part
+    plate : brightness and blur of a plate's mirrors; None for an ideal plate
+    beside : sample of the light past the glass; None if it carries the picture too
     """
 
     picture: str
@@ -56,7 +55,7 @@ def measuring(
 ) -> Generator[float, None, Measured]:
     """Measure a view map of a plan; yields progress 0..1.
 
-    elsewhere : the same with the picture elsewhere, if that was measured
+    elsewhere : measurements with the picture elsewhere, if any
     lap : called with the name of the work just done
     """
     is_cut_off = bool((view_map.points.reason == Reason.CUT_OFF).any())
@@ -83,8 +82,8 @@ WHITE = 1.0, 1.0, 1.0
 
 
 class ChannelKey(NamedTuple):
-    """What makes a channel: a viewer and a wavelength, m, with the weights of its light in red,
-    green and blue of the painting.
+    """Identity of a channel: viewer, wavelength (m), and its weights in the painted red, green,
+    blue.
     """
 
     viewer: Viewer
@@ -92,17 +91,17 @@ class ChannelKey(NamedTuple):
     colours: tuple[float, float, float]
 
     def of(self, settings: Settings) -> Settings:
-        """Settings by which its light is traced."""
+        """Settings with the channel's wavelength."""
         return replace(settings, wavelength=self.wavelength)
 
     def weighed(self, values: Floats, colour: int) -> Floats:
-        """Values as much as its light counts in a colour; the array itself at a weight of 1."""
+        """Values times the channel's weight in a colour; the array itself at a weight of 1."""
         values, weight = self.viewer.weighed(values), self.colours[colour]
         return values if weight == 1 else weight * values
 
 
 def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
-    """The channels of a rig: all colours of a viewer go the way of one wavelength."""
+    """Channels of a rig; one wavelength stands for all colours of a viewer."""
     return tuple(ChannelKey(viewer, settings.wavelength, WHITE) for viewer in rig.viewers)
 
 
@@ -110,10 +109,10 @@ def channel_keys(rig: Rig, settings: Settings) -> tuple[ChannelKey, ...]:
 class Traced:
     """The part of a channel that does not depend on the picture.
 
-    plan : the rig as it is traced for this viewer, at this wavelength
-    weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over the shares of
-        light beside the glass, where it counts
-    measured : None until a picture was painted of it; of the last place of the picture
+    plan : the rig as traced for this viewer and wavelength
+    weight_beside : (H, W) viewer px^2, sum of area * throughput^2 over shares of light past the
+        glass; None unless glare is suppressed
+    measured : for the picture's last place; None before the first picture is painted
     """
 
     plan: Plan
@@ -124,19 +123,19 @@ class Traced:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One viewer at one wavelength, as a solve found it.
+    """One viewer at one wavelength, solved.
 
-    plan : the rig as it is traced for this viewer, at this wavelength
-    plate : brightness and blur by a plate's mirrors, None where it is ideal
-    glare : the light that comes beside the glass; None where that carries the picture, too
-    shares : of all cells, some at a time
-    shown : those of some shares that display pixels show
+    plan : the rig as traced for this viewer and wavelength
+    plate : brightness and blur of a plate's mirrors; None for an ideal plate
+    glare : light past the glass; None if it carries the picture too
+    shares : of all cells, in batches
+    shown : selects the shares that display pixels show
     coverage : sums over the shares, by display pixel
-    view_coverage : (h, w) part of each viewer pixel that is connected to the display, 0..1
-    picture_coverage : share of the picture, as the viewer sees it, that the display can show; light
-        by way of gaps in the glass is painted and not counted
-    misses : share of the picture as seen, by reason why it has
-        no landing; with picture_coverage they make 1
+    view_coverage : (h, w) fraction of each viewer pixel connected to the display, 0..1
+    picture_coverage : fraction of the picture, as seen, that the display can show; light through
+        gaps in the glass is painted but not counted
+    misses : fraction of the picture as seen, by the reason why it has no landing; sums to 1 with
+        picture_coverage
     """
 
     plan: Plan
@@ -153,40 +152,42 @@ class Channel:
 
     @property
     def viewer(self) -> Viewer:
-        """The one whose image all of this is about."""
+        """The channel's viewer."""
         return self.plan.viewer
 
     @property
     def wavelength(self) -> float:
-        """Of the light that is followed, m."""
+        """Wavelength of the traced light, m."""
         return self.plan.settings.wavelength
 
     @property
     def map_error(self) -> MapError:
-        """By how much the view map may be off, as it tells itself."""
+        """Measured error of the view map."""
         return self.view_map.error
 
     @property
     def tessellation_error(self) -> float:
-        """About how far landings are from those of the surface that was meant, rms display px."""
+        """Rms distance, display px, from the landings of the intended smooth surface,
+        approximate.
+        """
         return self.accuracy.tessellation.error
 
     def ideal(self) -> NDArray[np.float32]:
-        """The picture as the viewer would see it with no glass in the way: (h, w, 3) linear."""
+        """The picture as seen without any glass: (h, w, 3) linear."""
         return ideal_image(self.plan.rig.picture_of(self.viewer), self.viewer)
 
     def seen(self, source: NDArray[np.float32], beside: bool = False) -> NDArray[np.float32]:
-        """The viewer's image, through the glass, of a source image (H, W, 3): (h, w, 3) linear.
+        """A source image (H, W, 3) as the viewer sees it through the glass: (h, w, 3) linear.
 
-        beside : and by way of the plate alone, beside the glass; that
-            is traced when first asked for, see `trace_stray_light`
+        beside : add light that passes the glass by way of the plate; it is traced on first use, see
+            `trace_stray_light`
         """
         return run_steps(self.seeing(source, beside))
 
     def seeing(
         self, source: NDArray[np.float32], beside: bool = False
     ) -> Steps[NDArray[np.float32]]:
-        """The same, with pauses: the first pass over large images takes seconds."""
+        """`seen` in steps, since the first pass over a large image takes seconds."""
         shown = self.plan.rig.display.light_of(source)
         seen = yield from seeing(self._seen_shares, shown)
         if not beside or self._seen_beside is None:
@@ -195,15 +196,14 @@ class Channel:
 
     @cached_property
     def _seen_shares(self) -> ShareBatches:
-        """Shares each of which lies in one viewer pixel: those that paint may be larger."""
+        """Shares that lie in one viewer pixel each; the painted ones may be larger."""
         return shares_of(
             self.view_map, self.shares.has_throughput, partial(self.view_map.pieces, at_pixels=True)
         )
 
     def trace_stray_light(self) -> Generator[float, None, None]:
-        """Trace light beside the glass, unless it is known or is part of the map anyway.
-
-        Yields progress 0..1.
+        """Trace light past the glass, unless it is cached or part of the map; yields progress
+        0..1.
         """
         settings = self.plan.settings
         if (
@@ -224,8 +224,8 @@ class Channel:
 
     @cached_property
     def _seen_beside(self) -> ShareBatches | None:
-        """The shares of light beside the glass, each in one viewer
-        pixel; None where it is part of the map anyway.
+        """Shares of light past the glass, one viewer pixel each; None if they are part of the
+        map.
         """
         if not self.plan.settings.only_through_glass:
             return None
@@ -239,7 +239,7 @@ def shares_of(
     pieces: Callable[[], Iterator[Piece]],
     has_path: bool = False,
 ) -> ShareBatches:
-    """The shares of pieces of a map, with their paths if asked for."""
+    """Shares of a map's pieces, with their light paths if requested."""
 
     def cells() -> Iterator[tuple[NDArray | None, ...]]:
         for piece in pieces():
@@ -250,8 +250,8 @@ def shares_of(
 
 
 def weight_beside(view_map: ViewMap, settings: Settings) -> Steps[Floats | None]:
-    """Sum (H, W) of area * throughput^2, viewer px^2, over the
-    shares of light beside the glass, if asked for.
+    """Sum (H, W) of area * throughput^2, viewer px^2, over light past the glass; None if not
+    needed.
     """
     if not settings.looks_beside:
         return None
@@ -268,15 +268,13 @@ def weight_beside(view_map: ViewMap, settings: Settings) -> Steps[Floats | None]
     return weight
 
 
-UNTRACED = Message("tracing (the optics have not changed)")
+UNTRACED = Message("tracing (the optics are unchanged)")
 
-MOST_STARTS = 3  # the last of them with everything
+MOST_STARTS = 3  # the last one includes all glasses
 
 
 def out_of_sight(rig: Rig, viewer: Viewer) -> tuple[int, ...]:
-    """Glasses, by their number, that a viewer does not look at:
-    light may come to them by way of the others only.
-    """
+    """Numbers of the glasses outside a viewer's frame: light reaches them by other parts only."""
     if len(rig.glasses) == 1:
         return ()
 
@@ -313,19 +311,18 @@ def sample_reached(
     lap: Callable[[str], None],
     is_coarse: bool = False,
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
-    """Plan and view map of a viewer, without the glass that none of its light
-    comes near; yields progress 0..1.
+    """Plan and view map of a viewer, without glass that its light never reaches; yields 0..1.
 
-    If a ray or a bundle of rays comes near such a glass after all, it begins again with that glass.
+    Tracing restarts with a deferred glass as soon as a ray or a bundle of rays comes near it.
 
     Parameters
     ----------
     lap : called with the name of the work just done
-    is_coarse : for a first picture, as Sampling has it
+    is_coarse : for a first picture, see `Sampling`
 
     Raises
     ------
-    RigError, MeshError : as by compile_plan
+    RigError, MeshError : from compile_plan
     """
     aside = out_of_sight(rig, viewer)
     _, of_map = spans(("plan",), MAP)
@@ -338,13 +335,13 @@ def sample_reached(
         plan = plan.seen_by(viewer)
         lap("plan")
 
-        # rays that check a map tell, too, whether light comes near to what stands aside
+        # Rays that check the map also find out whether light comes near a deferred glass.
         sampling = Sampling(plan, is_coarse, is_checked=bool(plan.aside.glasses))
         steps = subprogress(sampling.sample(), *of_map)
 
         try:
             while True:
-                # a solve that begins again has come no further
+                # Progress never falls back, even after a restart.
                 told = max(told, next(steps))
                 yield told
         except StopIteration as end:

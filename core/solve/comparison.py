@@ -1,4 +1,4 @@
-"""A result beside the picture without it: what the viewer sees before and after."""
+"""Before and after: the viewer's image with the plain picture and with the source image."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -20,14 +20,14 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Images (h, w, 3) of the viewer's pixels; linear, row 0 at the top.
+    """Viewer's images (h, w, 3), linear, row 0 at the top.
 
-    before : seen through the glass while the display shows the plain picture, as it would be right
-        for a rig whose glass does not refract
-    after : seen while it shows the source image
-    ideal : the picture as it would be seen with no glass in the way
-    source_image : (H, W, 3) of the display's pixels; source : as large as it fits here, made when
-        first asked for
+    before : through the glass, with the plain picture on the display (right for a rig whose glass
+        does not refract)
+    after : through the glass, with the source image on the display
+    ideal : the picture without any glass
+    source_image : (H, W, 3) in display pixels
+    source : the source image scaled to the viewer's image, made on first use
     """
 
     before: Image
@@ -42,7 +42,9 @@ class Comparison:
 
 
 class Comparer:
-    """Compares results; keeps the plain picture, and the ideal image, while only glass changes."""
+    """Compares results; caches the plain picture and the ideal image while only the glass
+    changes.
+    """
 
     def __init__(self) -> None:
         self._session = Session()
@@ -53,14 +55,14 @@ class Comparer:
     def compare(
         self, solution: Solution, rig: Rig, settings: Settings
     ) -> Generator[float, None, Comparison]:
-        """Compare a solution with the picture uncompensated; yields progress 0..1.
+        """Compare a solution with the uncompensated picture; yields progress 0..1.
 
         Raises
         ------
         RigError : the rig shows nothing even without its glass
         """
         bare = without_glass(rig)
-        # glass that does not refract is no matter, but the light has to go through it
+        # Glass of index 1 has no effect, but light past it has to count.
         how = replace(settings, only_through_glass=False, suppress_glare=0.0)
         key = fingerprint(replace(bare, glasses=()), how)
         if key != self._key:
@@ -74,7 +76,7 @@ class Comparer:
 
 
 def fitted(source: Image, viewer: Viewer) -> Image:
-    """A source image (H, W, 3) as large as fits into the viewer's image (h, w, 3), on black."""
+    """A source image (H, W, 3) scaled to fit the viewer's image (h, w, 3), on black."""
     height, width = source.shape[:2]
     scale = min(viewer.width / width, viewer.height / height)
     w, h = max(1, round(scale * width)), max(1, round(scale * height))
@@ -88,6 +90,6 @@ def fitted(source: Image, viewer: Viewer) -> Image:
 
 
 def side_by_side(left: Image, right: Image, gap: int) -> Image:
-    """Two images (h, w, 3) of one size beside each other, with so many white pixels between."""
+    """Two images (h, w, 3) of one size side by side, `gap` white pixels apart."""
     white = np.ones((left.shape[0], gap, 3), np.float32)
     return np.concatenate([left, white, right], axis=1)

@@ -1,17 +1,17 @@
-"""What several viewers ask of one display, and which place of the picture each of its pixels shows.
+"""Several viewers of one display: the place of the picture that each display pixel shows.
 
-A pixel that viewers v ask for the places p_v of the picture shows their weighted mean
+If viewers v need a pixel to show the places p_v of the picture, the pixel shows their weighted mean
 
     p = sum(w_v c_v p_v) / sum(w_v c_v),
 
-with the viewer's weight w and the part c of the pixel that it sees. It is that of least squares,
-whichever way the disagreement is settled: *sharp* shows the picture at this place, *blended* its
-colours at all of the places, whose middle this is. The *conflict* of a pixel is the deviation that
-is left, sqrt(sum(w_v c_v |p_v - p|^2) / sum(w_v c_v)): no source image removes it.
+with the viewer's weight w and the fraction c of the pixel that it sees. This is the least-squares
+solution in both modes: *sharp* shows the picture at p, *blended* the mean of its colours at all
+p_v. The *conflict* of a pixel is the remaining deviation, sqrt(sum(w_v c_v |p_v - p|^2) /
+sum(w_v c_v)), which no source image removes.
 
-A viewer to which a part of a pixel shows the picture asks for the place of that part, which lies
-beside that of the whole by up to half of the rest, each way. By so much places differ for viewers
-that agree, so that only what is left of a difference counts as disagreement.
+A viewer that sees part of a pixel needs the place of this part. It differs from the place of the
+whole pixel by up to half of the rest, each way, even for viewers that agree. Only a larger
+difference counts as disagreement.
 """
 
 from collections.abc import Generator, Sequence
@@ -29,11 +29,11 @@ from .painting import Clock, Placed, count
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """How the viewers' disagreement is settled.
+    """The settled places of all viewers.
 
-    steps : for each viewer (2, H, W) picture px, from the place that it asks a display pixel for to
-        the one that the pixel shows; NaN where it asks for none
-    conflict : (H, W) picture px; 0 where fewer than two viewers ask
+    steps : for each viewer (2, H, W) picture px, from the place it needs to the place shown; NaN
+        if it needs none
+    conflict : (H, W) picture px; 0 if fewer than two viewers need the pixel
     """
 
     steps: tuple[Floats, ...]
@@ -41,9 +41,9 @@ class Settled:
 
 
 def is_comparable(rig: Rig) -> bool:
-    """Are there several viewers, whose places on the picture can be compared?
+    """Whether there are several viewers with comparable places on the picture.
 
-    Places on images that are one viewer's alone have nothing to do with each other.
+    Places on images of the viewers' own pixels are unrelated.
     """
     if len(rig.viewers) < 2 or rig.has_own_images:
         return False
@@ -51,9 +51,9 @@ def is_comparable(rig: Rig) -> bool:
 
 
 def is_sharp(rig: Rig, settings: Settings) -> bool:
-    """Does a display pixel show the picture at the mean of the places that viewers ask for?
+    """Whether a display pixel shows the picture at the mean place.
 
-    A picture in the viewers' own pixels is another one for each: it is blended.
+    A picture in the viewers' own pixels differs from viewer to viewer, so it is blended.
     """
     is_on_plane = rig.picture_place.mesh is not None
     return settings.disagreement == "sharp" and is_on_plane and is_comparable(rig)
@@ -62,8 +62,9 @@ def is_sharp(rig: Rig, settings: Settings) -> bool:
 def settle(
     channels: Sequence[Placed], clock: Clock, is_sharp: bool
 ) -> Generator[float, None, Settled]:
-    """Look for the places that all viewers ask for, and for those that are shown; yields progress
-    0..1. Where it is sharp, the shares are painted as these are.
+    """Find the places that viewers need and the places to show; yields progress 0..1.
+
+    is_sharp : move the shares to the places to show
     """
     n = len(channels)
     for k, placed in enumerate(channels):
@@ -78,7 +79,7 @@ def settle(
         total += np.where(part > 0, places, 0.0) * part
         weight += part
 
-    # a pixel that one viewer alone asks for shows the very place
+    # A pixel that only one viewer needs shows this viewer's place.
     n_asking = sum((_part(placed) > 0).astype(int) for placed in channels)
     divisor = np.where(weight > 0, weight, 1.0)
     mean = total / divisor
@@ -101,20 +102,21 @@ def settle(
 
 
 def _part(placed: Placed) -> Floats:
-    """How much (H, W) a viewer counts in the mean of a pixel: 0 where it asks for no place."""
+    """Weight (H, W) of a viewer in each pixel's mean: 0 if it needs no place there."""
     is_asking = np.isfinite(placed.asked.places).all(axis=0)
     return placed.viewer.weighed(placed.coverage.of_display * is_asking)
 
 
 def _beside(placed: Placed) -> Floats:
-    """How far (H, W) the place that a part of a pixel asks for may lie from that of the whole,
-    picture px: by as much as places change within half of the rest.
+    """Largest distance (H, W), picture px, from the place of a pixel's part to that of the whole.
+
+    It is the change of places over half of the pixel's unseen rest.
     """
     places = placed.asked.places
     change = np.zeros(places.shape[1:])
     for axis in (1, 2):
         steps = np.linalg.norm(np.diff(places, axis=axis), axis=0)
-        # largest of the steps around: those to a pixel that is seen in part are too short
+        # Take the largest step around: steps to a partly seen pixel are too short.
         around = np.zeros(places.shape[1:])
         n = places.shape[axis]
         for k in range(-2, 2):
@@ -127,6 +129,6 @@ def _beside(placed: Placed) -> Floats:
 
 
 def _shortened(step: Floats, by: Floats) -> Floats:
-    """Steps (2, H, W) shorter by lengths (H, W), none below 0."""
+    """Steps (2, H, W) shortened by lengths (H, W), down to 0."""
     length = np.linalg.norm(step, axis=0)
     return step * np.clip(1.0 - by / np.where(length > 0, length, 1.0), 0.0, 1.0)

@@ -1,4 +1,6 @@
-"""The first picture: a rig seen by viewers of few pixels is solved in a fraction of the time."""
+"""The first picture: a coarse source image, solved for few viewer pixels in a fraction of the
+time.
+"""
 
 from collections.abc import Callable, Generator
 from contextlib import closing
@@ -20,25 +22,25 @@ from .solution import Solution
 
 Sized = TypeVar("Sized", Viewer, Display)
 
-# Through a ball a viewer of 36 pixels is off by 0.006 rms, in linear values, and one of 64 by
-# 0.003; through a bottle both by 0.09, and 64 take twice as long.
-VIEWER_PX = 36  # longer side of one viewer; several share its pixels
+# Through a ball, a viewer of 36 px has an rms error of 0.006 in linear values and one of 64 px
+# 0.003. Through a bottle both have 0.09, and 64 px take twice as long.
+VIEWER_PX = 36  # longer side of one viewer; several viewers share its pixels
 LEAST_VIEWER_PX = 12
-DISPLAY_PX = 512  # longer side at most; a display of half the resolution is off by 0.03 rms
+DISPLAY_PX = 512  # longest side; half of a display's resolution costs an rms error of 0.03
 TOLERANCE_PX = 2.0
-SAVES = 4  # a rig less than so many times finer, each way, has none
-WAIT_S = 0.2  # work of the solve, after the glass is ready, before it is made: a ball is done
+SAVES = 4  # least ratio of resolutions, each way, that is worth a first picture
+WAIT_S = 0.2  # work of the solve before a first picture: a ball is finished by then
 
 
 def has_coarse(rig: Rig) -> bool:
-    """Is the first picture of a rig so much coarser that it saves time?"""
+    """Whether a rig's first picture is coarse enough to save time."""
     return max(map(_longer_side, rig.viewers)) >= SAVES * _viewer_side(rig)
 
 
 def coarser(rig: Rig, settings: Settings, side: int | None = None) -> tuple[Rig, Settings]:
-    """The rig and the settings of its first picture.
+    """Rig and settings of the first picture.
 
-    side : longer side of each viewer, px; None: that of a first picture
+    side : longer side of each viewer, px; None for the default
     """
     side = side or _viewer_side(rig)
     n = -(-_longer_side(rig.display) // DISPLAY_PX)
@@ -55,7 +57,7 @@ def coarser(rig: Rig, settings: Settings, side: int | None = None) -> tuple[Rig,
 
 
 def _viewer_side(rig: Rig) -> int:
-    """Longer side of each viewer in it, px."""
+    """Longer side of each viewer of the first picture, px."""
     return max(LEAST_VIEWER_PX, round(VIEWER_PX / len(rig.viewers) ** 0.5))
 
 
@@ -64,44 +66,42 @@ def _longer_side(part: Viewer | Display) -> int:
 
 
 def _shrunk(part: Sized, n: int) -> Sized:
-    """A viewer or a display with one pixel in the place of n, each way."""
+    """A viewer or a display with 1/n of its pixels each way."""
     return replace(part, width=-(-part.width // n), height=-(-part.height // n))
 
 
 def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """An image (h, w, c) with as many pixels as the display:
-    each is that of the coarse one it lies in.
-    """
+    """An image (h, w, c) enlarged to the display's pixels by its nearest pixels."""
     rows = np.arange(height) * pixels.shape[0] // height
     columns = np.arange(width) * pixels.shape[1] // width
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
 
 
 def check_light(kept: MeshCache, rig: Rig, settings: Settings) -> None:
-    """Raise the error with which a rig that stays dark, or shows nothing of the picture, would not
-    be solved. It is solved only if a coarse one fails.
+    """Refuse a rig whose display stays dark or shows nothing of the picture.
 
-    kept : glass that is made ready, for the next look
+    The full rig is solved only if a coarse solve fails.
+
+    kept : cache of prepared glass
 
     Raises
     ------
-    RigError, MeshError : as by Session.solve
+    RigError, MeshError : from Session.solve
     """
     session = Session(kept)
     try:
         run_steps(session.glance(*coarser(rig, settings)))
-    except KirikoError:  # in words of its own, and a coarse rig may miss light
+    except KirikoError:  # a coarse rig may miss light, and the full one reports its own reason
         run_steps(session.solve(rig, settings))
 
 
 def solve_in_sight(
     session: Session, rig: Rig, settings: Settings, show: Callable[[NDArray[np.float32]], None]
 ) -> Generator[float, None, Solution]:
-    """The same as `session.solve`, for somebody who waits: `show` gets a coarse source image of
-    the display's size.
+    """`session.solve` with a preview: `show` gets a coarse source image of the display's size.
 
-    The rig itself is begun first, so that nothing is shown of one that cannot be solved, and rests
-    while the coarse one is. None is made if nothing has to be traced: it would not be faster.
+    The full solve starts first, so that no preview appears for a rig that cannot be solved; it
+    pauses while the coarse one runs. If nothing has to be traced there is no preview.
     """
     with closing(session.solve(rig, settings)) as solving:
         progress = next(solving)  # the glass is ready
@@ -127,7 +127,7 @@ def _shown(
     show: Callable[[NDArray[np.float32]], None],
     progress: float,
 ) -> Generator[float, None, None]:
-    """Show the first picture, unless it fails: coarse viewers may miss light of the rig's own."""
+    """Show the first picture unless it fails: coarse viewers may miss light."""
     try:
         source = yield from hold_progress(progress, session.glance(*coarser(rig, settings)))
     except (KirikoError, MemoryError):

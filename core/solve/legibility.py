@@ -1,8 +1,7 @@
-"""How legible a picture is through the glass: a card of squares as it is seen, beside the ideal.
+"""Legibility of a picture through the glass: correlation of a test card, as seen, with the ideal.
 
-The card takes the place of the picture, so that the number does not depend on what that shows. It
-is solved for a viewer of few pixels, which takes a fraction of a solve, so that it is known before
-time is spent. See docs/legibility.md.
+The card replaces the picture, so that the figure does not depend on its content. It is solved for
+few viewer pixels, in a fraction of a solve, and is available before one. See docs/legibility.md.
 """
 
 from collections.abc import Generator
@@ -24,25 +23,26 @@ from .solution import Solution
 
 SQUARES = 16  # of the card, each way
 SQUARE_PX = 16  # of the card's image
-VIEWER_PX = 64  # of the viewer's longer side
-READABLE = 0.7  # a picture of less is hard to recognise
+VIEWER_PX = 64  # longer side of the viewer
+READABLE = 0.7  # below this a picture is hard to recognise
 
 
 def card() -> Floats:
-    """A picture (h, w, 4) float32, linear RGBA: squares that are black or white by chance."""
+    """The test card (h, w, 4) float32, linear RGBA: random black and white squares."""
     squares = np.random.default_rng(0).permutation(SQUARES**2) % 2
     light = np.kron(squares.reshape(SQUARES, SQUARES), np.ones((SQUARE_PX, SQUARE_PX)))
     return np.stack([light, light, light, np.ones_like(light)], axis=2).astype(np.float32)
 
 
 def illegible(found: float) -> Message:
-    """The sentence on a picture of less legibility than READABLE."""
+    """Warning for a legibility below READABLE."""
     return Message("The picture is hard to recognise: legibility {share}.", share=percent(found))
 
 
 def likeness(seen: Floats, ideal: Floats, weight: Floats) -> float:
-    """The correlation of two images (h, w), 0..1, weighed (h, w): 1 if they differ by brightness
-    and contrast alone, 0 if they have nothing in common.
+    """Weighted correlation of two images (h, w), 0..1.
+
+    It is 1 if they differ in brightness and contrast only, 0 if they are unrelated.
     """
     if not weight.sum():
         return 0.0
@@ -52,8 +52,9 @@ def likeness(seen: Floats, ideal: Floats, weight: Floats) -> float:
 
 
 def legibility(solution: Solution) -> float:
-    """How like the ideal image the first viewer's is, 0..1, where the display is seen within the
-    picture's outline. Light that is lost is told by the picture's coverage.
+    """Likeness of the first viewer's image to the ideal one, 0..1, within the part that arrives.
+
+    The picture's coverage reports lost light.
     """
     channel = solution.first
     seen, ideal = (image.mean(axis=2, dtype=float) for image in (solution.seen(), solution.ideal()))
@@ -64,10 +65,11 @@ def legibility(solution: Solution) -> float:
 def card_legibility(
     rig: Rig, settings: Settings, kept: MeshCache | None = None
 ) -> Generator[float, None, float]:
-    """The legibility of a card in the place of a rig's picture, seen by its first viewer; yields
-    progress 0..1. 0 if nothing is seen.
+    """Legibility of the test card in a rig's picture, for the first viewer; 0 if nothing is seen.
 
-    kept : glass that is made ready
+    Yields progress 0..1.
+
+    kept : cache of prepared glass
     """
     of_card = replace(rig, viewers=rig.viewers[:1], pictures=(rig.picture_place.showing(card()),))
     try:

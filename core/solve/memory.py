@@ -1,7 +1,7 @@
-"""How much memory a solve takes, told before it is taken.
+"""Estimate of a solve's memory before it is allocated.
 
-The amounts are those that `dev.py bench` measures beside this estimate: within a
-factor of 2 from 100 MB on, with the compiled kernel and without it.
+`dev.py bench` measures the same amounts: from 100 MB on the estimate is within a factor of 2, with
+and without the compiled kernel.
 """
 
 from collections.abc import Sequence
@@ -21,15 +21,14 @@ from ..rig.viewer import Viewer
 
 @dataclass(frozen=True)
 class Bytes:
-    """Bytes of a solve, fitted to the peaks of `dev.py bench`.
+    """Bytes, fitted to the peaks of `dev.py bench`.
 
-    always : of every solve
-    rays_by_numpy, shares_by_numpy : of batches of rays, and of a share of a batch, more without
-        the kernel
-    display, viewer, picture : of a pixel
-    share, triangle, ray : of one that is kept
-    asked : of a display pixel, for each of several viewers: what it sees of it, which place of the
-        picture it asks for, and how far from there the one is that is shown
+    always : for every solve
+    rays_by_numpy, shares_by_numpy : for ray batches, and for each share of a batch, without the
+        kernel
+    display, viewer, picture : for each pixel
+    share, triangle, ray : for each one stored
+    asked : for each display pixel and viewer, if there are several viewers
     """
 
     always: float = 30e6
@@ -46,13 +45,13 @@ class Bytes:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers of things that a solve makes, fitted to the same solves; see `estimated`.
+    """Sizes of a solve, fitted to the same benches; see `estimated`.
 
-    display_shares, viewer_shares : shares for a pixel of the display, and for one of the viewer's
-        up to so many a display pixel (most_viewer_shares)
-    quads : times the display's side in tolerances, up to most_quads a viewer pixel
-    cells : times the 2/5th power of that
-    rays : for a cell, up to most_rays a viewer pixel
+    display_shares, viewer_shares : shares for each display pixel and for each viewer pixel, the
+        latter up to most_viewer_shares for each display pixel
+    quads : factor of the display's side in tolerances, up to most_quads for each viewer pixel
+    cells : factor of the 2/5th power of that side
+    rays : for each cell, up to most_rays for each viewer pixel
     """
 
     display_shares: float = 1.2
@@ -70,17 +69,17 @@ NUMBERS = Numbers()
 
 
 def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> dict[str, float]:
-    """Bytes that a solve is about to take beside the process as it is, by their use.
+    """Bytes a solve is about to allocate, by their use.
 
-    Where borders run, how many shares come of the pixels that are cut there, and how much of the
-    display light reaches, is known only from a view map: without one borders count for nothing,
-    and light reaches all of the display. Other viewers count as much as that of the map.
+    The length of borders, the shares of the pixels they cut and the lit part of the display are
+    known from a view map only. Without one, borders count as nothing and the whole display as lit.
+    Each other viewer counts like the map's.
 
-    Curved glass has a map with derivatives of all orders, in display sides. Quads of side h are off
-    by h^2 of it, so that the tolerance asks for 1 / h^2 of them, in proportion to the display's
-    side in tolerances. Cells are off by h^5, which asks for its 2/5th power. That holds within a
-    triangle of the mesh; the map has kinks of a higher order between them: where cells would be
-    smaller, any viewer pixel that needs several quads may be cut.
+    A curved glass has a map with derivatives of all orders, in display sides. A quad of side h has
+    an error of h^2, so the tolerance needs 1 / h^2 quads, in proportion to the display's side in
+    tolerances. A cell has an error of h^5, which gives the 2/5th power. Both hold within a triangle
+    of the mesh. Between triangles the map has kinks of a higher order: if cells would be smaller
+    than triangles, any viewer pixel of several quads may be cut.
     """
     display = _n_pixels(rig.display)
     sizes = [_n_pixels(viewer) for viewer in rig.viewers]
@@ -89,7 +88,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     n_curved = sum(mesh.n_curved for mesh in meshes)
     sides = max(rig.display.width, rig.display.height) / settings.tolerance * (n_curved > 0)
 
-    # quads, cells and rays that the tolerance asks for
+    # quads, cells and rays for the tolerance
     n_quads = sum(min(NUMBERS.quads * sides, NUMBERS.most_quads * size) for size in sizes)
     n_cells = NUMBERS.cells * sides**0.4
     n_rays = sum(
@@ -99,7 +98,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
         for size in sizes
     )
 
-    # shares are kept up to a number, first those that pixels ask for
+    # Shares are stored up to a limit, those that pixels show first.
     n_cut, n_points = 0.0, 0
     if view_map is None:
         n_shares = sum(
@@ -108,7 +107,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
             for size in sizes
         )
     else:
-        n_quads = 0.0  # they are among the shares
+        n_quads = 0.0  # included in the shares
         n_shares = len(sizes) * float(view_map.shares_by_kind[0])
         n_cut = len(sizes) * float(view_map.shares_by_kind[1:].sum())
         n_points = len(sizes) * len(view_map.points)
@@ -132,17 +131,18 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
 
 
 def _n_pixels(part: Viewer | Display) -> float:
-    """Of the image of a viewer or a display."""
+    """Pixels of a viewer's or a display's image."""
     return float(part.width) * part.height
 
 
 def check_memory(
     rig: Rig, settings: Settings, are_known: Sequence[bool] = (), is_told_again: bool = False
 ) -> None:
-    """Raise RigError when a solve would take more memory than is free.
+    """Raise RigError if a solve needs more memory than is free.
 
-    are_known : which of the viewers' maps are there already; none where it is empty
-    is_told_again : by `check_traced`: a solve is not refused for light that may not be there
+    are_known : whether each viewer's map exists already; empty for none
+    is_told_again : whether `check_traced` repeats the check later: light that may never arrive is
+        then no reason to refuse
     """
     known = dict(enumerate(are_known))
     new = tuple(viewer for k, viewer in enumerate(rig.viewers) if not known.get(k, False))
@@ -150,7 +150,7 @@ def check_memory(
     rig = replace(rig, viewers=new or rig.viewers[:1])
     parts = estimated(rig, settings)
     if new and n_known:
-        # a viewer that was alone has not been asked; one alone is not counted above
+        # A lone viewer has no `asked` bytes; they arise when a second viewer joins.
         n_asked = (n_known == 1) + (len(new) == 1)
         parts["display"] += BYTES.asked * _n_pixels(rig.display) * n_asked
     light = parts.pop("light")
@@ -158,14 +158,15 @@ def check_memory(
         return
     parts["display"] += light
 
-    # what helps most is less of what takes most
+    # Reduce the largest use first.
     remedy = _remedies(rig, settings)[max(parts, key=parts.get)]
     check_free(sum(parts.values()), Message("Solving"), remedy)
 
 
 def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap) -> None:
-    """Raise RigError when all that is made of a viewer's map, and of those of the rig's other
-    viewers, which count as much, would take more memory than is free.
+    """Raise RigError if painting a viewer's map needs more memory than is free.
+
+    The rig's other viewers count like this one.
     """
     parts = estimated(rig, settings, view_map)
     to_come = {
@@ -173,13 +174,14 @@ def check_traced(rig: Rig, viewer: Viewer, settings: Settings, view_map: ViewMap
         "picture": parts["picture"],
         "borders": parts["borders"],
     }
-    remedies = _remedies(rig, settings) | {"borders": _less_to_cut(viewer, settings, view_map)}
+    remedies = _remedies(replace(rig, viewers=(viewer,)), settings)
+    remedies["borders"] = _less_to_cut(remedies, settings, view_map)
     remedy = remedies[max(to_come, key=to_come.get)]
     check_free(sum(to_come.values()) + parts["always"], Message("Solving"), remedy)
 
 
 def _remedies(rig: Rig, settings: Settings) -> dict[str, Message]:
-    """What helps where a part takes most memory, by its name."""
+    """Remedy for each use of memory, by its name."""
     display = rig.display
     viewer = max(rig.viewers, key=_n_pixels)
     picture = rig.picture_place
@@ -210,18 +212,12 @@ def _remedies(rig: Rig, settings: Settings) -> dict[str, Message]:
     }
 
 
-def _less_to_cut(viewer: Viewer, settings: Settings, view_map: ViewMap) -> Message:
-    """What to do about pixels that borders cut, or that are sampled."""
-    resolution = Message(
-        "the resolution of the viewer '{viewer}' ({viewer_width} x {viewer_height})",
-        viewer=viewer.name,
-        viewer_width=viewer.width,
-        viewer_height=viewer.height,
-    )
-
+def _less_to_cut(remedies: dict[str, Message], settings: Settings, view_map: ViewMap) -> Message:
+    """Remedy for pixels that borders cut or that are sampled."""
     is_sampled = len(view_map.samples) > len(view_map.points) / 2
     if not is_sampled:
-        return Message("lower {resolution}", resolution=resolution)
+        return remedies["viewer"]
+
     return Message(
-        "lower Effort ({effort}), or {resolution}", effort=settings.effort, resolution=resolution
+        "lower Effort ({effort}), or {remedy}", effort=settings.effort, remedy=remedies["viewer"]
     )

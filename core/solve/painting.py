@@ -1,4 +1,4 @@
-"""A source image from the shares of a map, for a picture in its place."""
+"""Painting: from a view map's shares to the source image, for a picture at its place."""
 
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,20 +24,20 @@ from ..rig.viewer import Viewer
 from .channel import WHITE, ChannelKey, shares_of
 from .picture_coverage import of_the_picture
 
-MOST_PLACED = 1 << 24  # shares whose strokes are kept for the next picture
-PASS = 0.5  # of the progress: two passes over all shares count alike
+MOST_PLACED = 1 << 24  # shares whose filter taps are cached for the next picture
+PASS = 0.5  # progress of the first of two equal passes over all shares
 
 
 @dataclass(eq=False)
 class Placed:
-    """The part of a channel that depends on the picture's place and size, but not on its colours.
+    """The part of a channel that depends on the picture's place and size, not on its colours.
 
-    n_pieces : of the map, of which the shares are made
-    coverage : complete when all shares were made once
-    is_counted : is it complete?
-    asked : the places of the picture that display pixels are asked for, where that was looked for
-    step : (2, H * W) picture px, from there to the places that they show; None where it is none
-    strongest : (H * W,) the path that a pixel shows, None where it shows the mean of all
+    n_pieces : pieces of the map that the shares come from
+    coverage : complete after the first pass over all shares
+    is_counted : whether coverage is complete
+    asked : the picture's place for each display pixel; None until `count`
+    step : (2, H * W) picture px, from there to the place that is shown; None for no step
+    strongest : (H * W,) light path that each pixel shows; None for the mean of all paths
     """
 
     key: ChannelKey
@@ -50,7 +50,7 @@ class Placed:
     step: Floats | None = None
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
-    strokes: list[Strokes] = field(default_factory=list)  # of the first batches of shares
+    strokes: list[Strokes] = field(default_factory=list)  # for the first batches of shares
     covered: tuple[float, dict[str, float]] | None = None
 
     @property
@@ -58,26 +58,27 @@ class Placed:
         return self.key.viewer
 
     def let_go(self) -> None:
-        """Keep no shares: they are made again when they are asked for."""
+        """Drop cached shares and filter taps; they are made again on demand."""
         self.shares.let_go()
         self.strokes.clear()
 
     def part_done(self, n: int) -> float:
-        """Part, 0..1, of a pass over the shares that is done after n of them: by these if they are
-        kept, otherwise by the pieces that they are made of.
+        """Progress 0..1 of a pass after n shares.
+
+        It counts shares if they are cached, otherwise the pieces they are made of.
         """
         if self.shares.are_kept:
             return n / max(len(self.shares), 1)
         return min(self.shares.n_divided / max(self.n_pieces, 1), 1.0)
 
     def shown(self, shares: Shares) -> Shares:
-        """Those of some shares that display pixels show."""
+        """The shares that display pixels show."""
         if self.strongest is None:
             return shares
         return shares.at(np.flatnonzero(self.strongest[shares.display_index] == shares.path))
 
     def weighed(self, shares: Shares) -> Shares:
-        """Shares as they are painted: by the viewer's weight, at the places that are shown."""
+        """Shares as painted: scaled by the viewer's weight, moved to the places to show."""
         if self.viewer.weight != 1:
             shares = replace(shares, area=self.viewer.weighed(shares.area))
         if self.step is None:
@@ -85,8 +86,7 @@ class Placed:
         return moved_in_view(shares, self.picture, self.viewer, self.step)
 
     def cover(self, view_map: ViewMap) -> Steps[None]:
-        """Find how much of the picture the display can show, unless that is known; pauses on the
-        way.
+        """Compute how much of the picture the display can show, unless cached.
 
         Raises
         ------
@@ -99,19 +99,19 @@ class Placed:
             self.covered = yield from steps
 
     def view_coverage_in(self, view_map: ViewMap) -> Floats:
-        """Part (h, w) of each viewer pixel that is connected to the display, 0..1."""
+        """Fraction (h, w) of each viewer pixel connected to the display, 0..1."""
         return np.where(view_map.is_whole, 1.0, self.coverage.of_view)
 
 
 class Clock:
-    """Seconds by part of the work."""
+    """Seconds by stage."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self._last = perf_counter()
 
     def lap(self, part: str) -> None:
-        """The time since the last lap was this part's."""
+        """Add the time since the last lap to a stage."""
         now = perf_counter()
         self.seconds[part] = self.seconds.get(part, 0.0) + now - self._last
         self._last = now
@@ -120,10 +120,9 @@ class Clock:
 def paint(
     channels: Sequence[Placed], pyramids: Sequence[Pyramid], clock: Clock
 ) -> Generator[float, None, Painting]:
-    """Paint the shares of all channels, each with its pyramid, and add them to the sums over them
-    where these are new.
+    """Paint the shares of all channels, each with its pyramid; yields progress 0..1.
 
-    Yields progress 0..1.
+    The first pass also completes each channel's coverage.
     """
     painting = Painting(channels[0].shares.display_size)
     for k, (placed, pyramid) in enumerate(zip(channels, pyramids, strict=True)):
@@ -145,12 +144,12 @@ def _add(
     n = 0
     for shares in placed.shares.pausing():
         clock.lap("shares")
-        # another solve may be half way through the same batches
+        # Another solve may be half way through the same batches.
         told = max(told, placed.part_done(n_painted))
         if shares is None:
             yield told
             continue
-        # kept here: another solve may let them go in a pause
+        # Hold a reference: another solve may drop them during a pause.
         strokes = placed.strokes[n] if n < len(placed.strokes) else None
         shown = None if strokes is not None and not is_new else placed.shown(shares)
         yield told
@@ -177,11 +176,11 @@ def _add(
 
     placed.is_counted = True
     if not placed.shares.are_kept:
-        placed.strokes.clear()  # next to all that has to be made again they would save little
+        placed.strokes.clear()  # they save little if the shares themselves have to be made again
 
 
 def place(view_map: ViewMap, picture: PicturePlace, key: ChannelKey, settings: Settings) -> Placed:
-    """The shares of a channel's map as a picture's place has them, none of which are made yet."""
+    """A channel's shares for a picture at its place, not made yet."""
     shares = _shares_to_paint(view_map, picture, key.viewer, settings)
     return Placed(
         key=key,
@@ -198,10 +197,9 @@ def finished(
     beside: Sequence[Floats | None],
     settings: Settings,
 ) -> NDArray[np.float32]:
-    """The light (H, W, 3) that is wanted of the display's pixels, by a painting to
-    which all shares of all channels were added.
+    """Light (H, W, 3) for the display's pixels, from a complete painting.
 
-    beside : for each channel the weight (H, W) of light beside the glass, where it counts
+    beside : for each channel the weight (H, W) of light past the glass; None if glare is kept
     """
 
     def summed(of_each: Sequence[Floats | None], colour: int) -> Floats | None:
@@ -223,9 +221,7 @@ def finished(
 
 
 def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
-    """Look for the places that a viewer asks for, and add up the sums over its shares where
-    these are new; yields progress 0..1.
-    """
+    """Find the places that a viewer needs, and complete the coverage; yields progress 0..1."""
     return _strongest_first(placed, clock, _count(placed, clock))
 
 
@@ -256,8 +252,8 @@ def _count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
 def _strongest_first(
     placed: Placed, clock: Clock, work: Generator[float, None, None]
 ) -> Generator[float, None, None]:
-    """Find the paths that pixels show, where that is asked and not known, before some work; yields
-    progress 0..1 of both.
+    """Find the paths that pixels show, if needed, then do some work; yields the progress of
+    both.
     """
     clock.lap("painting")
     found = 0.0
@@ -269,7 +265,7 @@ def _strongest_first(
 
 
 def _find_strongest(placed: Placed) -> Generator[float, None, None]:
-    """Find the paths that pixels show, by shares that are made for it; yields progress 0..1."""
+    """Find the paths that pixels show, from shares made for it; yields progress 0..1."""
     steps, told = strongest_paths(placed.shares), 0.0
     while True:
         try:
@@ -284,7 +280,7 @@ def _find_strongest(placed: Placed) -> Generator[float, None, None]:
 def _shares_to_paint(
     view_map: ViewMap, picture: PicturePlace, viewer: Viewer, settings: Settings
 ) -> ShareBatches:
-    """The shares of a map's cells, which are cut along the picture's outline."""
+    """Shares of a map's cells, cut along the picture's outline."""
 
     def pieces() -> Iterator[Piece]:
         return cut_along_outline(view_map.pieces(), picture, viewer)

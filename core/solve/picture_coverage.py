@@ -1,4 +1,4 @@
-"""How much of the picture is seen, why the rest is not, and why the display stays dark."""
+"""Coverage of the picture, the reasons for the rest, and the reason for a dark display."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -18,25 +18,26 @@ from ..rig.rig import PicturePlace, Rig
 from ..rig.viewer import Viewer
 from .channel import Traced
 
-UNSEEN_PX2 = 1e-6  # viewer px^2: a picture that covers less is seen edge-on or not at all
+UNSEEN_PX2 = 1e-6  # viewer px^2: a smaller picture is seen edge-on or not at all
 TOO_FINE = Message("finer than a viewer pixel")
 
-LEAST_LIGHT = 1e-12  # of the picture: less is no light
+LEAST_LIGHT = 1e-12  # fraction of the picture
 
 PIXELS_AT_ONCE = 1 << 18
 POINTS_AT_ONCE = 1 << 19
-APART_PX = 16  # of viewer pixels that are looked at first
+APART_PX = 16  # distance of the viewer pixels that are tried first
 
 
 def of_the_picture(
     picture: PicturePlace, viewer: Viewer, view_map: ViewMap, view_coverage: Floats
 ) -> Steps[tuple[float, dict[str, float]]]:
-    """Share of the picture, as a viewer sees it, that is covered,
-    and shares of it by reason of the misses: 1 in all. Pauses on the way.
+    """Fraction of the picture, as a viewer sees it, that is covered, and the rest by reason; sums
+    to
+    1.
 
-    The part missing in a pixel is put down to the reasons of the rays at its corners and within.
-    Where all these have landed, it is beyond the display's edge, if one cell maps the pixel; else
-    between branches finer than a pixel.
+    The missing part of a pixel is attributed to the reasons of the rays at its corners and inside.
+    If all of these have landed, it lies beyond the display's edge if one cell maps the pixel,
+    otherwise between branches finer than a pixel.
     """
     w, h = view_map.view_size
     unseen = 0.0
@@ -56,7 +57,7 @@ def of_the_picture(
             view_map.reason[row + down, column + right] for down in (0, 1) for right in (0, 1)
         ])  # fmt: skip
 
-        # each ray of a pixel has a vote on the reason for what is missing in it
+        # Each ray of a pixel has one vote for the reason.
         of_reason = by_corner[None] == np.arange(len(Reason))[:, None, None]
         votes = of_reason.sum(axis=1) + within[:, first * w + some]
         votes[Reason.ARRIVED] = 0
@@ -78,21 +79,23 @@ def of_the_picture(
 
 
 def check_seen(picture: PicturePlace, viewer: Viewer) -> None:
-    """Raise RigError where a viewer sees nothing of a picture even with no glass in the way."""
+    """Raise RigError if a viewer would not see the picture even without glass."""
     if picture.mesh is not None and _fills_a_pixel(picture, viewer):
         return
     _shown(picture, viewer, cover_in_view(picture, viewer))
 
 
 def _fills_a_pixel(picture: PicturePlace, viewer: Viewer) -> bool:
-    """Does a picture fill one of some viewer pixels? Most do: then not all need be looked at."""
+    """Whether a picture fills any of some spread viewer pixels; a quick test that most pictures
+    pass.
+    """
     x, y = (np.arange(n // 2 % APART_PX, n, APART_PX) for n in (viewer.width, viewer.height))
     middles = np.stack(np.meshgrid(x, y), axis=2).reshape(-1, 2) + 0.5
     return bool((picture_from_view(picture, viewer, middles, of_square(1.0)).cover == 1).any())
 
 
 def _shown(picture: PicturePlace, viewer: Viewer, cover_of_view: Floats) -> float:
-    """Viewer px^2 of the picture, by how much of each pixel shows it; RigError where it is none."""
+    """Area of the picture in the viewer's image, px^2; RigError if there is none."""
     shown = float(cover_of_view.sum())
     if shown < UNSEEN_PX2:
         raise RigError(
@@ -105,9 +108,7 @@ def _shown(picture: PicturePlace, viewer: Viewer, cover_of_view: Floats) -> floa
 
 
 def _reasons_within(view_map: ViewMap) -> Steps[NDArray[np.uint16]]:
-    """How many rays within each viewer pixel, not on its
-    edges, ended for each reason: (reasons, pixels).
-    """
+    """Number of rays inside each viewer pixel, edges excluded, by reason: (reasons, pixels)."""
     w, h = view_map.view_size
     points = view_map.points
     counts = np.zeros((len(Reason), w * h), np.uint16)
@@ -123,44 +124,38 @@ def _reasons_within(view_map: ViewMap) -> Steps[NDArray[np.uint16]]:
     return counts
 
 
-MOST_LEAKED = 0.5  # share of the light: where more goes through gaps these are why all is dark
+MOST_LEAKED = 0.5  # fraction of the light through gaps that explains a dark display
 
 REMEDIES = {
-    Reason.MISSED_GLASS: Message("no ray from the viewer meets the glass: turn the viewer to it"),
+    Reason.MISSED_GLASS: Message("no ray from the viewer hits the glass: aim the viewer at it"),
     Reason.LOST_INSIDE: Message(
-        "every ray is lost inside the glass: look for faces that cut each other"
+        "every ray is lost inside the glass: check it for intersecting faces"
     ),
     Reason.MISSED_PLATE: Message("no ray reaches the plate: move or enlarge it"),
     Reason.BLOCKED: Message(
-        "every ray is blocked: move the blockers, or turn the front of the display to the plate"
+        "every ray is blocked: move the blockers, or turn the display's front to the rig"
     ),
     Reason.MISSED_DISPLAY: Message("no ray reaches the display: move or enlarge it"),
     Reason.CUT_OFF: Message(
-        "every ray meets more surfaces than Max Events allows: raise it, or change the glass"
-    ),
-}
-# where light goes straight from the glass to the display
-STRAIGHT = {
-    Reason.BLOCKED: Message(
-        "every ray is blocked: move the blockers, or turn the front of the display to the glass"
+        "every ray needs more than Max Events: raise it, or simplify the glass"
     ),
 }
 
 
 def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
-    """The reason why no ray of a viewer arrives: nobody means a black source image.
+    """Error that explains why no ray of a viewer arrives; a black source image is never intended.
 
-    Raises RigError where a viewer that looks at the glass does not see the picture: then no part
-    keeps light away.
+    Raises RigError if the viewer looks at the glass but not at the picture: then no part blocks
+    light.
 
-    leaks : for each glass the share, 0..1, of the picture's light that goes through its gaps
+    leaks : for each glass the fraction, 0..1, of the picture's light through its gaps
     """
     leaked = max(leaks)
     if leaked > MOST_LEAKED:
         glass = traced.plan.rig.glasses[leaks.index(leaked)]
         return RigError(
-            "The display stays dark: {share} of the picture's light goes through gaps in"
-            " the glass '{glass}': close them.",
+            "The display stays dark: {share} of the picture's light leaks through gaps in"
+            " '{glass}'. Close them.",
             share=percent(leaked),
             glass=glass.name,
         )
@@ -171,8 +166,7 @@ def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
     reason = max(beyond_glass, key=lambda r: counts[r]) if beyond_glass else Reason.MISSED_GLASS
 
     rig, viewer = traced.plan.rig, traced.plan.viewer
-    remedies = REMEDIES if traced.plan.needs_plate else REMEDIES | STRAIGHT
-    remedy = remedies[reason]
+    remedy = REMEDIES[reason]
     if beyond_glass:
         check_seen(rig.place_of(viewer), viewer)
     else:
@@ -182,7 +176,7 @@ def why_dark(traced: Traced, leaks: Sequence[float]) -> RigError:
 
 
 def _too_small(rig: Rig, viewer: Viewer) -> Message | None:
-    """Is all glass in the viewer's image so narrow that rays pass it by?"""
+    """Remedy if all glass in the viewer's image is narrower than a pixel."""
     size = (viewer.width, viewer.height)
     small = None
     for glass in rig.glasses:
@@ -193,8 +187,8 @@ def _too_small(rig: Rig, viewer: Viewer) -> Message | None:
         if (extent >= 1).all():
             return None
         small = small or Message(
-            "the viewer '{viewer}' sees the glass '{glass}' narrower than one of its pixels: make"
-            " the glass larger, or raise the viewer's resolution",
+            "'{glass}' is narrower than one pixel of the viewer '{viewer}': enlarge the glass, or"
+            " raise the viewer's resolution",
             viewer=viewer.name,
             glass=glass.name,
         )

@@ -1,6 +1,4 @@
-"""Remarks on a solution and on its light: each names the cause that was measured, and a remedy for
-it.
-"""
+"""Remarks on a solution: each names a measured cause and its remedy."""
 
 from collections.abc import Iterator, Sequence
 
@@ -29,20 +27,20 @@ from .disagreement import is_sharp
 from .solution import Remark, note, warning
 from .tessellation import Tessellation
 
-# edges between flat faces that meet at less than ROUND: so many stand for a curved surface
+# This many edges between flat faces that meet at less than ROUND make a curved surface.
 FACETTED = 64
 ROUND = np.radians(12.0)
 
 
 def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
-    """The remedy for a view that changes within pixels, by the cause."""
+    """Remedy for a view that changes within pixels, by its cause."""
     if error.cut_off > max(error.facet_limited, error.unresolved - error.cut_off):
         return Message("raise Max Events")
 
     bends = error.facet_limited > error.unresolved
     if bends and mesh.cause == "jumps":
         return Message(
-            "the faces of '{name}' contradict each other; {remedy}",
+            "curved faces of '{name}' disagree at their edges; {remedy}",
             name=name_of(rig, mesh.uneven),
             remedy=remedy_for_irregular(rig, mesh),
         )
@@ -61,29 +59,24 @@ def remedy_for(rig: Rig, mesh: Tessellation, error: MapError) -> Message:
 
 
 def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
-    """The remedy for the error that a mesh leaves open, by its cause."""
+    """Remedy for the tessellation error, by its cause."""
     if any(part.mesh.surface == "facets" for part in (*rig.glasses, *rig.mirrors)):
         drawn = Message(
-            "it is followed as drawn: subdivide the glass, or set its Surface to Automatic"
+            "the glass is traced as drawn; subdivide it, or set its Surface to Automatic"
         )
     elif any(counts.n_doubted):
-        drawn = Message(
-            "it is followed as drawn where it is irregular or coarse: use a finer or a more"
-            " regular mesh"
-        )
+        drawn = Message("use a finer or more regular mesh")
     else:
         drawn = Message(
-            "normals contradict its shape: mark edges sharp there, or subdivide the glass"
+            "some normals contradict the shape; mark edges sharp there, or subdivide the glass"
         )
 
     remedies = {
         "drawn": drawn,
-        "order": Message("it is coarse: subdivide the glass"),
-        "straight": Message(
-            "its edges are straight where smooth faces meet flat ones: add loops near them"
-        ),
+        "order": Message("subdivide the glass"),
+        "straight": Message("add edge loops where smooth faces meet flat ones"),
         "jumps": Message(
-            "the curved faces of '{name}' contradict each other at their edges: {remedy}",
+            "curved faces of '{name}' disagree at their edges; {remedy}",
             name=name_of(rig, mesh.uneven),
             remedy=remedy_for_irregular(rig, mesh),
         ),
@@ -92,27 +85,25 @@ def remedy_for_mesh(rig: Rig, counts: Counts, mesh: Tessellation) -> Message:
 
 
 def facetted_glass(rig: Rig) -> str:
-    """The name of a glass whose facets stand for a curved surface, '' where there is none."""
+    """Name of a glass whose facets represent a curved surface; '' if there is none."""
     return next((glass.name for glass in rig.glasses if is_facetted(glass.mesh)), "")
 
 
 def remedy_for_irregular(rig: Rig, mesh: Tessellation) -> Message:
-    """The remedy for an irregular mesh that is followed as curved."""
+    """Remedy for an irregular mesh that is traced as curved."""
     part = (*rig.glasses, *rig.mirrors)[mesh.uneven]
     if part.mesh.surface == "smooth":
-        return Message("set its Surface to Automatic, or give it a finer or a more regular mesh")
-    return Message("give it a finer or a more regular mesh")
+        return Message("set its Surface to Automatic, or use a finer or more regular mesh")
+    return Message("use a finer or more regular mesh")
 
 
 def name_of(rig: Rig, part: int) -> str:
-    """The name of a glass or mirror, by its number among both."""
+    """Name of a glass or mirror, by its number among both."""
     return (*rig.glasses, *rig.mirrors)[part].name
 
 
 def is_facetted(mesh: Mesh) -> bool:
-    """Do many flat faces of a mesh meet at small angles, as of
-    a curved surface that was not shaded smooth?
-    """
+    """Whether many flat faces meet at small angles, as on a curved surface that is shaded flat."""
     is_flat = np.ones(len(mesh.triangles), bool) if mesh.is_smooth is None else ~mesh.is_smooth
     if is_flat.sum() < FACETTED:
         return False
@@ -131,18 +122,18 @@ def is_facetted(mesh: Mesh) -> bool:
     return int(meets.sum()) >= FACETTED
 
 
-# of the light that the viewer gets: more that comes beside the glass is worth a remark
+# fraction of the viewer's light past the glass that is worth a remark
 GLARE = 0.05
 # linear: half a step of 8 bits, sRGB-encoded, above white
 WHITE = ((1 + 0.5 / 255 + 0.055) / 1.055) ** 2.4
 
 
 def on_white(rig: Rig, plan: Plan, light: NDArray[np.float32]) -> Iterator[Remark]:
-    """A remark on light that no display has, the picture's brightness among the remedies."""
+    """Remark on light brighter than a display's white."""
     source = rig.display.source_for(light)
     if source.max() <= WHITE:
         return
-    # rows of three are slow
+    # np.max over a last axis of three is slow.
     brightest = np.maximum(np.maximum(source[..., 0], source[..., 1]), source[..., 2])
     bright = np.count_nonzero(brightest > WHITE) / max(np.count_nonzero(brightest > 0), 1)
     if not bright:
@@ -152,28 +143,28 @@ def on_white(rig: Rig, plan: Plan, light: NDArray[np.float32]) -> Iterator[Remar
     if plan.settings.brightness:
         remedy = Message("turn Brightness off, {remedy}", remedy=remedy)
     yield note(
-        "{share} of the source image is brighter than a display's white and would be clipped:"
-        " {remedy}, or export OpenEXR, which keeps it.",
+        "{share} of the source image is brighter than white and will be clipped: {remedy}, or"
+        " export OpenEXR.",
         share=percent(bright),
         remedy=remedy,
     )
 
 
 def on_black(rig: Rig, light: NDArray[np.float32]) -> Iterator[Remark]:
-    """A remark on darkness that this display does not have."""
+    """Remark on darkness that this display cannot show."""
     black_level = rig.display.black_level
     if not black_level:
         return
 
-    # where nothing is wanted, as around the picture, nobody can do anything about it
+    # Pixels outside the picture are dark by intention.
     brightest = light.max(axis=2)
     n_wanted = np.count_nonzero(brightest > 0)
     n_dark = np.count_nonzero((brightest > 0) & (brightest < black_level))
     if n_dark:
         yield note(
-            "{share} of the source image is wanted darker than the black of '{display}', which"
-            " shines {black_level} of its white: it stays that bright. Raise the Picture"
-            " Brightness of '{picture}', or take a display of less Black Level.",
+            "{share} of the source image should be darker than the black of '{display}'"
+            " ({black_level} of white). Raise the Picture Brightness of '{picture}', or use a"
+            " display with a lower Black Level.",
             share=percent(n_dark / n_wanted),
             display=rig.display.name,
             black_level=percent(black_level),
@@ -182,45 +173,42 @@ def on_black(rig: Rig, light: NDArray[np.float32]) -> Iterator[Remark]:
 
 
 def on_glare(plan: Plan, glare: Glare | None) -> Iterator[Remark]:
-    """A remark on light that comes beside the glass."""
+    """Remark on light past the glass."""
     if glare is None or glare.share < GLARE:
         return
 
     part = Message("plate") if plan.needs_plate else Message("display")
     remedy = (
-        Message("cover the part of the {part} that is seen there", part=part)
+        Message("cover the visible part of the {part}", part=part)
         if plan.settings.suppress_glare == 1
-        else Message(
-            "raise Suppress Glare, or cover the part of the {part} that is seen there", part=part
-        )
+        else Message("raise Suppress Glare, or cover the visible part of the {part}", part=part)
     )
 
     yield note(
-        "Glare: {share} of the light that the viewer gets comes beside the glass, {where}:"
-        " {remedy}.",
+        "Glare: {share} of the viewer's light passes the glass {where}: {remedy}.",
         share=percent(glare.share),
         where=glare.where,
         remedy=remedy,
     )
 
 
-LEAST_ROUNDED_PX = 0.1  # display px: where rounding may do more than this it is worth a remark
-# of the picture: where a viewer's frame cuts off more it is worth a remark; what pixels along the
-# outline of a picture of few pixels show is known to half of that
+LEAST_ROUNDED_PX = 0.1  # display px of rounding error that are worth a remark
+# Fraction of the picture outside the viewer's frame that is worth a remark. Along the outline of a
+# picture of few pixels it is accurate to half of this.
 LEAST_CUT = 0.01
-BEYOND = 0.01  # share of what is seen that may be off by more than the tolerance without a remark
-# of the picture's light: where normals contradict faces for more of it it is worth a remark; balls
-# have that along their outline
+BEYOND = 0.01  # fraction of the view that may exceed the tolerance without a remark
+# Fraction of the picture's light at contradicting normals that is worth a remark. A ball has some
+# along its outline.
 LEAST_CONTRADICTED = 0.01
-UNDECIDED = 0.01  # share of the light whose way may be another one
-# of the light that is cut off: where more never comes free, to raise the limit does not help
+UNDECIDED = 0.01  # fraction of the light with an uncertain path
+# fraction of the cut-off light that never leaves; above it a higher Max Events is no help
 MOST_CAUGHT = 0.9
 
 
 def remarks_on(channels: Sequence[Channel], light: NDArray[np.float32]) -> tuple[Remark, ...]:
     """Remarks on the channels of a solution, each sentence once.
 
-    light : (H, W, 3) that is wanted of the display's pixels, linear
+    light : (H, W, 3) wanted of the display's pixels, linear
     """
     remarks = list(_on_blind(channels)) if len(channels) > 1 else []
     for channel in channels:
@@ -236,20 +224,20 @@ def _on_disagreement(rig: Rig, settings: Settings) -> Iterator[Remark]:
         return
     if not is_sharp(rig, settings):
         yield note(
-            "The picture '{picture}' is no flat rectangle, so that where the viewers disagree it is"
-            " blended: choose a flat plane for one sharp picture.",
+            "The picture '{picture}' isn't a flat rectangle, so the viewers' pictures are blended."
+            " Use a flat plane for a sharp picture.",
             picture=place.name,
         )
 
 
 def _on_blind(channels: Sequence[Channel]) -> Iterator[Remark]:
-    """On viewers that see nothing, beside others that do."""
+    """Remarks on viewers that see nothing although others do."""
     for channel in channels:
         is_painted = channel.accuracy.leaked.get(Reason.ARRIVED, 0.0) > 0
         if channel.picture_coverage <= 0 and not is_painted:
             yield warning(
-                "The viewer '{viewer}' sees nothing of the picture, whatever is shown: move it, or"
-                " turn it off in the list of viewers.",
+                "The viewer '{viewer}' can't see the picture: move it, or turn it off in the list"
+                " of viewers.",
                 viewer=channel.viewer.name,
             )
 
@@ -276,9 +264,7 @@ def _on_channel(channel: Channel, light: NDArray[np.float32]) -> Iterator[Remark
 
 
 def _on_frame(rig: Rig, viewer: Viewer) -> Iterator[Remark]:
-    """On the part of the picture that lies beyond the viewer's image, of which nothing else tells:
-    the share that is covered is one of what the viewer looks at.
-    """
+    """Remark on the part of the picture outside the viewer's frame, which coverage ignores."""
     place = rig.picture_place
     if outline_in_view(place, viewer) is None:
         return
@@ -292,8 +278,8 @@ def _on_frame(rig: Rig, viewer: Viewer) -> Iterator[Remark]:
     cut = 1 - cover_in_view(place, viewer).sum() / whole
     if cut > LEAST_CUT:
         yield warning(
-            "The frame of the viewer '{viewer}' cuts off {share} of the picture: turn it to the"
-            " picture, or give it a wider view.",
+            "The frame of the viewer '{viewer}' cuts off {share} of the picture: aim it at the"
+            " picture, or widen its view.",
             viewer=viewer.name,
             share=percent(float(cut)),
         )
@@ -303,8 +289,8 @@ def _on_gaps(rig: Rig, plan: Plan, leaks: tuple[float, ...]) -> Iterator[Remark]
     for glass, n_open, share in zip(rig.glasses, plan.counts.n_open, leaks, strict=True):
         if share > LEAST_LOST:
             yield warning(
-                "{share} of the picture's light goes through gaps in the glass '{glass}'"
-                " ({n} open edges): close them.",
+                "{share} of the picture's light leaks through gaps in '{glass}' ({n} open edges)."
+                " Close them.",
                 share=percent(share),
                 glass=glass.name,
                 n=n_open,
@@ -316,17 +302,17 @@ def _on_normals(rig: Rig, plan: Plan, contradicted: tuple[float, ...]) -> Iterat
     for part, share, n in zip(parts, contradicted, plan.counts.n_contradicted, strict=True):
         if share > LEAST_CONTRADICTED:
             yield note(
-                "{share} of the picture's light meets normals of '{part}' that contradict its"
-                " faces, and lands elsewhere in renderers such as Cycles: mark edges there sharp"
-                " (Shade Smooth by Angle), or subdivide.",
+                "{share} of the picture's light hits normals of '{part}' that contradict its"
+                " faces; renderers such as Cycles bend it differently. Mark edges sharp (Shade"
+                " Smooth by Angle), or subdivide.",
                 share=percent(share),
                 part=part.name,
             )
         elif n:
             yield note(
-                "The normals of {n} smooth triangle{s} of '{part}' contradict the shape or"
-                " are missing, so that light follows the flat facets there. Mark edges"
-                " there sharp (Shade Smooth by Angle), or subdivide.",
+                "The normals of {n} smooth triangle{s} of '{part}' are missing or contradict the"
+                " shape, so flat facets are traced. Mark edges sharp (Shade Smooth by Angle), or"
+                " subdivide.",
                 n=n,
                 s="s" if n > 1 else "",
                 part=part.name,
@@ -338,20 +324,12 @@ def _on_doubted(rig: Rig, plan: Plan) -> Iterator[Remark]:
     parts = rig.curved_parts()
 
     for part, n, m in zip(parts, counts.n_doubted, counts.n_curved, strict=True):
-        if n and m:
+        if n:
             yield note(
-                "The mesh of '{part}' is too irregular or too coarse to tell the curved"
-                " surface in {drawn} of its smooth faces, which are followed as drawn;"
-                " {curved} are followed as curved.",
+                "The mesh of '{part}' is too irregular or coarse to be curved: {drawn} of its"
+                " smooth faces are traced as drawn.",
                 part=part.name,
                 drawn=percent(n / (n + m)),
-                curved=percent(m / (n + m)),
-            )
-        elif n:
-            yield note(
-                "'{part}' is followed as drawn: its mesh is too irregular or too coarse to tell"
-                " the curved surface.",
-                part=part.name,
             )
 
 
@@ -363,15 +341,14 @@ def _on_cut_off(plan: Plan, misses: dict[str, float], caught: float) -> Iterator
 
     if caught > MOST_CAUGHT:
         yield warning(
-            "{share} of the picture's light is caught in the glass, however high Max Events"
-            " is: look for faces that lie in one another, or for a hollow that touches the"
-            " outside.",
+            "{share} of the picture's light never leaves the glass. Check for overlapping faces,"
+            " or for a hollow that touches the outside.",
             share=percent(share),
         )
     else:
         yield warning(
-            "{share} of the picture's light meets more than {most} surfaces and is cut off:"
-            " raise Max Events.",
+            "{share} of the picture's light needs more than {most} events and is cut off: raise"
+            " Max Events.",
             share=percent(share),
             most=most,
         )
@@ -381,20 +358,12 @@ def _on_chaos(rig: Rig, error: MapError) -> Iterator[Remark]:
     if error.sampled <= BEYOND:
         return
 
-    n = error.most_samples
-    rays = (
-        Message("one ray stands for a viewer pixel")
-        if n == 1
-        else Message("up to {n} rays stand for a viewer pixel", n=n)
-    )
-
     text = Message(
-        "Light is chaotic, or has more borders than Effort allows for, in {share} of the view:"
-        " {rays} there, {n} in all. Four times the Effort takes up to four times as many rays,"
-        " and up to a third off the error.",
+        "{share} of the view is undersampled, with up to {n} rays a pixel. Raise Effort: four"
+        " times as much removes up to a third of the error and traces up to four times as many"
+        " rays.",
         share=percent(error.sampled),
-        rays=rays,
-        n=error.n_samples,
+        n=error.most_samples,
     )
 
     facetted = facetted_glass(rig)
@@ -410,17 +379,16 @@ def _beyond_tolerance(rig: Rig, mesh: Tessellation, error: MapError) -> Iterator
     beyond = error.facet_limited + error.unresolved - error.noise
     if beyond > BEYOND:
         yield warning(
-            "{share} of the view is off by more than the tolerance, or lost, where it"
-            " changes within a viewer pixel: {remedy}.",
+            "{share} of the view exceeds the tolerance or is lost, because it changes within a"
+            " pixel: {remedy}.",
             share=percent(beyond),
             remedy=remedy_for(rig, mesh, error),
         )
 
     if mesh.undecided > UNDECIDED:
         yield warning(
-            "{share} of the light meets gaps or overlaps of glass that are thinner than the"
-            " mesh's own error, and may go another way: use the same mesh for faces that"
-            " touch, or move them apart.",
+            "{share} of the light crosses gaps or overlaps thinner than the mesh's error, so its"
+            " path is uncertain. Use identical faces where glass touches, or move the glass apart.",
             share=percent(mesh.undecided),
         )
 
@@ -430,7 +398,7 @@ def _on_the_mesh(rig: Rig, plan: Plan, mesh: Tessellation) -> Iterator[Remark]:
         return
 
     yield note(
-        "The mesh costs up to about {error} display pixels, for {remedy}.",
+        "The mesh causes errors of up to about {error} display pixels: {remedy}.",
         error=number(mesh.error),
         remedy=remedy_for_mesh(rig, plan.counts, mesh),
     )
@@ -440,9 +408,9 @@ def _on_rounding(plan: Plan, rounded: float) -> Iterator[Remark]:
     touching = plan.merge_distance
     if max(rounded, touching / display_pixel(plan.rig.display)) > LEAST_ROUNDED_PX:
         yield note(
-            "Blender rounds places: landings may be off by {error} display pixels, and glass"
-            " nearer than {gap} touches. Move the rig to the origin, and the origins of its"
-            " objects to their middles.",
+            "Blender rounds coordinates: landings may be off by {error} display pixels, and glass"
+            " closer than {gap} counts as touching. Move the rig to the world origin, and object"
+            " origins to their geometry.",
             error=number(rounded),
             gap=Length(touching),
         )

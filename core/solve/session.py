@@ -1,8 +1,8 @@
-"""Keeps ray engines, view map and shares between solves, by fingerprint of content, and solves.
+"""Solver with caches: ray engines, view maps and shares, each found again by its content.
 
-Nothing is computed again that has not changed: a new picture costs one product with the shares, a
-moved viewer builds no ray engine. Shares are made, painted and summed some at a time, so that there
-may be more of them than memory holds.
+Nothing that has not changed is computed again: a new picture costs one product with the shares, a
+moved viewer builds no ray engine. Shares are made, painted and summed in batches, so that there may
+be more of them than fit into memory.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -46,22 +46,22 @@ from .solution import Solution
 
 
 class Optics(NamedTuple):
-    """The part of a solve that does not depend on the picture, for each channel, and its key."""
+    """The part of a solve that does not depend on the picture: each channel and its key."""
 
     keys: tuple[str, ...]
     channels: tuple[Traced, ...]
 
     @property
     def by_key(self) -> dict[str, Traced]:
-        """The channels by their keys."""
+        """Channels by key."""
         return dict(zip(self.keys, self.channels, strict=True))
 
 
 class PlacedParts(NamedTuple):
-    """The part that depends on the picture's place and size, for each channel, and its key.
+    """The part that depends on the picture's place and size: each channel and its key.
 
-    together : the key of all that they share in painting: weights, and how they are settled
-    settled : None where there is nothing to be settled
+    together : key of the weights and of how viewers' disagreement is settled
+    settled : None if there is nothing to settle
     """
 
     keys: tuple[str, ...]
@@ -71,7 +71,7 @@ class PlacedParts(NamedTuple):
 
 
 def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
-    """The key of each channel's view map."""
+    """Key of each channel's view map."""
     lit = dict(zip(rig.viewers, rig.light_keys, strict=True))
     keys = channel_keys(rig, settings)
     return tuple(fingerprint(lit[key.viewer], key.of(settings).of_optics) for key in keys)
@@ -80,7 +80,7 @@ def keys_of(rig: Rig, settings: Settings) -> tuple[str, ...]:
 def placed_for(
     rig: Rig, settings: Settings, optics: Optics, before: PlacedParts | None
 ) -> PlacedParts:
-    """The shares of all channels for a picture's place and size: known ones, or new ones."""
+    """Shares of all channels for a picture's place and size, from the cache if they are there."""
     of_rig = channel_keys(rig, settings)
     pictures = [rig.place_of(one.viewer) for one in of_rig]
     keys = tuple(
@@ -93,7 +93,7 @@ def placed_for(
         return before
 
     known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
-    for key in set(known) - set(keys):  # or there would be twice as many
+    for key in set(known) - set(keys):  # before new ones are made, to save memory
         known[key].let_go()
 
     channels = []
@@ -101,11 +101,11 @@ def placed_for(
     for key, traced, one, picture in of_each:
         old = known.get(key)
         if old is not None:
-            old.strokes.clear()  # or they would be there twice until the solve ends
+            old.strokes.clear()  # the new channel makes its own
         channels.append(
             place(traced.view_map, picture, one, settings)
             if old is None
-            # what is settled with others is painted in another way
+            # Filter taps and steps depend on the other channels.
             else replace(old, key=one, strokes=[], step=None)
         )
 
@@ -115,20 +115,20 @@ def placed_for(
 
 
 def uncovered(optics: Optics, place: PlacedParts) -> list[tuple[Placed, ViewMap]]:
-    """The channels of which it is not known how much of the picture is seen, with their maps."""
+    """Channels whose picture coverage is not computed yet, with their maps."""
     both = zip(optics.channels, place.channels, strict=True)
     return [(one, traced.view_map) for traced, one in both if one.covered is None]
 
 
 def cover(uncovered: Sequence[tuple[Placed, ViewMap]]) -> Generator[float, None, None]:
-    """Find how much of the picture is seen; yields progress 0..1."""
+    """Compute how much of the picture is seen; yields progress 0..1."""
     for k, (placed, view_map) in enumerate(uncovered):
         yield from hold_progress(k / len(uncovered), placed.cover(view_map))
 
 
 def plans_of(rig: Rig, settings: Settings, optics: Optics) -> list[Plan]:
-    """The plan of each channel, for a rig that is equal to the one that was traced but for its
-    picture, and perhaps for names.
+    """Plan of each channel, for a rig that differs from the traced one in picture and names at
+    most.
     """
     return [
         replace(traced.plan, rig=rig, settings=key.of(settings), viewer=key.viewer)
@@ -137,7 +137,7 @@ def plans_of(rig: Rig, settings: Settings, optics: Optics) -> list[Plan]:
 
 
 def unmeasured(optics: Optics, plans: Sequence[Plan]) -> list[tuple[Traced, Plan]]:
-    """The channels that were not measured with the picture where it is now, with their plans."""
+    """Channels not measured yet with the picture at its present place, with their plans."""
     picture = fingerprint(plans[0].rig.picture_place)
     return [
         (traced, plan)
@@ -147,8 +147,8 @@ def unmeasured(optics: Optics, plans: Sequence[Plan]) -> list[tuple[Traced, Plan
 
 
 def measure(unmeasured: Sequence[tuple[Traced, Plan]], clock: Clock) -> Generator[float, None, int]:
-    """Measure what was traced; yields progress 0..1, and returns the number of rays that view maps
-    were checked with.
+    """Measure traced channels; yields progress 0..1 and returns the number of rays used for
+    checks.
     """
     n_rays = 0
     for n, (traced, plan) in enumerate(unmeasured):
@@ -176,8 +176,9 @@ def channels_of(
 def _but_leaked(
     coverage: float, misses: dict[str, float], leaked: dict[Reason, float]
 ) -> tuple[float, dict[str, float]]:
-    """Coverage and misses in which light that goes through gaps has no other fate: it may be
-    painted, but nobody knows its way.
+    """Coverage and misses with light through gaps under its own reason.
+
+    Such light may be painted, but its real path is unknown.
     """
     lost = {REASON_WORDS[r]: share for r, share in leaked.items() if r != Reason.ARRIVED}
     gone = {word: min(share, lost.get(word, 0.0)) for word, share in misses.items()}
@@ -187,10 +188,10 @@ def _but_leaked(
 
 
 def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float32]) -> Channel:
-    """A channel, all shares of which are painted.
+    """A completely painted channel.
 
-    plan : as traced, of the very rig that is solved
-    light : (H, W, 3) that is wanted of the display
+    plan : as traced, for the rig that is solved
+    light : (H, W, 3) wanted of the display
     """
     picture_coverage, misses = placed.covered
     measured = traced.measured
@@ -213,14 +214,14 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
 
 
 class Session:
-    """Results that can be used again from one solve to the next."""
+    """A sequence of solves that share caches."""
 
     def __init__(self, kept: MeshCache | None = None) -> None:
         self._kept = kept or MeshCache()
         self._optics: Optics | None = None
         self._placed: PlacedParts | None = None
-        self._pyramids: tuple[Pyramid, ...] = ()  # of each channel's image
-        self.is_tracing = False  # is the view map of a solve under way?
+        self._pyramids: tuple[Pyramid, ...] = ()  # for each channel's image
+        self.is_tracing = False  # whether a view map is being traced
 
     def solve(
         self,
@@ -230,13 +231,13 @@ class Session:
     ) -> Generator[float, None, Solution]:
         """Paint the source image of a rig; yields progress 0..1 and returns a Solution.
 
-        show : gets the source image as soon as it is painted, where
-            anything has to be measured after that
+        show : receives the source image as soon as it is painted, if there is still something to
+            measure
 
         Raises
         ------
         RigError, MeshError
-            One sentence on the fault of the rig; the session stays as it was.
+            One sentence on the rig's fault; the session stays as it was.
         """
         settings = settings or Settings()
         clock = Clock()
@@ -251,7 +252,7 @@ class Session:
             span, *_ = spans(TRACING, *AFTER)
             optics, n_rays = yield from subprogress(self._look(rig, settings, keys, clock), *span)
 
-        # what is to be painted and measured
+        # painting, and the measurements that are missing
         placed = placed_for(rig, settings, optics, self._placed)
         plans = plans_of(rig, settings, optics)
         to_be_measured = unmeasured(optics, plans)
@@ -275,7 +276,7 @@ class Session:
         if show is not None and (to_be_covered or to_be_measured):
             show(source)
 
-        # all that is not seen
+        # what the source image does not show
         yield covered[0]
         yield from subprogress(cover(to_be_covered), *covered)
         clock.lap("coverage")
@@ -298,15 +299,14 @@ class Session:
         )
 
     def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
-        """The source image of a coarse rig alone, of which
-        nothing is measured; yields progress 0..1. The rig was checked.
+        """Source image of a coarse rig, without measurements; yields progress 0..1.
 
-        The last solve stays known. So does the glass that is
-        made ready: it may be called within a solve.
+        The rig was checked before. The last solve and the prepared glass stay cached, so this may
+        be called during a solve.
 
         Raises
         ------
-        RigError, MeshError : as by `solve`, but for the words
+        RigError, MeshError : like `solve`, but in other words
         """
         clock = Clock()
         found = []
@@ -336,24 +336,24 @@ class Session:
         return rig.display.source_for(finished(painting, channels, beside, settings))
 
     def plan(self, rig: Rig, settings: Settings) -> Plan:
-        """The whole of a rig ready to be traced, with all that is kept from before."""
+        """The rig ready for tracing, with all of its glass, from the caches."""
         rig.check()
         settings.check()
         return run_steps(compile_plan_steps(rig, settings, self._kept))
 
     def knows(self, rig: Rig, settings: Settings) -> bool:
-        """Are the view maps of a rig known, so that a solve traces none?"""
+        """Whether the view maps of a rig are cached, so that a solve traces none."""
         return self._has(keys_of(rig, settings))
 
     def _has(self, keys: tuple[str, ...]) -> bool:
         return self._optics is not None and set(keys) <= set(self._optics.keys)
 
     def lend(self, kept: MeshCache) -> None:
-        """Let other plans use the glass that is made ready; the session stays as it is."""
+        """Share the prepared glass with another cache."""
         kept.borrow(self._kept)
 
     def _take_up(self, optics: Optics, placed: PlacedParts) -> Steps[None]:
-        """From here on optics are known to be of use, unless they turn out dark."""
+        """Cache new optics unless the display stays dark."""
         if optics is not self._optics and not any(len(one.shares) for one in placed.channels):
             dark = optics.channels[0]
             raise why_dark(dark, (yield from leaks(dark.plan)))
@@ -362,9 +362,7 @@ class Session:
     def _paint(
         self, place: PlacedParts, rig: Rig, settings: Settings, clock: Clock
     ) -> Generator[float, None, tuple[PlacedParts, Painting]]:
-        """Settle what viewers disagree about, where that is not done, and paint; yields progress
-        0..1.
-        """
+        """Settle the viewers' disagreement if needed, and paint; yields progress 0..1."""
         part = 0.0
         if _is_to_be_settled(place, rig):
             part = PASS
@@ -375,7 +373,7 @@ class Session:
         return place, (yield from subprogress(steps, part, 1.0))
 
     def _pyramids_of(self, rig: Rig, channels: Sequence[Placed]) -> tuple[Pyramid, ...]:
-        """The sizes of each channel's image, made once as long as it is the same."""
+        """Pyramid of each channel's image, cached while the image stays the same."""
         images = [rig.picture_of(placed.viewer).image for placed in channels]
         self._pyramids = pyramids_of(images, self._pyramids)
         return self._pyramids
@@ -383,8 +381,8 @@ class Session:
     def _look(
         self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock
     ) -> Generator[float, None, tuple[Optics, int]]:
-        """Trace those view maps of a rig that are not known; yields progress 0..1,
-        and returns the number of rays, too.
+        """Trace the missing view maps of a rig; yields progress 0..1 and returns the number of rays
+        too.
         """
         known = {} if self._optics is None else self._optics.by_key
         of_rig = zip(keys, channel_keys(rig, settings), strict=True)
@@ -409,7 +407,7 @@ class Session:
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
     ) -> Generator[float, None, Traced]:
-        """Trace the view map of one viewer at a wavelength; yields progress 0..1."""
+        """Trace the view map of one viewer at one wavelength; yields progress 0..1."""
         reached, spread = spans(("plan", *MAP), ("spread",))
         self.is_tracing = True
         try:
@@ -429,5 +427,5 @@ class Session:
 
 
 def _is_to_be_settled(place: PlacedParts, rig: Rig) -> bool:
-    """Is it still to be looked at what the viewers of a rig disagree about?"""
+    """Whether the viewers' disagreement is still to be settled."""
     return place.settled is None and is_comparable(rig)

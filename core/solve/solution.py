@@ -22,14 +22,14 @@ class Remark:
     """A note to the user.
 
     text : with lengths as `Length`
-    is_warning : does it tell of light that is lost or goes another way?
+    is_warning : whether light is lost or takes another path
     """
 
     text: Message
     is_warning: bool = False
 
     def sentence(self, length_text: Callable[[float], str] = millimetres) -> Message:
-        """The sentence, with lengths in words as a function of metres has them."""
+        """The sentence, with lengths formatted by a function of metres."""
         return self.text.in_units(length_text)
 
 
@@ -39,7 +39,7 @@ def note(template: str, /, **values: object) -> Remark:
 
 
 def warning(template: str, /, **values: object) -> Remark:
-    """A remark on light that is lost or goes another way."""
+    """A remark on light that is lost or takes another path."""
     return Remark(Message(template, **values), is_warning=True)
 
 
@@ -49,10 +49,12 @@ class Solution:
 
     source : (H, W, 3) float32 linear, row 0 at the top
     channels : one for each viewer and wavelength
-    seconds : time by part of the work; n_rays : rays traced for this solve
-    used, left_out : what this rig needed and what it did not; remarks : sentences for the user
-    settled : how the viewers' disagreement is settled; None with one viewer, and where the picture
-        is no flat rectangle
+    seconds : time by stage
+    n_rays : rays traced for this solve
+    used, left_out : parts of the method this rig needed, and parts it did not
+    remarks : notes to the user
+    settled : places settled between viewers; None with one viewer, and unless the picture is a flat
+        rectangle
     """
 
     rig: Rig
@@ -72,18 +74,19 @@ class Solution:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks for the user, one or two sentences each."""
+        """Remarks as text, one or two sentences each."""
         return tuple(remark.sentence() for remark in self.remarks)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the notes that tell of light that is lost or goes another way."""
+        """Remarks as text, on lost or diverted light only."""
         return tuple(remark.sentence() for remark in self.remarks if remark.is_warning)
 
     @cached_property
     def weight(self) -> Floats:
-        """Sum (H, W) of area * throughput^2, viewer px^2, over the shares of all channels
-        that each display pixel shows, by the weights of their viewers.
+        """Sum (H, W) of area * throughput^2, viewer px^2, over the shares each display pixel shows.
+
+        Each channel counts by the weight of its viewer.
         """
         return reduce(
             np.add,
@@ -92,52 +95,55 @@ class Solution:
 
     @cached_property
     def display_coverage(self) -> Floats:
-        """Part (H, W) of each display pixel that the channel sees that sees most of it, 0..1."""
+        """Largest fraction (H, W) of each display pixel that any channel sees, 0..1."""
         return reduce(np.maximum, [channel.coverage.of_display for channel in self.channels])
 
     @property
     def picture_coverage(self) -> float:
-        """Share of the picture, as the first viewer sees it, that the display can show."""
+        """Fraction of the picture, as the first viewer sees it, that the display can show."""
         return self.first.picture_coverage
 
     @property
     def misses(self) -> dict[str, float]:
-        """Share of the picture as the first viewer sees it, by reason why it has no landing."""
+        """Fraction of the picture, as the first viewer sees it, by the reason why it has no
+        landing.
+        """
         return self.first.misses
 
     def ideal(self) -> NDArray[np.float32]:
-        """The picture as the first viewer would see it with no glass in the way: (h, w, 3)."""
+        """The picture as the first viewer would see it without glass: (h, w, 3) linear."""
         return self.first.ideal()
 
     def seen(
         self, source: NDArray[np.float32] | None = None, beside: bool = False
     ) -> NDArray[np.float32]:
-        """The first viewer's image, through the glass, of the source
-        image or of another one: (h, w, 3) linear; `beside` as in Channel.seen.
+        """The first viewer's image of the source image, or of another one: (h, w, 3) linear.
+
+        beside : as in `Channel.seen`
         """
         return self.first.seen(self.source if source is None else source, beside)
 
     def seeing(self, source: NDArray[np.float32]) -> Steps[NDArray[np.float32]]:
-        """The same of another source image, with pauses."""
+        """`seen` in steps."""
         return self.first.seeing(source)
 
     def trace_stray_light(self) -> Generator[float, None, None]:
-        """Trace light beside the glass for the first viewer; yields progress 0..1."""
+        """Trace light past the glass for the first viewer; yields progress 0..1."""
         yield from self.first.trace_stray_light()
 
 
 def without_glass(rig: Rig) -> Rig:
-    """The same rig with glass that does not refract: it paints the plain, uncompensated picture."""
+    """The rig with glass of index 1, which paints the plain picture."""
     return replace(
         rig, glasses=tuple(replace(glass, ior=ConstantIndex(1.0)) for glass in rig.glasses)
     )
 
 
-# parts of a solve that the splat needs as well, once for all samples
+# stages that the splat needs as well, once for all samples
 BUILD = ("fingerprint", "plan")
-REFINED = ("tracing", "shares")  # parts of a solve that depend on the tolerance
-# of interpolation within a cell, in the cell's side; cells
-# cover an area: their number goes by 2 / ORDER
+REFINED = ("tracing", "shares")  # stages that depend on the tolerance
+# Order of interpolation in a cell, by its side. Cells cover an area, so their number changes with
+# the power 2 / ORDER of the tolerance.
 ORDER = 4
 
 
@@ -147,19 +153,19 @@ def cost(
     wanted: float,
     ladder: Sequence[tuple[float, float]] = (),
 ) -> float | None:
-    """About how many seconds the last solve would have taken at another tolerance.
+    """Seconds the last solve would have taken at another tolerance, approximate.
 
     Parameters
     ----------
-    seconds : of the last solve by part
-    tolerance, wanted : display px, the last solve's and the other
-    ladder : tolerances (display px) and seconds that a report measured. Without, a cell's error is
-        taken to go with its side to the power ORDER, so that the number of cells goes with the
-        tolerance to the power -2 / ORDER: too much where cells are as small as they get already.
+    seconds : of the last solve by stage
+    tolerance, wanted : display px, of the last solve and the other one
+    ladder : tolerances (display px) and seconds measured by a report. Without it the number of
+        cells is assumed to change with the tolerance to the power -2 / ORDER, which is too much
+        once cells are as small as they get.
 
     Returns
     -------
-    None when the last solve traced nothing, or the wanted tolerance cannot be kept
+    None if the last solve traced nothing, or the wanted tolerance is out of range
     """
     if REFINED[0] not in seconds or not LEAST_TOLERANCE <= wanted <= MOST_TOLERANCE:
         return None

@@ -1,6 +1,4 @@
-"""The scene that a result was solved for, in few numbers: they
-tell later whether the scene is still that one.
-"""
+"""Identity of the scene a result was solved for, to tell later whether the scene has changed."""
 
 import json
 from dataclasses import dataclass
@@ -11,25 +9,25 @@ from ..base.arrays import Floats
 from ..base.errors import MALFORMED
 from ..base.fingerprint import fingerprint
 
-# of the bench's size: the error, in float32, of a place that was left and returned to
+# float32 error of a place that was left and restored, relative to the bench's size
 ROUNDING_OF_PLACES = 4 * 2.0**-23
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedFor:
-    """A rig with its settings, told apart from others by content.
+    """Identity of a rig and its settings.
 
-    content : fingerprint of all but places
-    places : (n, 3, 4) rows, where parts and viewers stand: their
-        axes, and their origins in m in the last column
+    content : fingerprint of everything but places
+    places : (n, 3, 4) rows of each part and viewer: axes, and origin in m in the last column
     """
 
     content: str
     places: Floats
 
     def is_same(self, other: "SolvedFor") -> bool:
-        """Is it the same rig, in the same places but for rounding?
-        Moved away and back by hand counts as the same.
+        """Whether it is the same rig in the same places, up to rounding.
+
+        A part moved away and back by hand counts as unmoved.
         """
         if self.content != other.content or self.places.shape != other.places.shape:
             return False
@@ -45,18 +43,17 @@ class SolvedFor:
         )
 
     def as_text(self) -> str:
-        """As JSON, to be kept in a file."""
+        """The record as JSON, to store in a file."""
         kept = {"version": 1, "content": self.content, "places": self.places.round(12).tolist()}
         return json.dumps(kept)
 
 
-# of a result whose image is of another scene than its numbers
+# for a result whose image and numbers come from different scenes
 OF_NO_SCENE = SolvedFor("", np.zeros((0, 3, 4)))
 
 
 def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:
-    """Of things that each stand somewhere, whatever their order
-    and names, and of all that stands nowhere.
+    """Identity of things with a place, whatever their order and names, and of the rest.
 
     things : content, as `fingerprint` takes it, and place (3, 4)
     """
@@ -68,9 +65,7 @@ def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:
 
 
 def from_text(text: str) -> SolvedFor | None:
-    """The record of `as_text`; None where there is nothing, as in
-    results of earlier versions, or another text.
-    """
+    """The record of `as_text`; None for any other text."""
     try:
         kept = json.loads(text)
         return SolvedFor(kept["content"], np.array(kept["places"], float).reshape(-1, 3, 4))

@@ -1,4 +1,4 @@
-"""How far off is the surface that is followed from the one that was meant?"""
+"""Tessellation error: distance of landings from those of the surface the mesh approximates."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields, replace
@@ -21,28 +21,25 @@ from ..native import loading
 from ..rig.rig import ROLES, Glass, Kind, Mirror, Rig, Viewer
 
 SAMPLES = 32  # rays along each side of the viewer's image
-# of a face's tilt: normals are means of some faces, and light turns by half of their turn
+# Fraction of a face's tilt: normals are means of several faces, and light turns by half as much.
 TILTED = 0.25
-MOSTLY = 0.5  # share of a part's smooth faces: if more are left as drawn, most of the part is
-NEAR_OF_GLASS = 1e-3  # of the glass's size: solids nearer than this may overlap by another mesh
+MOSTLY = 0.5  # above this fraction of a part's smooth faces left as drawn, most of the part is
+NEAR_OF_GLASS = 1e-3  # of the glass's size: closer solids may overlap with another mesh
 
 
 class Tessellation(NamedTuple):
-    """About how far landings are from those of the surface that
-    was meant, display px rms; all 0 where all is flat.
+    """Landing error due to the mesh, display px rms, approximate; all 0 if everything is flat.
 
     Parameters
     ----------
-    drawn : because facets with bent normals are no curved faces
-    order : because curved faces are of degree 4
-    straight : because edges next to flat faces and sharp edges are straight
-    jumps : because the normals of curved faces do not agree at
-        their edges: the mesh is irregular or noisy
-    uneven : which of the rig's glasses, then mirrors, has most of the last; -1 for none
-    is_irregular : jumps exceed the tolerance, and Automatic leaves most of that part as drawn
-    undecided : share of the light, 0..1, that passes two solids so near each other that it arrives
-        elsewhere, or does not, where the curved faces are of degree 3 instead of 4: the solids have
-        other triangles there
+    drawn : due to facets with bent normals that are traced as flat
+    order : due to the degree, 4, of curved faces
+    straight : due to straight edges next to flat faces and at sharp edges
+    jumps : due to normals that disagree at the edges of curved faces (irregular or noisy mesh)
+    uneven : number of the part with most jumps, glasses first, then mirrors; -1 for none
+    is_irregular : jumps exceed the tolerance, and Automatic leaves most of the part as drawn
+    undecided : fraction of the light, 0..1, that passes between two solids so close that faces of
+        degree 3 instead of 4 change its path: the solids have different triangles there
     """
 
     drawn: float = 0.0
@@ -55,14 +52,14 @@ class Tessellation(NamedTuple):
 
     @property
     def error(self) -> float:
-        """All of it, display px rms."""
+        """Sum of all causes, display px rms."""
         return float(np.linalg.norm(self[:4]))
 
     @property
     def cause(self) -> str:
-        """The cause of most of it: 'drawn', 'order', 'straight' or 'jumps'.
+        """The main cause: 'drawn', 'order', 'straight' or 'jumps'.
 
-        On a mesh that is merely coarse normals jump as well.
+        Normals also jump on a mesh that is merely coarse.
         """
         if self.is_irregular:
             return "jumps"
@@ -70,7 +67,7 @@ class Tessellation(NamedTuple):
 
 
 def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
-    """A layer whose flat triangles with bent normals are paraboloids instead."""
+    """A layer with paraboloids for its flat triangles with bent normals."""
     layer = held.layer
     normals = plan.triangles.corner_normals[held.numbers]
     if layer.motion is not None:
@@ -80,7 +77,7 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
     is_bent = plan.triangles.is_bent[held.numbers]
     bent = layer.bent(Paraboloids.beside(faces, is_bent, normals))
 
-    # the kernel's tree is made sooner than Embree's
+    # the kernel builds its tree faster than Embree
     if loading.library() is not None:
         bent.asked = replace(layer.asked, given=kernel_trees.BoundingShellEngine(layer.asked))
 
@@ -89,13 +86,13 @@ def _as_parabolic(plan: Plan, held: PlannedLayer) -> Layer:
 
 @dataclass(eq=False)
 class _Sample:
-    """A sample of a viewer's rays, and their way as a plan has it.
+    """A sample of a viewer's rays, traced through a plan.
 
     every : origins and directions (n, 3)
     whole : their landings (n,)
-    steps : where they meet surfaces
-    here : landings of those that arrive; with the others nothing is compared
-    rays : origins and directions of these alone
+    steps : their hits
+    here : landings of the rays that arrive; only these are compared
+    rays : origins and directions of these rays
     """
 
     plan: Plan
@@ -108,7 +105,9 @@ class _Sample:
     def landings(
         self, layers: list[Layer], steps: list[Step] | None = None, course: Words | None = None
     ) -> Steps[Landings]:
-        """The same rays through other layers, each as long as it is on its course, if given."""
+        """Landings of the same rays through other layers, each traced while it keeps its course, if
+        given.
+        """
         held = tuple(
             replace(planned, layer=layer)
             for planned, layer in zip(self.plan.layers, layers, strict=True)
@@ -119,7 +118,7 @@ class _Sample:
     def changed(
         self, change: Callable[[CurvedFaces], CurvedFaces], steps: list[Step] | None = None
     ) -> Steps[Landings]:
-        """The same rays through curved faces that are changed."""
+        """Landings of the same rays through modified curved faces."""
         layers = [held.layer for held in self.plan.layers]
         changed_ones = [
             layer if layer.curved is None else layer.bent(change(layer.curved)) for layer in layers
@@ -128,14 +127,13 @@ class _Sample:
 
 
 def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
-    """The error that the mesh leaves open of the surface that was meant.
+    """Error between the traced surface and the one the mesh approximates; yields progress 0..1.
 
-    It is seen from what a change of the surface does to a sample of the viewer's rays. Flat
-    triangles with bent normals are compared with paraboloids; faces whose edges are held straight
-    with what they would be if they were not. Curved faces are of degree 4; what degree 5 would
-    change is taken to follow on the changes from 2 to 3 and from 3 to 4 as a geometric sequence.
-    Where normals jump at the edges of the faces that a ray meets, the faces' own are compared with
-    those that they agree on. Yields progress 0..1.
+    The surface is changed and a sample of the viewer's rays traced again. Flat triangles with bent
+    normals are compared with paraboloids, and straight edges with free ones. Curved faces have
+    degree 4: the effect of degree 5 is extrapolated from the changes from 2 to 3 and from 3 to 4 as
+    a geometric sequence. If normals jump at the edges of the faces that a ray hits, each face's own
+    normals are compared with the common ones.
     """
     curved = [held.layer.curved for held in plan.layers if held.layer.curved is not None]
     if not (curved or plan.triangles.is_bent.any()):
@@ -164,7 +162,7 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
 
 
 def _sampled(plan: Plan) -> Steps[_Sample]:
-    """Rays spread evenly over the viewer's image, followed to the display."""
+    """Rays spread evenly over the viewer's image, traced to the display."""
     every = _spread_rays(plan.viewer, SAMPLES)
     steps: list[Step] = []
     whole = main_landings((yield from tracing(plan, *every, steps=steps)), len(every[0]))
@@ -175,7 +173,7 @@ def _sampled(plan: Plan) -> Steps[_Sample]:
 
 
 def _error_of_facets(sample: _Sample) -> Steps[float]:
-    """Because facets with bent normals are no curved faces, display px rms."""
+    """Error due to flat facets with bent normals, display px rms."""
     plan = sample.plan
     is_met = np.zeros(len(plan.triangles), bool)
     for step in sample.steps:
@@ -190,7 +188,7 @@ def _error_of_facets(sample: _Sample) -> Steps[float]:
         _as_parabolic(plan, held) if so else held.layer
         for held, so in zip(plan.layers, is_drawn, strict=True)
     ]
-    # normals that an artist gave are right; means are not, and paraboloids refract by their own
+    # Custom normals are exact. Mean normals are not, so paraboloids refract by their own.
     parts = plan.rig.curved_parts()
     has_means = np.array([part.mesh.has_mean_normals for part in parts] + [False])
     is_mean = has_means[plan.parts.owner[plan.triangles.part]]
@@ -199,14 +197,14 @@ def _error_of_facets(sample: _Sample) -> Steps[float]:
         is_bent[held.numbers[is_mean[held.numbers]]] &= not so
     changed = replace(plan, triangles=replace(plan.triangles, is_bent=is_bent))
 
-    # a ray that has left its way tells nothing, and may go on for long
+    # A ray off its course has no information, and may go on for long.
     _, course = yield from recording(plan, *sample.rays)
     found = yield from replace(sample, plan=changed).landings(layers, course=course)
     return difference(sample.here, found)
 
 
 def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None, Tessellation]:
-    """With the errors of curved faces, by their degree and their normals; yields progress 0..1."""
+    """Add the errors of curved faces by degree and normals; yields progress 0..1."""
     own = yield from hold_progress(0.0, sample.changed(CurvedFaces.by_own_normals))
     steps: list[Step] = []
     square = yield from hold_progress(0.3, sample.changed(lambda curved: curved.lowered(2)))
@@ -215,7 +213,7 @@ def _with_curved(found: Tessellation, sample: _Sample) -> Generator[float, None,
 
     last = difference(own, cubic)
     before = difference(cubic, square)
-    # both sides of an edge differ by twice as much as from their mean
+    # The two sides of an edge differ by twice their distance from the mean.
     jumps = 2 * float(np.sqrt(PART.squared_error)) * difference(sample.here, own)
 
     return found._replace(
@@ -233,7 +231,7 @@ def _spread_rays(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
 
 
 def _most_moved(sample: _Sample, own: Landings) -> int:
-    """The part most of whose light lands elsewhere by its faces' own normals."""
+    """Number of the part that moves most light if its faces use their own normals."""
     plan, here = sample.plan, sample.here
     alike = _go_alike(here, own)
     moved = np.zeros(len(sample.every[0]))
@@ -255,7 +253,7 @@ def _most_moved(sample: _Sample, own: Landings) -> int:
 
 
 def _let_go(curved: CurvedFaces) -> CurvedFaces:
-    """Curved faces whose straight edges are not held straight."""
+    """Curved faces with their straight edges freed."""
     coefficients = curved.coefficients.copy()
     held = np.flatnonzero(curved.bent_row >= 0)
     coefficients[held] = curved.bent[curved.bent_row[held]]
@@ -263,7 +261,7 @@ def _let_go(curved: CurvedFaces) -> CurvedFaces:
 
 
 def difference(one: Landings, other: Landings) -> float:
-    """Distance of landings on the same branch, rms in display px; 0 where there are none."""
+    """Rms distance of landings on the same branch, display px; 0 if there are none."""
     same = _go_alike(one, other)
     return (
         float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
@@ -271,15 +269,15 @@ def difference(one: Landings, other: Landings) -> float:
 
 
 def _go_alike(one: Landings, other: Landings) -> Bools:
-    """Which landings arrive on the same branch."""
+    """Whether landings arrive on the same branch."""
     return one.has_arrived & other.has_arrived & (one.branch == other.branch)
 
 
 def _undecided(sample: _Sample, other: Landings, other_steps: list[Step]) -> float:
-    """Share of the light that arrives elsewhere by another degree of the curved faces, having
-    passed near two solids on either way.
+    """Fraction of the light that changes its path with the degree, near two close solids.
 
-    other : landings of the sample's rays by that degree; other_steps : where they meet surfaces
+    other : landings with curved faces of another degree
+    other_steps : hits of these rays
     """
     here = sample.here
     is_changed = other.branch != here.branch
@@ -296,9 +294,7 @@ def _undecided(sample: _Sample, other: Landings, other_steps: list[Step]) -> flo
 
 
 def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
-    """Which rays (n,) meet two solids one after the other
-    within NEAR_OF_GLASS of the glass's size of each other?
-    """
+    """Whether rays (n,) hit two solids in succession within NEAR_OF_GLASS of the glass's size."""
     size = max(float(np.ptp(glass.mesh.bounds, axis=0).max()) for glass in plan.rig.glasses)
     last = origins.copy()
     solid = np.full(len(origins), -1)
@@ -317,13 +313,13 @@ def _passes_near(plan: Plan, origins: Floats, steps: list[Step]) -> Bools:
 
 
 def _is_mostly_drawn(counts: Counts, part: int) -> bool:
-    """Is most of a part, by its number among the glasses, then mirrors, left as drawn?"""
+    """Whether most of a part is left as drawn; parts are numbered glasses first, then mirrors."""
     n_doubted = counts.n_doubted[part]
     return n_doubted > MOSTLY * (n_doubted + counts.n_curved[part])
 
 
 def _by_automatic(rig: Rig, part: int) -> Rig:
-    """A rig whose curved part of that number is followed by Automatic."""
+    """The rig with the given curved part on Automatic."""
     chosen = rig.curved_parts()[part]
     changed = replace(chosen, mesh=replace(chosen.mesh, surface="automatic"))
     fields = {
@@ -335,8 +331,8 @@ def _by_automatic(rig: Rig, part: int) -> Rig:
 
 
 def way_from(rig: Rig, part: Glass | Mirror) -> float:
-    """Length, m, of the way of light from a part of the rig
-    to the display, over the plate where there is one.
+    """Length, m, of the light path from a part to the display, by way of the plate if there is
+    one.
     """
     stops = (part, *rig.plates[:1], rig.display)
     middles = np.array([stop.mesh.bounds.mean(axis=0) for stop in stops])
