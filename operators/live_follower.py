@@ -283,7 +283,7 @@ class Live:
         is_same = [id(mesh) for mesh in meshes] == [id(mesh) for mesh in self._solved_meshes]
         self._solved_meshes = meshes  # held, so that no other mesh gets their ids
         # where the light is traced, a picture costs one product: nothing coarse is faster
-        is_traced = work.session().knows(rig, settings)
+        is_traced = work.session().has_view_maps(rig, settings)
         kind = (*_sizes(rig), is_same, settings.of_optics)
         is_quick = is_traced or self._whole_lasted.get(kind, np.inf) < QUICK
         pictures = [(rig, settings)]
@@ -291,7 +291,7 @@ class Live:
             pictures.insert(0, coarser(rig, settings))
         if not is_traced:
             # of the last of them: nothing is shown of a rig that cannot be solved
-            check_memory(rig, settings, is_told_again=True)
+            check_memory(rig, settings, is_checked_again=True)
         for n, (a_rig, how) in enumerate(pictures):
             is_last = n == len(pictures) - 1
             began, n_before = perf_counter(), self.n_pictures
@@ -342,7 +342,7 @@ class Live:
         steps = (
             session.solve(rig, settings, painted.append)
             if is_last
-            else session.glance(rig, settings)
+            else session.solve_preview(rig, settings)
         )
         phrase = Message("solving") if is_built else Message("solving for changed glass")
         # solved with these sizes before, it may take a step

@@ -32,7 +32,7 @@ SAMPLES = {
     "names": "'Ball', 'Bowl'", "listed": "1.33, 1.49", "gap": "0.003 mm", "length": "488 mm",
     "by": " in viewports", "where": "left of it", "place": "no file", "hint": "",
     "error": "0.12", "thing": "a coarse source image", "button": "Solve", "work": "Solve",
-    "state": "the scene is as it was", "rays": "up to 160 rays stand for a viewer pixel",
+    "state": "the scene is as it was",
     "text": "The display, 300 mm wide, takes all the light of the picture.", "label": "Diffuse",
     "squeezed": "squeezed to 80 % of its width", "size": "4 x 4", "phrase": "reading the scene",
     "article": "a", "suffix": ".tif", "preset": "ASKA3D-488", "ignored": "Base Color",

@@ -18,7 +18,7 @@ from ..light.plan import Plan
 from ..light.ray_engine import Layer
 from ..light.rays import Reason, Step, main_landings
 from ..light.trace import tracing
-from .tessellation import TILTED, Tessellation, tessellation, way_from
+from .tessellation import TILTED, Tessellation, path_length, tessellation
 
 # Cycles bends a shading normal until the mirrored ray leaves the face at this cosine, or at this
 # fraction of the incident cosine (`ensure_valid_specular_reflection` in its bsdf_util.h).
@@ -47,21 +47,21 @@ def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
     held_places = [(held, held.places(len(plan.triangles))) for held in plan.layers]
     last = origins.copy()
     came = np.zeros_like(origins)
-    asked = found.copy()
+    suspect = found.copy()
 
-    def go_on(rays: Ints, directions: Floats) -> None:
+    def record_bent(rays: Ints, directions: Floats) -> None:
         """Record the suspected object of each ray that was really bent there."""
         has_turned = length_of(directions - came[rays]) > BENT
-        some = rays[has_turned & (asked[rays] >= 0) & (found[rays] < 0)]
-        found[some] = asked[some]
+        some = rays[has_turned & (suspect[rays] >= 0) & (found[rays] < 0)]
+        found[some] = suspect[some]
 
     for step in steps:
         way = step.place - last[step.rays]
         moves = length_of(way) > 0
         rays, triangle, place = step.rays[moves], step.triangle[moves], step.place[moves]
         directions = normalise(way[moves])
-        go_on(rays, directions)
-        go_on(step.left, step.direction)
+        record_bent(rays, directions)
+        record_bent(step.left, step.direction)
 
         owner = plan.parts.owner[plan.triangles.part[triangle]]
         is_bent = plan.triangles.is_bent[triangle]
@@ -72,7 +72,7 @@ def find_contradicted(plan: Plan, origins: Floats, steps: list[Step]) -> Ints:
             is_odd[some] = _contradicts(
                 plan, held.layer, number, places[number], place[some], directions[some]
             )
-        asked[rays] = np.where(is_odd, owner, -1)
+        suspect[rays] = np.where(is_odd, owner, -1)
         last[rays], came[rays] = place, directions
 
     return found
@@ -199,7 +199,7 @@ def rounding_error(plan: Plan) -> float:
             continue
 
         tilt = part.mesh.rounding * float(np.average(1 / edge[has_area], weights=area[has_area]))
-        off = max(off, TILTED * tilt * way_from(rig, part))
+        off = max(off, TILTED * tilt * path_length(rig, part))
 
     return off / display_pixel(rig.display)
 

@@ -307,7 +307,7 @@ def sample_reached(
     rig: Rig,
     viewer: Viewer,
     settings: Settings,
-    kept: MeshCache,
+    cache: MeshCache,
     lap: Callable[[str], None],
     is_coarse: bool = False,
 ) -> Generator[float, None, tuple[Plan, ViewMap]]:
@@ -326,11 +326,12 @@ def sample_reached(
     """
     aside = out_of_sight(rig, viewer)
     _, of_map = spans(("plan",), MAP)
-    told = 0.0
+    progress = 0.0
 
     for start in range(MOST_STARTS):
         plan = yield from hold_progress(
-            told, compile_plan_steps(rig, settings, kept, aside if start < MOST_STARTS - 1 else ())
+            progress,
+            compile_plan_steps(rig, settings, cache, aside if start < MOST_STARTS - 1 else ()),
         )
         plan = plan.seen_by(viewer)
         lap("plan")
@@ -342,8 +343,8 @@ def sample_reached(
         try:
             while True:
                 # Progress never falls back, even after a restart.
-                told = max(told, next(steps))
-                yield told
+                progress = max(progress, next(steps))
+                yield progress
         except StopIteration as end:
             return replace(plan, aside=DeferredObjects.none()), end.value
         except DeferredObjectError as found:

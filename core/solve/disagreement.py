@@ -68,28 +68,28 @@ def settle(
     """
     n = len(channels)
     for k, placed in enumerate(channels):
-        if placed.asked is None:
+        if placed.lookup is None:
             yield from subprogress(count(placed, clock), k / n, (k + 1) / n)
 
     shape = channels[0].coverage.weight.shape
     total = np.zeros((2, *shape))
     weight = np.zeros(shape)
     for placed in channels:
-        places, part = placed.asked.places, _part(placed)
+        places, part = placed.lookup.places, _part(placed)
         total += np.where(part > 0, places, 0.0) * part
         weight += part
 
     # A pixel that only one viewer needs shows this viewer's place.
-    n_asking = sum((_part(placed) > 0).astype(int) for placed in channels)
+    n_needing = sum((_part(placed) > 0).astype(int) for placed in channels)
     divisor = np.where(weight > 0, weight, 1.0)
     mean = total / divisor
-    beside = [_beside(placed) for placed in channels]
-    of_mean = sum(_part(placed) * own for placed, own in zip(channels, beside, strict=True))
+    spreads = [_place_spread(placed) for placed in channels]
+    of_mean = sum(_part(placed) * own for placed, own in zip(channels, spreads, strict=True))
     square = np.zeros(shape)
     steps = []
-    for placed, own in zip(channels, beside, strict=True):
-        places = placed.asked.places
-        step = np.where(n_asking > 1, mean - places, np.where(np.isnan(places), np.nan, 0.0))
+    for placed, own in zip(channels, spreads, strict=True):
+        places = placed.lookup.places
+        step = np.where(n_needing > 1, mean - places, np.where(np.isnan(places), np.nan, 0.0))
         step = _shortened(step, own + of_mean / divisor)
         square += _part(placed) * np.nan_to_num((step**2).sum(axis=0))
         steps.append(step)
@@ -103,16 +103,16 @@ def settle(
 
 def _part(placed: Placed) -> Floats:
     """Weight (H, W) of a viewer in each pixel's mean: 0 if it needs no place there."""
-    is_asking = np.isfinite(placed.asked.places).all(axis=0)
-    return placed.viewer.weighed(placed.coverage.of_display * is_asking)
+    is_needed = np.isfinite(placed.lookup.places).all(axis=0)
+    return placed.viewer.weighed(placed.coverage.of_display * is_needed)
 
 
-def _beside(placed: Placed) -> Floats:
+def _place_spread(placed: Placed) -> Floats:
     """Largest distance (H, W), picture px, from the place of a pixel's part to that of the whole.
 
     It is the change of places over half of the pixel's unseen rest.
     """
-    places = placed.asked.places
+    places = placed.lookup.places
     change = np.zeros(places.shape[1:])
     for axis in (1, 2):
         steps = np.linalg.norm(np.diff(places, axis=axis), axis=0)
@@ -125,7 +125,7 @@ def _beside(placed: Placed) -> Floats:
             of = (slice(None),) * (axis - 1) + (slice(here.start + k, here.stop + k),)
             around[at] = np.fmax(around[at], steps[of])
         change += around
-    return 0.5 * (1.0 - placed.asked.parts) * change
+    return 0.5 * (1.0 - placed.lookup.parts) * change
 
 
 def _shortened(step: Floats, by: Floats) -> Floats:

@@ -77,20 +77,20 @@ def enlarged(pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows[:, None], columns]
 
 
-def check_light(kept: MeshCache, rig: Rig, settings: Settings) -> None:
+def check_light(cache: MeshCache, rig: Rig, settings: Settings) -> None:
     """Refuse a rig whose display stays dark or shows nothing of the picture.
 
     The full rig is solved only if a coarse solve fails.
 
-    kept : cache of prepared glass
+    cache : cache of prepared glass
 
     Raises
     ------
     RigError, MeshError : from Session.solve
     """
-    session = Session(kept)
+    session = Session(cache)
     try:
-        run_steps(session.glance(*coarser(rig, settings)))
+        run_steps(session.solve_preview(*coarser(rig, settings)))
     except KirikoError:  # a coarse rig may miss light, and the full one reports its own reason
         run_steps(session.solve(rig, settings))
 
@@ -129,7 +129,7 @@ def _shown(
 ) -> Generator[float, None, None]:
     """Show the first picture unless it fails: coarse viewers may miss light."""
     try:
-        source = yield from hold_progress(progress, session.glance(*coarser(rig, settings)))
+        source = yield from hold_progress(progress, session.solve_preview(*coarser(rig, settings)))
     except (KirikoError, MemoryError):
         return
     show(enlarged(source, rig.display.width, rig.display.height))

@@ -63,16 +63,16 @@ def legibility(solution: Solution) -> float:
 
 
 def card_legibility(
-    rig: Rig, settings: Settings, kept: MeshCache | None = None
+    rig: Rig, settings: Settings, cache: MeshCache | None = None
 ) -> Generator[float, None, float]:
     """Legibility of the test card in a rig's picture, for the first viewer; 0 if nothing is seen.
 
     Yields progress 0..1.
 
-    kept : cache of prepared glass
+    cache : cache of prepared glass
     """
     of_card = replace(rig, viewers=rig.viewers[:1], pictures=(rig.picture_place.showing(card()),))
     try:
-        return legibility((yield from Session(kept).solve(*coarser(of_card, settings, VIEWER_PX))))
+        return legibility((yield from Session(cache).solve(*coarser(of_card, settings, VIEWER_PX))))
     except RigError:
         return 0.0

@@ -28,7 +28,7 @@ class Bytes:
         kernel
     display, viewer, picture : for each pixel
     share, triangle, ray : for each one stored
-    asked : for each display pixel and viewer, if there are several viewers
+    lookup : for each display pixel and viewer, if there are several viewers
     """
 
     always: float = 30e6
@@ -40,7 +40,7 @@ class Bytes:
     share: int = 62
     triangle: int = 2000
     ray: int = 120
-    asked: int = 112
+    lookup: int = 112
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def estimated(rig: Rig, settings: Settings, view_map: ViewMap | None = None) -> 
     by_numpy = BYTES.rays_by_numpy + BYTES.shares_by_numpy * min(n_shares + n_cut, SHARES_AT_ONCE)
     return {
         "display": BYTES.display * display
-        + BYTES.asked * display * (len(sizes) if len(sizes) > 1 else 0),
+        + BYTES.lookup * display * (len(sizes) if len(sizes) > 1 else 0),
         "light": BYTES.share * n_kept,
         "viewer": BYTES.viewer * viewer,
         "picture": BYTES.picture * float(rig.pictures[0].n_pixels),
@@ -136,25 +136,25 @@ def _n_pixels(part: Viewer | Display) -> float:
 
 
 def check_memory(
-    rig: Rig, settings: Settings, are_known: Sequence[bool] = (), is_told_again: bool = False
+    rig: Rig, settings: Settings, are_cached: Sequence[bool] = (), is_checked_again: bool = False
 ) -> None:
     """Raise RigError if a solve needs more memory than is free.
 
-    are_known : whether each viewer's map exists already; empty for none
-    is_told_again : whether `check_traced` repeats the check later: light that may never arrive is
-        then no reason to refuse
+    are_cached : whether each viewer's map exists already; empty for none
+    is_checked_again : whether `check_traced` repeats the check later; light that may never arrive
+        is then no reason to refuse
     """
-    known = dict(enumerate(are_known))
-    new = tuple(viewer for k, viewer in enumerate(rig.viewers) if not known.get(k, False))
-    n_known = len(rig.viewers) - len(new)
+    cached = dict(enumerate(are_cached))
+    new = tuple(viewer for k, viewer in enumerate(rig.viewers) if not cached.get(k, False))
+    n_cached = len(rig.viewers) - len(new)
     rig = replace(rig, viewers=new or rig.viewers[:1])
     parts = estimated(rig, settings)
-    if new and n_known:
-        # A lone viewer has no `asked` bytes; they arise when a second viewer joins.
-        n_asked = (n_known == 1) + (len(new) == 1)
-        parts["display"] += BYTES.asked * _n_pixels(rig.display) * n_asked
+    if new and n_cached:
+        # A lone viewer has no `lookup` bytes; they arise when a second viewer joins.
+        n_lookups = (n_cached == 1) + (len(new) == 1)
+        parts["display"] += BYTES.lookup * _n_pixels(rig.display) * n_lookups
     light = parts.pop("light")
-    if is_told_again and is_free(sum(parts.values())):
+    if is_checked_again and is_free(sum(parts.values())):
         return
     parts["display"] += light
 

@@ -35,7 +35,7 @@ class Placed:
     n_pieces : pieces of the map that the shares come from
     coverage : complete after the first pass over all shares
     is_counted : whether coverage is complete
-    asked : the picture's place for each display pixel; None until `count`
+    lookup : the picture's place for each display pixel; None until `count`
     step : (2, H * W) picture px, from there to the place that is shown; None for no step
     strongest : (H * W,) light path that each pixel shows; None for the mean of all paths
     """
@@ -46,7 +46,7 @@ class Placed:
     n_pieces: int
     coverage: Coverage
     is_counted: bool = False
-    asked: InverseLookup | None = None
+    lookup: InverseLookup | None = None
     step: Floats | None = None
     strongest: NDArray[np.uint64] | None = None
     view_coverage: Floats | None = None
@@ -140,29 +140,29 @@ def _add(
 ) -> Generator[float, None, None]:
     """Add the shares of a channel to a painting; yields progress 0..1."""
     is_new = not placed.is_counted
-    n_painted, told = 0, 0.0
+    n_painted, progress = 0, 0.0
     n = 0
     for shares in placed.shares.pausing():
         clock.lap("shares")
         # Another solve may be half way through the same batches.
-        told = max(told, placed.part_done(n_painted))
+        progress = max(progress, placed.part_done(n_painted))
         if shares is None:
-            yield told
+            yield progress
             continue
         # Hold a reference: another solve may drop them during a pause.
         strokes = placed.strokes[n] if n < len(placed.strokes) else None
         shown = None if strokes is not None and not is_new else placed.shown(shares)
-        yield told
+        yield progress
 
         if is_new:
             placed.coverage.add(shares, shown)
             clock.lap("coverage")
-            yield told
+            yield progress
 
         if strokes is None:
             shown = placed.weighed(shown)
             strokes = find_filter_taps(placed.picture, placed.viewer, shown)
-            yield told
+            yield progress
         if n == len(placed.strokes) and n_painted < MOST_PLACED // placed.shares.n_sharing:
             placed.strokes.append(strokes)
 
@@ -171,8 +171,8 @@ def _add(
         n += 1
 
         n_painted += len(shares)
-        told = max(told, placed.part_done(n_painted))
-        yield told
+        progress = max(progress, placed.part_done(n_painted))
+        yield progress
 
     placed.is_counted = True
     if not placed.shares.are_kept:
@@ -226,27 +226,27 @@ def count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
 
 
 def _count(placed: Placed, clock: Clock) -> Generator[float, None, None]:
-    asked = InverseLookup(placed.picture, placed.viewer, placed.shares.display_size)
-    n_counted, told = 0, 0.0
+    lookup = InverseLookup(placed.picture, placed.viewer, placed.shares.display_size)
+    n_counted, progress = 0, 0.0
 
     for shares in placed.shares.pausing():
         clock.lap("shares")
-        yield told
+        yield progress
         if shares is None:
             continue
         shown = placed.shown(shares)
         if not placed.is_counted:
             placed.coverage.add(shares, shown)
-            yield told
-        asked.add(shown)
+            yield progress
+        lookup.add(shown)
         clock.lap("coverage")
 
         n_counted += len(shares)
-        told = max(told, placed.part_done(n_counted))
-        yield told
+        progress = max(progress, placed.part_done(n_counted))
+        yield progress
 
     placed.is_counted = True
-    placed.asked = asked
+    placed.lookup = lookup
 
 
 def _strongest_first(
@@ -266,15 +266,15 @@ def _strongest_first(
 
 def _find_strongest(placed: Placed) -> Generator[float, None, None]:
     """Find the paths that pixels show, from shares made for it; yields progress 0..1."""
-    steps, told = strongest_paths(placed.shares), 0.0
+    steps, progress = strongest_paths(placed.shares), 0.0
     while True:
         try:
             next(steps)
         except StopIteration as done:
             placed.strongest = done.value
             return
-        told = max(told, placed.part_done(0))
-        yield told
+        progress = max(progress, placed.part_done(0))
+        yield progress
 
 
 def _shares_to_paint(

@@ -92,14 +92,14 @@ def placed_for(
     if before is not None and before.together == together:
         return before
 
-    known = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
-    for key in set(known) - set(keys):  # before new ones are made, to save memory
-        known[key].let_go()
+    cached = {} if before is None else dict(zip(before.keys, before.channels, strict=True))
+    for key in set(cached) - set(keys):  # before new ones are made, to save memory
+        cached[key].let_go()
 
     channels = []
     of_each = zip(keys, optics.channels, of_rig, pictures, strict=True)
     for key, traced, one, picture in of_each:
-        old = known.get(key)
+        old = cached.get(key)
         if old is not None:
             old.strokes.clear()  # the new channel makes its own
         channels.append(
@@ -216,8 +216,8 @@ def _channel(plan: Plan, traced: Traced, placed: Placed, light: NDArray[np.float
 class Session:
     """A sequence of solves that share caches."""
 
-    def __init__(self, kept: MeshCache | None = None) -> None:
-        self._kept = kept or MeshCache()
+    def __init__(self, cache: MeshCache | None = None) -> None:
+        self._cache = cache or MeshCache()
         self._optics: Optics | None = None
         self._placed: PlacedParts | None = None
         self._pyramids: tuple[Pyramid, ...] = ()  # for each channel's image
@@ -250,7 +250,9 @@ class Session:
         is_new = not self._has(keys)
         if is_new or optics.keys != keys:
             span, *_ = spans(TRACING, *AFTER)
-            optics, n_rays = yield from subprogress(self._look(rig, settings, keys, clock), *span)
+            optics, n_rays = yield from subprogress(
+                self._trace_missing(rig, settings, keys, clock), *span
+            )
 
         # painting, and the measurements that are missing
         placed = placed_for(rig, settings, optics, self._placed)
@@ -298,7 +300,9 @@ class Session:
             settled=placed.settled,
         )
 
-    def glance(self, rig: Rig, settings: Settings) -> Generator[float, None, NDArray[np.float32]]:
+    def solve_preview(
+        self, rig: Rig, settings: Settings
+    ) -> Generator[float, None, NDArray[np.float32]]:
         """Source image of a coarse rig, without measurements; yields progress 0..1.
 
         The rig was checked before. The last solve and the prepared glass stay cached, so this may
@@ -314,7 +318,7 @@ class Session:
         traced, painted = spans(TRACING, ("painting",))
 
         for k, key in enumerate(keys):
-            of_it = key.viewer, key.of(settings), self._kept
+            of_it = key.viewer, key.of(settings), self._cache
             steps = sample_reached(rig, *of_it, clock.lap, is_coarse=True)
             _, view_map = yield from subprogress(steps, *section(traced, k, len(keys)))
             found.append((view_map, place(view_map, rig.place_of(key.viewer), key, settings)))
@@ -339,18 +343,18 @@ class Session:
         """The rig ready for tracing, with all of its glass, from the caches."""
         rig.check()
         settings.check()
-        return run_steps(compile_plan_steps(rig, settings, self._kept))
+        return run_steps(compile_plan_steps(rig, settings, self._cache))
 
-    def knows(self, rig: Rig, settings: Settings) -> bool:
+    def has_view_maps(self, rig: Rig, settings: Settings) -> bool:
         """Whether the view maps of a rig are cached, so that a solve traces none."""
         return self._has(keys_of(rig, settings))
 
     def _has(self, keys: tuple[str, ...]) -> bool:
         return self._optics is not None and set(keys) <= set(self._optics.keys)
 
-    def lend(self, kept: MeshCache) -> None:
+    def lend(self, cache: MeshCache) -> None:
         """Share the prepared glass with another cache."""
-        kept.borrow(self._kept)
+        cache.borrow(self._cache)
 
     def _take_up(self, optics: Optics, placed: PlacedParts) -> Steps[None]:
         """Cache new optics unless the display stays dark."""
@@ -378,20 +382,20 @@ class Session:
         self._pyramids = pyramids_of(images, self._pyramids)
         return self._pyramids
 
-    def _look(
+    def _trace_missing(
         self, rig: Rig, settings: Settings, keys: tuple[str, ...], clock: Clock
     ) -> Generator[float, None, tuple[Optics, int]]:
         """Trace the missing view maps of a rig; yields progress 0..1 and returns the number of rays
         too.
         """
-        known = {} if self._optics is None else self._optics.by_key
+        cached = {} if self._optics is None else self._optics.by_key
         of_rig = zip(keys, channel_keys(rig, settings), strict=True)
-        new = {key: one for key, one in of_rig if key not in known}
+        new = {key: one for key, one in of_rig if key not in cached}
         of_new = replace(rig, viewers=tuple(one.viewer for one in new.values()))
         n_rays = 0
         if new:
-            are_known = [viewer not in of_new.viewers for viewer in rig.viewers]
-            check_memory(rig, settings, are_known, is_told_again=True)
+            are_cached = [viewer not in of_new.viewers for viewer in rig.viewers]
+            check_memory(rig, settings, are_cached, is_checked_again=True)
 
         for k, (key, one) in enumerate(new.items()):
             span = section((0.0, 1.0), k, len(new))
@@ -399,10 +403,10 @@ class Session:
             traced = yield from subprogress(steps, *span)
             yield span[1]
             check_traced(of_new, one.viewer, settings, traced.view_map)
-            known[key] = traced
+            cached[key] = traced
             n_rays += traced.view_map.n_rays
 
-        return Optics(keys, tuple(known[key] for key in keys)), n_rays
+        return Optics(keys, tuple(cached[key] for key in keys)), n_rays
 
     def _trace(
         self, rig: Rig, viewer: Viewer, settings: Settings, clock: Clock
@@ -411,7 +415,7 @@ class Session:
         reached, spread = spans(("plan", *MAP), ("spread",))
         self.is_tracing = True
         try:
-            steps = sample_reached(rig, viewer, settings, self._kept, clock.lap)
+            steps = sample_reached(rig, viewer, settings, self._cache, clock.lap)
             plan, view_map = yield from subprogress(steps, *reached)
         finally:
             self.is_tracing = False

@@ -44,8 +44,8 @@ class SolvedFor:
 
     def as_text(self) -> str:
         """The record as JSON, to store in a file."""
-        kept = {"version": 1, "content": self.content, "places": self.places.round(12).tolist()}
-        return json.dumps(kept)
+        record = {"version": 1, "content": self.content, "places": self.places.round(12).tolist()}
+        return json.dumps(record)
 
 
 # for a result whose image and numbers come from different scenes
@@ -67,7 +67,7 @@ def solved_for(things: list[tuple[object, Floats]], rest: object) -> SolvedFor:
 def from_text(text: str) -> SolvedFor | None:
     """The record of `as_text`; None for any other text."""
     try:
-        kept = json.loads(text)
-        return SolvedFor(kept["content"], np.array(kept["places"], float).reshape(-1, 3, 4))
+        record = json.loads(text)
+        return SolvedFor(record["content"], np.array(record["places"], float).reshape(-1, 3, 4))
     except MALFORMED:
         return None

@@ -147,8 +147,8 @@ def tessellation(plan: Plan) -> Generator[float, None, Tessellation]:
         found = yield from subprogress(_with_curved(found, sample), 0.4, 0.8)
 
     if any(faces.has_straight_edges for faces in curved):
-        let_go = yield from hold_progress(0.8, sample.changed(_let_go))
-        found = found._replace(straight=difference(sample.here, let_go))
+        freed = yield from hold_progress(0.8, sample.changed(_free))
+        found = found._replace(straight=difference(sample.here, freed))
 
     if found.jumps <= plan.settings.tolerance:
         return found
@@ -233,7 +233,7 @@ def _spread_rays(viewer: Viewer, side: int) -> tuple[Floats, Floats]:
 def _most_moved(sample: _Sample, own: Landings) -> int:
     """Number of the part that moves most light if its faces use their own normals."""
     plan, here = sample.plan, sample.here
-    alike = _go_alike(here, own)
+    alike = _have_same_branch(here, own)
     moved = np.zeros(len(sample.every[0]))
     moved[here.sample[alike]] = ((own.xy - here.xy)[alike] ** 2).sum(axis=1)
 
@@ -252,7 +252,7 @@ def _most_moved(sample: _Sample, own: Landings) -> int:
     return int(np.argmax(by_part))
 
 
-def _let_go(curved: CurvedFaces) -> CurvedFaces:
+def _free(curved: CurvedFaces) -> CurvedFaces:
     """Curved faces with their straight edges freed."""
     coefficients = curved.coefficients.copy()
     held = np.flatnonzero(curved.bent_row >= 0)
@@ -262,13 +262,13 @@ def _let_go(curved: CurvedFaces) -> CurvedFaces:
 
 def difference(one: Landings, other: Landings) -> float:
     """Rms distance of landings on the same branch, display px; 0 if there are none."""
-    same = _go_alike(one, other)
+    same = _have_same_branch(one, other)
     return (
         float(np.sqrt(((one.xy - other.xy)[same] ** 2).sum(axis=1).mean())) if same.any() else 0.0
     )
 
 
-def _go_alike(one: Landings, other: Landings) -> Bools:
+def _have_same_branch(one: Landings, other: Landings) -> Bools:
     """Whether landings arrive on the same branch."""
     return one.has_arrived & other.has_arrived & (one.branch == other.branch)
 
@@ -330,7 +330,7 @@ def _by_automatic(rig: Rig, part: int) -> Rig:
     return replace(rig, **fields)
 
 
-def way_from(rig: Rig, part: Glass | Mirror) -> float:
+def path_length(rig: Rig, part: Glass | Mirror) -> float:
     """Length, m, of the light path from a part to the display, by way of the plate if there is
     one.
     """

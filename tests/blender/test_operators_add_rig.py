@@ -548,7 +548,7 @@ def test_glass_without_a_side_is_told_of_its_gap(scene: bpy.types.Scene, side: i
         assert re.fullmatch(text, scene.kiriko.result.summary)
         return
     with pytest.raises(
-        RuntimeError, match="100 % of the picture's light goes through gaps in the glass 'Cube'"
+        RuntimeError, match="100 % of the picture's light leaks through gaps in 'Cube'"
     ):
         bpy.ops.kiriko.solve()
 

@@ -362,7 +362,7 @@ def test_a_rig_that_stays_dark_is_refused(run, saved, zipped, capsys):
         glass.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
     said = sentence_of_solve(run, saved, capsys)
-    assert "stays dark: no ray from the viewer meets the glass" in said
+    assert "stays dark: no ray from the viewer hits the glass" in said
     vary = ("--vary", "kiriko.tolerance", "--values", "0.1", "0.2")
     for words in (("--frames", "1-3"), vary, (*vary, "--frames", "1-2")):
         assert run(*job, *words) == 1

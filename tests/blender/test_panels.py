@@ -451,7 +451,7 @@ def test_lost_light_and_open_glass_are_warned_of(drawn, scene):
     result = scene.kiriko.result
     (warning,) = json.loads(result.details)["warnings"]
 
-    assert "goes through gaps in the glass 'open glass'" in warning
+    assert "leaks through gaps in 'open glass'" in warning
     assert warning in result.notes.splitlines()
     result.notes += "\nA plain note."
     icons = drawn("result_panel", "VIEW3D_PT_kiriko_result").icons

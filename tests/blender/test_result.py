@@ -122,7 +122,9 @@ def test_lengths_in_notes_are_in_the_scenes_unit(scene):
     scene.unit_settings.system, scene.unit_settings.length_unit = "IMPERIAL", "INCHES"
     bpy.ops.kiriko.solve()
     (note,) = (
-        note for note in scene.kiriko.result.notes.splitlines() if "Blender rounds places" in note
+        note
+        for note in scene.kiriko.result.notes.splitlines()
+        if "Blender rounds coordinates" in note
     )
-    (inches,) = re.findall(r"glass nearer than ([0-9.]+) in touches", note)
+    (inches,) = re.findall(r"glass closer than ([0-9.]+) in counts", note)
     assert 0.01 < float(inches) < 1

@@ -128,13 +128,9 @@ def test_clear_glass_is_not_sampled(a_rig):
 
 
 def test_chaos_is_told_with_what_more_effort_costs():
-    (told,) = [note for note in solved().notes if "chaotic" in note]
-    n = solved().first.map_error.n_samples
-    assert f"up to 52 rays stand for a viewer pixel there, {n} in all." in told
-    assert (
-        "Four times the Effort takes up to four times as many rays, and up to a third off the"
-        " error. Shade 'glass' smooth if" in told
-    )
+    (told,) = [note for note in solved().notes if "undersampled" in note]
+    assert "with up to 52 rays a pixel. Raise Effort: four times as much" in told
+    assert "Shade 'glass' smooth if" in told
 
 
 def test_more_samples_than_memory_holds_are_refused(monkeypatch):

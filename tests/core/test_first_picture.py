@@ -117,7 +117,7 @@ def test_a_coarse_viewer_may_miss_what_the_fine_one_sees(impatient, monkeypatch)
         yield 0.0
         raise RigError("The display stays dark.")
 
-    monkeypatch.setattr(Session, "glance", refuse)
+    monkeypatch.setattr(Session, "solve_preview", refuse)
     shown = []
     assert np.array_equal(drain(in_sight(a_rig(), Session(), shown)).source, solve(a_rig()).source)
     assert not shown
@@ -142,7 +142,7 @@ def test_light_is_looked_for_before_a_job(monkeypatch):
         yield 0.0
         raise RigError("The display stays dark.")
 
-    monkeypatch.setattr(Session, "glance", refuse)
+    monkeypatch.setattr(Session, "solve_preview", refuse)
     first_picture.check_light(MeshCache(), seen, Settings())
     monkeypatch.undo()
     monkeypatch.setattr(Session, "solve", refuse)

@@ -350,7 +350,7 @@ def test_a_dark_display_without_a_plate_speaks_of_no_plate():
     rig = on_display(slab())
     for mesh, remedy in (
         (rectangle(9 * X, X, Y, 0.1, 0.1), "no ray reaches the display: move or enlarge it"),
-        (rectangle(-0.01 * Z, Y, X, 0.2, 0.2), "turn the front of the display to the glass"),
+        (rectangle(-0.01 * Z, Y, X, 0.2, 0.2), "turn the display's front to the rig"),
     ):
         turned = replace(rig, displays=(replace(rig.display, mesh=mesh),))
         with pytest.raises(RigError, match=remedy) as told:

@@ -115,7 +115,7 @@ def test_the_share_of_light_that_goes_through_a_gap_is_told(share):
     assert found == pytest.approx(share, abs=0.02)
     (note,) = [note for note in solve(a_rig).notes if "gaps" in note]
     assert note.startswith(
-        f"{100 * found:.0f} % of the picture's light goes through gaps in the glass 'glass'"
+        f"{100 * found:.0f} % of the picture's light leaks through gaps in 'glass'"
     )
     solution = solve(a_rig)
     assert solution.warnings == (note,)
@@ -154,7 +154,7 @@ def test_glass_without_its_front_is_refused_for_its_gap():
     a_rig = rig(replace(mesh, triangles=mesh.triangles[~is_front]), pixels=16)
     with pytest.raises(
         RigError,
-        match=r"100 % of the picture's light goes through gaps in the glass 'glass': close",
+        match=r"100 % of the picture's light leaks through gaps in 'glass'\. Close",
     ):
         solve(a_rig)
 

@@ -90,7 +90,7 @@ def test_viewers_share_the_tracing_equally(settings):
 
 def test_a_coarse_picture_has_a_bar_of_its_own():
     """Of tracing and painting."""
-    told = np.array(list(Session().glance(RIGS["ball"](), Settings())))
+    told = np.array(list(Session().solve_preview(RIGS["ball"](), Settings())))
     assert told[0] == 0
     assert (np.diff(told) >= 0).all()
     (_, end), _ = spans(TRACING, ("painting",))

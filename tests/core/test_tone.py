@@ -80,8 +80,8 @@ def test_darker_than_black_is_told():
     found = run_steps(Session().solve(grey_rig(0.02, 0.05)))
     assert not found.source.any()
     (note,) = found.notes
-    assert note.startswith("100 % of the source image is wanted darker than the black of")
-    assert "5 % of its white" in note
+    assert note.startswith("100 % of the source image should be darker than the black of")
+    assert "5 % of white" in note
     assert "Picture Brightness" in note
     assert "Black Level" in note
     assert not run_steps(Session().solve(grey_rig(0.2, 0.05))).notes

@@ -41,8 +41,8 @@ from .cases import (
 )
 
 AT_ORIGIN = (
-    "Blender rounds places to 6e-8 of their distance from the origin: keep the rig within a metre"
-    " or so of it."
+    "Blender rounds coordinates to 6e-8 of their distance from the origin: keep the rig within a"
+    " metre or so of it."
 )
 CLOSED = "Close the glass: where its back is missing, light goes on as if the glass did."
 NOTCHED = (
@@ -113,7 +113,12 @@ def moved(quick: bool) -> Rows:
         # thousand times where the map stretches most
         else:
             yield limit(
-                measured, off, 3e-9 * far, "px", AT_ORIGIN, tells(there, "Blender rounds places")
+                measured,
+                off,
+                3e-9 * far,
+                "px",
+                AT_ORIGIN,
+                tells(there, "Blender rounds coordinates"),
             )
 
 
@@ -125,7 +130,7 @@ def film_far_away(quick: bool) -> Rows:
     )
     far = changed(a_rig, lambda v: v + 1e4 * X)
     o, d = rays_of(far)
-    told = tells(solve(far), "Blender rounds places")
+    told = tells(solve(far), "Blender rounds coordinates")
     through = on(o, d, layers((-0.01025, N), (-0.00025, 1.0), (0.00025, N), (0.01025, 1.0)))
     yield limit(
         "landing: nearer than 2.4 mm, faces touch there, and the air is left out",
@@ -182,7 +187,7 @@ def single_precision(quick: bool) -> Rows:
             if both.mean() > 0.3
             else np.inf
         )
-        told = tells(solve(single), "Blender rounds places")
+        told = tells(solve(single), "Blender rounds coordinates")
         measured = f"landing, all vertices rounded to float32, {far:g} m from the origin"
         if far < 100:
             yield within(measured, np.inf if told else off, bound)
@@ -413,7 +418,7 @@ def not_solid(quick: bool) -> Rows:
     yield exact(measured, off if is_silent else np.inf, 1e-11, "px")
     is_back = slab.vertices[slab.triangles][..., 1].min(axis=1) > 0
     a_rig = slab_rig(replace(slab, triangles=slab.triangles[~is_back]), pixels=32)
-    told = tells(solve(a_rig), "goes through gaps")
+    told = tells(solve(a_rig), "leaks through gaps")
     off = worst(
         traced(a_rig, o64, d64).xy - closed_forms.landing(a_rig, *on(o64, d64, layers((-0.01, N))))
     )
@@ -486,7 +491,7 @@ def not_solid(quick: bool) -> Rows:
     found = solve(slab_rig(touching, pixels=64, field=0.3, picture=0.2, display=0.3))
     lost = found.misses["cut off by Max Events"]
     measured = "notch drawn as a cavity that shares a face with the outside: lost of the picture"
-    yield limit(measured, lost, 0.5, "of it", NOTCHED, tells(found, "caught in the glass"))
+    yield limit(measured, lost, 0.5, "of it", NOTCHED, tells(found, "never leaves the glass"))
 
 
 @case("meshes", "hollow, nested five deep, touching, overlapping")
@@ -574,7 +579,7 @@ def filled_cavities(quick: bool) -> Rows:
         off = np.abs(found.xy - closed_forms.landing(a_rig, *through)).max(axis=1)
         measured = "other triangles: rays off by more than 0.1 px, by the air that is left between"
         small = replace(a_rig, viewers=(replace(a_rig.viewer, width=32, height=32),))
-        told = tells(solve(small), "meets gaps or overlaps")
+        told = tells(solve(small), "crosses gaps or overlaps")
         yield limit(measured, (~(off < 0.1)).mean(), 0.5, "of them", FILLED, told)
 
 
@@ -779,7 +784,7 @@ def fibre(quick: bool) -> Rows:
         projection="orthographic",
         pixels=16,
     )
-    yield refused(a_rig, "meets more surfaces than Max Events allows")
+    yield refused(a_rig, "needs more than Max Events")
 
 
 @case("rig", "viewer inside the glass, or behind the plate")
@@ -854,7 +859,7 @@ def edge_on(quick: bool) -> Rows:
         yield exact(f"landing, display 1e-{power} rad from edge-on", off, 1e-11 / angle, "px")
 
     yield refused(
-        rig(box([0.02] * 3, (0.5, 0, 0)), pixels=16), "no ray from the viewer meets the glass"
+        rig(box([0.02] * 3, (0.5, 0, 0)), pixels=16), "no ray from the viewer hits the glass"
     )
     yield refused(slab_rig(pixels=16, display=1e-9), "no ray reaches the display")
 

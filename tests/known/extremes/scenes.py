@@ -192,7 +192,7 @@ def matrices(quick: bool) -> Rows:
     for far, bound in ((0.0, 5e-3), (1.0, 5e-3), (100.0, 0.2)):
         found_rig = read(ball, "METRIC", 1.0, turn, far)
         error = landing_error(ball, found_rig, through_ball)
-        told = tells(solved(found_rig), "Blender rounds places")
+        told = tells(solved(found_rig), "Blender rounds coordinates")
         measured = f"landing, ball, parts drawn in other axes, {far:g} m from the origin"
         if far < 100:
             yield within(measured, np.inf if told else error, bound)
